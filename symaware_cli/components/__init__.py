@@ -1,1 +1,1 @@
-"""TODO."""
+"""Components that ship with SymAware."""

@@ -1,1 +1,66 @@
-"""TODO."""
+"""The vocabulary: time, awareness, knowledge, agent, component, entity, model, environment, message, event."""
+
+from symaware_cli.core.agent import Agent, AgentGroup, Surroundings
+from symaware_cli.core.awareness import AwarenessDatabase, AwarenessVector, GroupAwareness
+from symaware_cli.core.component import (
+    CommunicationReceiver,
+    CommunicationSender,
+    Component,
+    Controller,
+    GroupComponent,
+    PerceptionSystem,
+    RiskEstimator,
+    UncertaintyEstimator,
+)
+from symaware_cli.core.entity import Circle, Entity, Obstacle, Shape
+from symaware_cli.core.environment import Environment, EnvironmentParameters
+from symaware_cli.core.event import Event, EventBus, Level, SubscriberError, Subscription
+from symaware_cli.core.knowledge import KnowledgeDatabase
+from symaware_cli.core.message import Exchange, Message
+from symaware_cli.core.model import Model, Quantity
+from symaware_cli.core.plugin import Parameters, Plugin
+from symaware_cli.core.series import TimeSeries
+from symaware_cli.core.time import Clock, nanoseconds, seconds
+from symaware_cli.core.world import Contact, Roster, Snapshot
+
+__all__ = [
+    "Agent",
+    "AgentGroup",
+    "AwarenessDatabase",
+    "AwarenessVector",
+    "Circle",
+    "Clock",
+    "CommunicationReceiver",
+    "CommunicationSender",
+    "Component",
+    "Contact",
+    "Controller",
+    "Entity",
+    "Environment",
+    "EnvironmentParameters",
+    "Event",
+    "EventBus",
+    "Exchange",
+    "GroupAwareness",
+    "GroupComponent",
+    "KnowledgeDatabase",
+    "Level",
+    "Message",
+    "Model",
+    "Obstacle",
+    "Parameters",
+    "PerceptionSystem",
+    "Plugin",
+    "Quantity",
+    "RiskEstimator",
+    "Roster",
+    "Shape",
+    "Snapshot",
+    "SubscriberError",
+    "Subscription",
+    "Surroundings",
+    "TimeSeries",
+    "UncertaintyEstimator",
+    "nanoseconds",
+    "seconds",
+]

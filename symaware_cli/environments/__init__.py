@@ -1,1 +1,1 @@
-"""TODO."""
+"""Worlds that ship with SymAware."""

@@ -1,1 +1,1 @@
-"""TODO."""
+"""Dynamics that ship with SymAware."""

@@ -1,1 +1,1 @@
-"""TODO."""
+"""How messages get from one agent to another."""

@@ -1,1 +1,1 @@
-"""TODO."""
+"""When things happen: the simulation, the synchronous mode, faults and interruptions."""

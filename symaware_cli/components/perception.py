@@ -1,0 +1,34 @@
+"""Perception without error: of oneself, or of everybody."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symaware_cli.core import GroupComponent, Snapshot
+
+Array = NDArray[np.float64]
+
+
+class SelfPerception(GroupComponent):
+    """Each agent knows its own state exactly, and nothing of others."""
+
+    def _compute(self) -> Array:
+        return self.environment.state(self._group)
+
+    def _update(self, value: Array) -> None:
+        self._group.awareness.state = value
+
+
+class OmniscientPerception(GroupComponent):
+    """Each agent knows the state of every agent exactly.
+
+    All share one read-only snapshot of the world, so a step costs O(n), not O(n^2).
+    """
+
+    def _compute(self) -> Snapshot:
+        return self.environment.snapshot()
+
+    def _update(self, value: Snapshot) -> None:
+        self._group.awareness.state = self.environment.state(self._group)
+        self._group.awareness.world = value

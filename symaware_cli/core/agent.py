@@ -1,0 +1,187 @@
+"""Agents and the groups that hold their data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from symaware_cli.core.awareness import AwarenessDatabase, GroupAwareness, SelfAwareness
+from symaware_cli.core.column import Column
+from symaware_cli.core.entity import Entity
+from symaware_cli.core.event import EventBus
+from symaware_cli.core.knowledge import KnowledgeDatabase
+from symaware_cli.core.message import Exchange
+from symaware_cli.core.model import Model
+from symaware_cli.core.time import Clock
+
+if TYPE_CHECKING:
+    from symaware_cli.core.environment import Environment
+
+Array = NDArray[np.float64]
+
+
+class Surroundings:
+    """What all agents of a run share.
+
+    Attributes:
+        seed: The seed of the run.
+        clock: Simulated time.
+        events: Who is told of what happens.
+        environment: The world.
+        exchange: What carries messages.
+    """
+
+    __slots__ = ("clock", "environment", "events", "exchange", "seed")
+
+    def __init__(self, seed: int, environment: Environment, exchange: Exchange, clock: Clock, events: EventBus) -> None:
+        self.seed = seed
+        self.environment = environment
+        self.exchange = exchange
+        self.clock = clock
+        self.events = events
+
+
+class AgentGroup:
+    """Agents that share a model, a body and a list of components; their data stand in columns.
+
+    Attributes:
+        name: The key under ``agents:``.
+        ids: The id of each agent.
+        model: The dynamics of all of them.
+        entity: The body of each of them.
+        knowledge: The knowledge database of each agent.
+        awareness: What each agent is aware of.
+        initial_state: Where each starts, read-only; shape (n, nx).
+        surroundings: What is shared with all other agents.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        ids: Sequence[str],
+        model: Model,
+        entity: Entity,
+        initial_state: ArrayLike,
+        knowledge: Sequence[Mapping[str, Any]] = (),
+    ) -> None:
+        self.name = name
+        self.ids = tuple(ids)
+        self.model = model
+        self.entity = entity
+        self.awareness = GroupAwareness(np.array(initial_state, float))
+        self.initial_state = self.awareness.state
+        self.knowledge = tuple(KnowledgeDatabase(each) for each in knowledge or ({} for _ in ids))
+        self.control_column = Column(np.zeros((len(self.ids), len(model.control_input))))
+        self.surroundings: Surroundings
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+    @property
+    def control_input(self) -> Array:
+        """The control input that each agent requests, read-only; shape (n, nu)."""
+        return self.control_column.values
+
+    @control_input.setter
+    def control_input(self, values: ArrayLike) -> None:
+        self.control_column.values = values
+
+    def known(self, name: str) -> Array:
+        """What each agent knows under a name, as one array; shape (n, ...).
+
+        Raises:
+            KeyError: An agent does not know it.
+            ValueError: The values are not numbers of one shape.
+        """
+        return np.array([knowledge[name] for knowledge in self.knowledge], float)
+
+    @cached_property
+    def agents(self) -> tuple[Agent, ...]:
+        """A view of each row; made when first asked for, for groups that have components of single agents."""
+        return tuple(Agent(self, row) for row in range(len(self)))
+
+
+class AgentModel:
+    """An agent's model: its own control input, and all else of the group's shared dynamics."""
+
+    __slots__ = ("_column", "_model", "_row")
+
+    def __init__(self, model: Model, column: Column, row: int) -> None:
+        self._model = model
+        self._column = column
+        self._row = row
+
+    @property
+    def control_input(self) -> Array:
+        """The control input that the agent requests; shape (nu,)."""
+        return self._column.row(self._row)
+
+    @control_input.setter
+    def control_input(self, value: ArrayLike) -> None:
+        self._column.set_row(self._row, value)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._model, name)
+
+
+class Agent:
+    """One agent: a light view of one row of its group.
+
+    Attributes:
+        id: Its name in the run, such as ``robot.2``, or ``robot`` where the group is one agent without a count.
+        group: The group it belongs to.
+        row: Its row there.
+        entity: Its body.
+        model: Its dynamics and the control input it requests.
+        self_awareness: What it is aware of, of itself.
+        self_knowledge: What it knows.
+        awareness_database: What it is aware of, by id, of itself and others.
+        knowledge_database: What it knows, by id, of itself and others.
+    """
+
+    __slots__ = (
+        "_state",
+        "awareness_database",
+        "entity",
+        "group",
+        "id",
+        "knowledge_database",
+        "model",
+        "row",
+        "self_awareness",
+        "self_knowledge",
+    )
+
+    def __init__(self, group: AgentGroup, row: int) -> None:
+        self.id = group.ids[row]
+        self.group = group
+        self.row = row
+        self.entity = group.entity
+        self.model = AgentModel(group.model, group.control_column, row)
+        self._state = group.awareness.state_column
+        self.self_awareness = SelfAwareness(self.id, group.awareness, row)
+        self.awareness_database = AwarenessDatabase(self.self_awareness, group.awareness, row)
+        self.self_knowledge = group.knowledge[row]
+        self.knowledge_database: dict[str, KnowledgeDatabase] = {self.id: self.self_knowledge}
+
+    @property
+    def self_state(self) -> Array:
+        """A copy of what the agent believes of its own state; shape (nx,)."""
+        return self._state.row(self.row)
+
+    @property
+    def control_input(self) -> Array:
+        """A copy of the control input that the agent requests; shape (nu,)."""
+        return self.model.control_input
+
+    @property
+    def surroundings(self) -> Surroundings:
+        """What is shared with all other agents."""
+        return self.group.surroundings
+
+    def __repr__(self) -> str:
+        return f"Agent({self.id!r})"

@@ -1,0 +1,193 @@
+"""Columns: one quantity of every agent of a group, as arrays that remember which rows changed.
+
+A whole column that somebody was given never changes under their hands: writing replaces the array.
+Rows are handed out as copies. So nothing that was read can alias what is written later.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from symaware_cli.core.series import TimeSeries
+
+Array = NDArray[np.float64]
+
+
+def frozen(values: ArrayLike) -> Array:
+    """Return the values as an array nobody can write to; copied unless it is one already."""
+    if isinstance(values, np.ndarray) and not values.flags.writeable and values.base is None and values.dtype == float:
+        return values
+    array = np.array(values, float)
+    array.flags.writeable = False
+    return array
+
+
+def is_finite(array: Array) -> bool:
+    """Whether no element is NaN or infinite; the usual answer costs one dot product."""
+    flat = array.reshape(-1)
+    return math.isfinite(flat.dot(flat)) or bool(np.isfinite(flat).all())
+
+
+class Column:
+    """A vector for every agent of a group; shape (n, k).
+
+    Attributes:
+        fresh: Something was written since this was last set to False; the runtime uses it to look for NaN.
+    """
+
+    __slots__ = ("_array", "_changed", "_every", "_shape", "fresh")
+
+    def __init__(self, values: ArrayLike) -> None:
+        self._array = frozen(values)
+        self._shape = self._array.shape[1:]
+        self._changed: set[int] = set()
+        self._every = True
+        self.fresh = True
+
+    @property
+    def values(self) -> Array:
+        """The whole column, read-only; shape (n, k)."""
+        self._array.flags.writeable = False
+        return self._array
+
+    @values.setter
+    def values(self, values: ArrayLike) -> None:
+        array = frozen(values)
+        if array.shape != self._array.shape:
+            raise ValueError(f"expected an array of shape {self._array.shape}, not {array.shape}")
+        self._array = array
+        self._every = self.fresh = True
+
+    def row(self, index: int) -> Array:
+        """A copy of one agent's vector; shape (k,)."""
+        row: Array = self._array[index].copy()
+        return row
+
+    def set_row(self, index: int, value: ArrayLike) -> None:
+        """Replace one agent's vector.
+
+        Raises:
+            ValueError: The value does not have shape (k,).
+        """
+        vector = np.asarray(value, float)
+        if vector.shape != self._shape:
+            raise ValueError(f"expected a vector of shape {self._shape}, not {vector.shape}")
+        if not self._array.flags.writeable:
+            self._array = self._array.copy()
+        self._array[index] = vector
+        self._changed.add(index)
+        self.fresh = True
+
+    def take_changes(self) -> Sequence[int] | None:
+        """Return the rows written since the last call, ascending; None stands for every row."""
+        every, changed = self._every or len(self._changed) == len(self._array), self._changed
+        self._every = False
+        if changed:
+            self._changed = set()
+        return None if every else sorted(changed)
+
+    def non_finite_rows(self) -> list[int]:
+        """The rows that hold NaN or infinity."""
+        if is_finite(self._array):
+            return []
+        bad: list[int] = np.flatnonzero(~np.isfinite(self._array).all(axis=1)).tolist()
+        return bad
+
+
+class SeriesColumn:
+    """A time series for every agent of a group.
+
+    A group component writes all series at once as arrays that share their instants; an agent's component
+    writes its own row. Rows written later win.
+    """
+
+    __slots__ = ("_changed", "_every", "_rows", "_times", "_values", "_width", "count")
+
+    def __init__(self, count: int) -> None:
+        self.count = count
+        self._times: NDArray[np.int64] | None = None
+        self._values: Array = np.empty((count, 0, 0))
+        self._width: int | None = None
+        self._rows: dict[int, TimeSeries] = {}
+        self._changed: set[int] = set()
+        self._every = False
+
+    def set(self, times: ArrayLike, values: ArrayLike) -> None:
+        """Replace every agent's series.
+
+        Args:
+            times: The instants all series share, ascending, in nanoseconds; shape (h,) or a scalar.
+            values: A scalar (n,), a scalar at each instant (n, h) or a vector at each instant (n, h, k).
+
+        Raises:
+            ValueError: The shapes do not agree.
+        """
+        instants = np.array(times, np.int64, ndmin=1)
+        array = frozen(values)
+        if array.ndim < 3:
+            array = array.reshape(len(array), -1, 1)
+        if array.shape[:2] != (self.count, len(instants)):
+            raise ValueError(f"expected values for {self.count} agents at {len(instants)} instants, not {array.shape}")
+        instants.flags.writeable = False
+        self._times, self._values, self._width = instants, array, array.shape[2]
+        self._rows.clear()
+        self._every = True
+
+    def row(self, index: int) -> TimeSeries:
+        """One agent's series."""
+        own = self._rows.get(index)
+        if own is not None:
+            return own
+        if self._times is None:
+            return TimeSeries()
+        return TimeSeries.sampled(self._times, self._values[index])
+
+    def set_row(self, index: int, series: TimeSeries) -> None:
+        """Replace one agent's series.
+
+        Raises:
+            TypeError: The value is not a `TimeSeries`.
+            ValueError: Its vectors are not as long as those of the group's other series.
+        """
+        if not isinstance(series, TimeSeries):
+            raise TypeError(f"expected a TimeSeries, not {type(series).__name__}")
+        if not len(series) and self._times is None and index not in self._rows:
+            return  # nothing before and nothing now: not a change worth a record
+        if len(series):
+            width = series.values.shape[1]
+            if self._width not in (None, width):
+                raise ValueError(f"expected vectors of {self._width} as in the group's other series, not of {width}")
+            self._width = width
+        self._rows[index] = series
+        self._changed.add(index)
+
+    @property
+    def shared(self) -> tuple[NDArray[np.int64], Array] | None:
+        """The instants (h,) and values (n, h, k) when every series shares its instants, else None."""
+        return None if self._times is None or self._rows else (self._times, self._values)
+
+    def take_changes(self) -> Sequence[int] | None:
+        """Return the rows written since the last call, ascending; None stands for every row."""
+        every, changed = self._every, self._changed
+        self._every = False
+        if changed:
+            self._changed = set()
+        return None if every else sorted(changed)
+
+    def maximum(self) -> tuple[float, int] | None:
+        """The largest value of any series and the row that holds it; None where all are empty."""
+        best: tuple[float, int] | None = None
+        if self._times is not None and self._values.size:
+            peaks = self._values.reshape(self.count, -1).max(axis=1)
+            if self._rows:
+                peaks[list(self._rows)] = -math.inf
+            row = int(peaks.argmax())
+            best = (float(peaks[row]), row)
+        for row, series in sorted(self._rows.items()):
+            if len(series) and (best is None or series.values.max() > best[0]):
+                best = (float(series.values.max()), row)
+        return best if best is None or best[0] > -math.inf else None

@@ -1,0 +1,317 @@
+"""Components: the functions that update an agent's situational awareness."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydantic import BaseModel
+
+from symaware_cli.core.agent import Agent, AgentGroup, Surroundings
+from symaware_cli.core.awareness import AwarenessDatabase, AwarenessVector
+from symaware_cli.core.event import Event, Level, Subscriber, Subscription
+from symaware_cli.core.knowledge import KnowledgeDatabase
+from symaware_cli.core.message import Message
+from symaware_cli.core.plugin import Plugin
+from symaware_cli.core.random import RowGenerators, generator
+from symaware_cli.core.series import TimeSeries
+from symaware_cli.core.time import SECOND
+from symaware_cli.core.world import Snapshot
+
+if TYPE_CHECKING:
+    from symaware_cli.core.environment import Environment
+
+Array = NDArray[np.float64]
+Owner = TypeVar("Owner")
+
+
+class BaseComponent(Plugin, ABC, Generic[Owner]):
+    """What components of agents and of groups have in common.
+
+    A turn of a component computes a value from what its agent is aware of, then updates the awareness with it.
+
+    Attributes:
+        events: The events that the component fires besides those of every component, with what each means.
+        name: The component's key in the scenario.
+        path: Where it stands, such as ``agents.robot.2.steer``; the source of its events.
+        use: The plugin's entry-point name.
+    """
+
+    events: ClassVar[Mapping[str, str]] = {}
+
+    def __init__(self, parameters: BaseModel | None = None) -> None:
+        super().__init__(parameters)
+        self.name = type(self).__name__
+        self.path = self.name
+        self.use = type(self).__name__
+        self._surroundings: Surroundings
+
+    # A subclass that has an __init__ of its own need not call this one: what it would lack has class defaults.
+    name: str = ""
+    path: str = ""
+    use: str = ""
+
+    @abstractmethod
+    def _compute(self) -> Any:
+        """Compute a value from what is known; changes nothing."""
+
+    @abstractmethod
+    def _update(self, value: Any) -> None:
+        """Update the awareness, the knowledge or the control input with a value that was computed."""
+
+    async def _async_compute(self) -> Any:
+        """Compute in the asynchronous mode; may await."""
+        return self._compute()
+
+    async def _async_update(self, value: Any) -> None:
+        """Update in the asynchronous mode; may await."""
+        self._update(value)
+
+    def compute(self) -> Any:
+        """Compute, with the events ``computing`` and ``computed``."""
+        wanted = self._surroundings.events.wanted
+        if "computing" in wanted:
+            self._announce("computing")
+        value = self._compute()
+        if "computed" in wanted:
+            self._announce("computed")
+        return value
+
+    def update(self, value: Any) -> None:
+        """Update, with the events ``updating`` and ``updated``."""
+        wanted = self._surroundings.events.wanted
+        if "updating" in wanted:
+            self._announce("updating")
+        self._update(value)
+        if "updated" in wanted:
+            self._announce("updated")
+
+    def compute_and_update(self) -> Any:
+        """Take one turn: compute, then update with the value, which is returned."""
+        if self._surroundings.events.turns_wanted:
+            value = self.compute()
+            self.update(value)
+        else:
+            value = self._compute()
+            self._update(value)
+        return value
+
+    async def async_compute_and_update(self) -> Any:
+        """Take one turn in the asynchronous mode."""
+        wanted = self._surroundings.events.wanted
+        if "computing" in wanted:
+            self._announce("computing")
+        value = await self._async_compute()
+        if "computed" in wanted:
+            self._announce("computed")
+        if "updating" in wanted:
+            self._announce("updating")
+        await self._async_update(value)
+        if "updated" in wanted:
+            self._announce("updated")
+        return value
+
+    @property
+    def now(self) -> int:
+        """Simulated time in nanoseconds."""
+        return self._surroundings.clock.now
+
+    @property
+    def time(self) -> float:
+        """Simulated time in seconds."""
+        return self._surroundings.clock.now / SECOND
+
+    @property
+    def environment(self) -> Environment:
+        """The world. Perception reads it; other components live on what their agent is aware of."""
+        return self._surroundings.environment
+
+    def subscribe(self, name: str, callback: Subscriber) -> Subscription:
+        """Be told of an event of this component."""
+        return self._surroundings.events.subscribe(name, callback, self.path)
+
+    def emit(self, name: str, text: str = "", *, level: Level = Level.INFO, **data: Any) -> None:
+        """Fire an event of this component; it is recorded.
+
+        Args:
+            name: What happened; declare it in `events`.
+            text: One line for people.
+            level: How much it matters.
+            data: Further facts, as plain JSON values.
+        """
+        self._emit_from(self.path, name, text, level, data)
+
+    def _emit_from(self, path: str, name: str, text: str, level: Level, data: Mapping[str, Any]) -> None:
+        self._surroundings.events.fire(Event(name, path, self.now, level, text, data, self))
+
+    def _announce(self, name: str) -> None:
+        self._surroundings.events.fire(Event(name, self.path, self.now, Level.DEBUG, subject=self))
+
+
+class Component(BaseComponent[Agent]):
+    """A component of one agent; the runtime makes one instance for each agent of the group.
+
+    Subclasses implement `_compute` and `_update` over ``self._agent``.
+    """
+
+    _agent: Agent
+
+    def initialise_component(
+        self,
+        agent: Agent,
+        initial_awareness_database: AwarenessDatabase,
+        initial_knowledge_database: Mapping[str, KnowledgeDatabase],
+    ) -> None:
+        """Take up work for an agent. A subclass that overrides this calls it first.
+
+        Args:
+            agent: Whom the component belongs to.
+            initial_awareness_database: What the agent is aware of at the start, by id.
+            initial_knowledge_database: What it knows at the start, by id.
+        """
+        self._agent = agent
+        self._surroundings = agent.surroundings
+
+    @property
+    def agent(self) -> Agent:
+        """Whom the component belongs to."""
+        return self._agent
+
+    @property
+    def random(self) -> np.random.Generator:
+        """The component's own source of chance, keyed by the run's seed and its path."""
+        source: np.random.Generator | None = self.__dict__.get("_random")
+        if source is None:
+            source = self.__dict__["_random"] = generator(self._surroundings.seed, self.path)
+        return source
+
+
+class GroupComponent(BaseComponent[AgentGroup]):
+    """A component of a whole group: one instance, whose `_compute` and `_update` work on arrays of all its agents."""
+
+    _group: AgentGroup
+
+    def initialise_component(self, group: AgentGroup) -> None:
+        """Take up work for a group. A subclass that overrides this calls it first."""
+        self._group = group
+        self._surroundings = group.surroundings
+
+    @property
+    def group(self) -> AgentGroup:
+        """Whom the component belongs to."""
+        return self._group
+
+    def agent_path(self, row: int) -> str:
+        """Where the component stands for one agent, such as ``agents.robot.2.sense``."""
+        return f"agents.{self._group.ids[row]}.{self.name}"
+
+    @property
+    def random(self) -> RowGenerators:
+        """A source of chance for each agent, keyed by the run's seed and the agent's path."""
+        source: RowGenerators | None = self.__dict__.get("_random")
+        if source is None:
+            paths = [self.agent_path(row) for row in range(len(self._group))]
+            source = self.__dict__["_random"] = RowGenerators(self._surroundings.seed, paths)
+        return source
+
+    def emit_for(self, row: int, name: str, text: str = "", *, level: Level = Level.INFO, **data: Any) -> None:
+        """Fire an event on behalf of one agent of the group."""
+        self._emit_from(self.agent_path(row), name, text, level, data)
+
+
+class PerceptionSystem(Component):
+    """Perceives states in the environment.
+
+    `_compute` returns the perceived states by id, or a `Snapshot` for one who perceives everything.
+    """
+
+    @abstractmethod
+    def _compute(self) -> Mapping[str, ArrayLike] | Snapshot:
+        """Perceive."""
+
+    def perceive_self_state(self) -> Array:
+        """The agent's own true state, read-only; shape (nx,)."""
+        state: Array = self.environment.state(self._agent.group)[self._agent.row]
+        return state
+
+    def _update(self, value: Mapping[str, ArrayLike] | Snapshot) -> None:
+        agent = self._agent
+        database = agent.awareness_database
+        if isinstance(value, Snapshot):
+            agent.self_awareness.state = value.state(agent.id)
+            database.world = value
+            return
+        for id, state in value.items():
+            if id == agent.id:
+                agent.self_awareness.state = state
+                continue
+            known = database.others.get(id)
+            if known is None:
+                database[id] = AwarenessVector(id, state)
+            else:
+                database[id] = AwarenessVector(id, state, known.intent, known.uncertainty, known.risk)
+
+
+class UncertaintyEstimator(Component):
+    """Estimates how unsure the agent's belief is; `_compute` returns a `TimeSeries`."""
+
+    @abstractmethod
+    def _compute(self) -> TimeSeries:
+        """Estimate the uncertainty."""
+
+    def _update(self, value: TimeSeries) -> None:
+        self._agent.self_awareness.uncertainty = value
+
+
+class RiskEstimator(Component):
+    """Estimates how dangerous the agent's situation is; `_compute` returns a `TimeSeries`."""
+
+    @abstractmethod
+    def _compute(self) -> TimeSeries:
+        """Estimate the risk."""
+
+    def _update(self, value: TimeSeries) -> None:
+        self._agent.self_awareness.risk = value
+
+
+class CommunicationSender(Component):
+    """Tells other agents; `_compute` returns the messages to send."""
+
+    @abstractmethod
+    def _compute(self) -> Iterable[Message]:
+        """Write the messages to send."""
+
+    def _update(self, value: Iterable[Message]) -> None:
+        for message in value:
+            self.send(message)
+
+    def send(self, message: Message) -> None:
+        """Send a message; its receiver can read it from the next step on."""
+        self._surroundings.exchange.send(message)
+
+
+class CommunicationReceiver(Component):
+    """Listens to other agents; `_update` is given the messages that arrived, oldest first."""
+
+    def _compute(self) -> Sequence[Message]:
+        return self._surroundings.exchange.receive(self._agent.id)
+
+    @abstractmethod
+    def _update(self, value: Sequence[Message]) -> None:
+        """Make something of what was heard."""
+
+
+class Controller(Component):
+    """Chooses the control input; `_compute` returns it, shape (nu,), with the intent behind it."""
+
+    @abstractmethod
+    def _compute(self) -> tuple[ArrayLike, TimeSeries]:
+        """Choose the control input and state the intent."""
+
+    def _update(self, value: tuple[ArrayLike, TimeSeries]) -> None:
+        control_input, intent = value
+        self._agent.model.control_input = control_input
+        self._agent.self_awareness.intent = intent

@@ -1,0 +1,87 @@
+"""Environments: where agents are, and what moves them."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, Field
+
+from symaware_cli.core.entity import Obstacle
+from symaware_cli.core.plugin import Parameters, Plugin
+from symaware_cli.core.proximity import Proximity
+from symaware_cli.core.time import nanoseconds
+from symaware_cli.core.world import Contact, Roster, Snapshot
+
+if TYPE_CHECKING:
+    from symaware_cli.core.agent import AgentGroup
+
+Array = NDArray[np.float64]
+
+
+class EnvironmentParameters(Parameters):
+    """What every environment can be told."""
+
+    time_step: float = Field(0.05, ge=1e-6, le=1e6, description="Simulated time between two steps [s].")
+
+
+class Environment(Plugin, ABC):
+    """A world that holds the true state of every agent and moves it step by step.
+
+    It never changes an array in place that somebody may hold: each step makes new ones.
+
+    Attributes:
+        groups: The groups in the roster's order.
+        obstacles: The bodies that are part of the environment, by name.
+        proximity: Which agents are near each other, shared by all who ask about `snapshot().positions`.
+        roster: Who is who.
+        time_step: Simulated time between two steps, in nanoseconds.
+    """
+
+    Parameters: ClassVar[type[BaseModel]] = EnvironmentParameters
+
+    groups: Sequence[AgentGroup]
+    obstacles: Mapping[str, Obstacle]
+    proximity: Proximity
+    roster: Roster
+    time_step: int
+
+    def __init__(self, parameters: BaseModel | None = None) -> None:
+        super().__init__(parameters)
+        self.time_step = nanoseconds(self.parameters.time_step)
+
+    def initialise(self, groups: Sequence[AgentGroup], obstacles: Mapping[str, Obstacle], seed: int) -> None:
+        """Put everybody in place.
+
+        Args:
+            groups: All groups, with their initial states.
+            obstacles: The other bodies by name.
+            seed: The seed of the run, for `symaware_cli.core.random.generator`.
+        """
+        self.groups = tuple(sorted(groups, key=lambda group: group.name))
+        self.obstacles = dict(sorted(obstacles.items()))
+        self.proximity = Proximity()
+        self.roster = Roster({group.name: group.ids for group in self.groups})
+
+    @abstractmethod
+    def step(self) -> None:
+        """Advance by one time step under the control inputs that the groups request."""
+
+    @abstractmethod
+    def state(self, group: AgentGroup) -> Array:
+        """The true states of a group, read-only; shape (n, nx)."""
+
+    @abstractmethod
+    def applied_input(self, group: AgentGroup) -> Array:
+        """The control inputs in force during the last step, after saturation, read-only; shape (n, nu)."""
+
+    @abstractmethod
+    def snapshot(self) -> Snapshot:
+        """The whole world now; shared by all who ask within a step."""
+
+    def contacts(self) -> Sequence[Contact]:
+        """The contacts that began or ended with the last step."""
+        return ()

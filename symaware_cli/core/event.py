@@ -1,0 +1,131 @@
+"""Events: what happened, when, to whom; and those who want to know."""
+
+from __future__ import annotations
+
+import enum
+import fnmatch
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+#: What a component announces about its turns; hot paths make these only if somebody listens.
+TURNS = frozenset({"computing", "computed", "updating", "updated"})
+
+#: Events that recur with every step, turn or message: never part of ``*``, and not recorded as events.
+RECURRING = TURNS | {
+    *("initialising", "initialised", "iterating", "iterated", "stepping", "stepped"),
+    *("sending", "sent", "received"),
+}
+
+
+class Level(enum.IntEnum):
+    """How much an event matters to somebody who reads the log."""
+
+    DEBUG = 0
+    INFO = 1
+    WARNING = 2
+    ERROR = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """Something that happened.
+
+    Attributes:
+        name: What, in the past or present participle, such as ``goal-reached``.
+        source: The dotted path of whom it happened to, such as ``agents.robot.2.steer`` or ``environment``.
+        time: When, in nanoseconds of simulated time.
+        level: How much it matters.
+        text: One line for people.
+        data: Further facts; plain JSON values, so that they can be recorded.
+        subject: The object it is about, for subscribers within the process; never recorded.
+    """
+
+    name: str
+    source: str
+    time: int
+    level: Level = Level.INFO
+    text: str = ""
+    data: Mapping[str, Any] = field(default_factory=dict)
+    subject: Any = None
+
+
+Subscriber = Callable[[Event], Any]
+
+
+class SubscriberError(Exception):
+    """A subscriber raised while it was told of an event."""
+
+    def __init__(self, event: Event, subscriber: Subscriber) -> None:
+        name = getattr(subscriber, "__qualname__", repr(subscriber))
+        super().__init__(f"subscriber {name} of event {event.name} of {event.source} raised")
+        self.event = event
+
+
+class Subscription:
+    """The right to be told of an event; `cancel` ends it, at any moment, also while the event fires."""
+
+    __slots__ = ("active", "callback", "source")
+
+    def __init__(self, callback: Subscriber, source: str) -> None:
+        self.callback = callback
+        self.source = source
+        self.active = True
+
+    def cancel(self) -> None:
+        """Stop being told; harmless when repeated."""
+        self.active = False
+
+
+class EventBus:
+    """Delivers events to subscribers, in the order in which they subscribed.
+
+    Subscribers may subscribe and cancel while an event fires: the ones added hear from the next event on,
+    the ones cancelled hear no more at once.
+    """
+
+    __slots__ = ("_subscriptions", "turns_wanted", "wanted")
+
+    def __init__(self) -> None:
+        self._subscriptions: dict[str, tuple[Subscription, ...]] = {}
+        #: The names that somebody subscribed to; hot paths look here before they make an event.
+        self.wanted: frozenset[str] = frozenset()
+        #: Whether any of `TURNS` is among them.
+        self.turns_wanted = False
+
+    def subscribe(self, name: str, callback: Subscriber, source: str = "*") -> Subscription:
+        """Call ``callback(event)`` on each event of this name.
+
+        Args:
+            name: The event's name; ``*`` stands for every event that is not `RECURRING`.
+            callback: Is given the `Event`.
+            source: A path, in which ``*`` matches anything.
+        """
+        subscription = Subscription(callback, source)
+        present = tuple(each for each in self._subscriptions.get(name, ()) if each.active)
+        self._subscriptions[name] = (*present, subscription)
+        self.wanted = frozenset(self._subscriptions)
+        self.turns_wanted = not TURNS.isdisjoint(self.wanted)
+        return subscription
+
+    def fire(self, event: Event) -> None:
+        """Tell all who subscribed.
+
+        Raises:
+            SubscriberError: From the exception of the first subscriber that raised, after all were told.
+        """
+        listeners = self._subscriptions.get(event.name, ())
+        if event.name not in RECURRING:
+            listeners += self._subscriptions.get("*", ())
+        failure: tuple[Subscriber, Exception] | None = None
+        for listener in listeners:
+            if not listener.active:
+                continue
+            if listener.source not in ("*", event.source) and not fnmatch.fnmatchcase(event.source, listener.source):
+                continue
+            try:
+                listener.callback(event)
+            except Exception as error:
+                failure = failure or (listener.callback, error)
+        if failure:
+            raise SubscriberError(event, failure[0]) from failure[1]

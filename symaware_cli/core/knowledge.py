@@ -1,0 +1,52 @@
+"""Knowledge: what an agent knows besides its situational awareness, such as its goal."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+
+class KnowledgeDatabase(dict[str, Any]):
+    """The knowledge of one agent by name, which remembers that it changed.
+
+    Attributes:
+        changed: An entry was set or removed since this was last set to False.
+    """
+
+    __slots__ = ("changed",)
+
+    def __init__(self, entries: Mapping[str, Any] | None = None) -> None:
+        super().__init__(entries or {})
+        self.changed = True
+
+    def __setitem__(self, name: str, value: Any) -> None:
+        super().__setitem__(name, value)
+        self.changed = True
+
+    def __delitem__(self, name: str) -> None:
+        super().__delitem__(name)
+        self.changed = True
+
+    def __missing__(self, name: str) -> Any:
+        known = ", ".join(sorted(self)) or "nothing"
+        raise KeyError(f"the agent does not know `{name}`; it knows {known}")
+
+    def update(self, *args: Any, **kwargs: Any) -> None:
+        """Set several entries at once."""
+        super().update(*args, **kwargs)
+        self.changed = True
+
+    def pop(self, name: str, *default: Any) -> Any:
+        """Remove an entry and return it."""
+        self.changed = True
+        return super().pop(name, *default)
+
+    def clear(self) -> None:
+        """Forget everything."""
+        super().clear()
+        self.changed = True
+
+    def setdefault(self, name: str, default: Any = None) -> Any:
+        """Return an entry, set to the default if there was none."""
+        self.changed = True
+        return super().setdefault(name, default)

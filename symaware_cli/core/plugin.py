@@ -1,0 +1,33 @@
+"""What every plugin has: parameters that a scenario may set, and a scenario name to be called by."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+from pydantic import BaseModel, ConfigDict
+
+
+class Parameters(BaseModel):
+    """What a scenario may write under ``with:`` for a plugin.
+
+    Subclass it inside the plugin under the same name; each field's description states its unit. Values are
+    validated before anything runs, and the fields show in ``symaware show`` and in the editor's schema.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class Plugin:
+    """Base of components, environments and models.
+
+    Attributes:
+        Parameters: The model of the plugin's own parameters.
+        parameters: The values in force, an instance of it.
+    """
+
+    Parameters: ClassVar[type[BaseModel]] = Parameters
+
+    parameters: Any
+
+    def __init__(self, parameters: BaseModel | None = None) -> None:
+        self.parameters = self.Parameters() if parameters is None else parameters

@@ -1,0 +1,141 @@
+"""The world as the environment has it: who is in it, and where everybody truly is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symaware_cli.core.model import Model
+
+Array = NDArray[np.float64]
+
+
+class Roster:
+    """The agents of a world in an order that does not depend on the order of the scenario file.
+
+    Groups stand in the order of their names, agents in the order of their rows. The position of an agent in
+    this order is its *index*.
+
+    Attributes:
+        groups: The names of the groups, sorted.
+        ids: The ids of all agents, by index.
+        starts: The index of each group's first agent.
+    """
+
+    __slots__ = ("_places", "counts", "groups", "ids", "starts")
+
+    def __init__(self, members: dict[str, Sequence[str]]) -> None:
+        self.groups = tuple(sorted(members))
+        self.counts = tuple(len(members[group]) for group in self.groups)
+        self.ids = tuple(id for group in self.groups for id in members[group])
+        self.starts = tuple(int(start) for start in np.cumsum([0, *self.counts])[:-1])
+        self._places = {
+            id: (number, row) for number, group in enumerate(self.groups) for row, id in enumerate(members[group])
+        }
+
+    def place(self, id: str) -> tuple[int, int]:
+        """Return the number of an agent's group (in `groups`) and its row there.
+
+        Raises:
+            KeyError: There is no such agent.
+        """
+        return self._places[id]
+
+    def __contains__(self, id: object) -> bool:
+        return id in self._places
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+
+class Snapshot:
+    """Where everybody is at one instant; read-only, and never changed by a later step.
+
+    Attributes:
+        time: The instant, in nanoseconds.
+        roster: Who is who.
+        states: The states of each group, in the roster's order of groups; each of shape (n, nx).
+    """
+
+    __slots__ = ("_inputs", "_models", "_positions", "_velocities", "roster", "states", "time")
+
+    def __init__(
+        self,
+        time: int,
+        roster: Roster,
+        models: Sequence[Model],
+        states: Sequence[Array],
+        control_inputs: Sequence[Array],
+    ) -> None:
+        self.time = time
+        self.roster = roster
+        self.states = tuple(states)
+        self._models = models
+        self._inputs = tuple(control_inputs)
+        self._positions: Array | None = None
+        self._velocities: Array | None = None
+
+    def state(self, id: str) -> Array:
+        """The state of one agent, read-only; shape (nx,).
+
+        Raises:
+            KeyError: There is no such agent.
+        """
+        group, row = self.roster.place(id)
+        state: Array = self.states[group][row]
+        return state
+
+    @property
+    def positions(self) -> Array:
+        """The positions of all agents by index [m]; shape (N, d), read-only."""
+        if self._positions is None:
+            self._positions = _stacked(
+                [model.positions(state) for model, state in zip(self._models, self.states, strict=True)]
+            )
+        return self._positions
+
+    @property
+    def velocities(self) -> Array:
+        """The velocities of all agents by index [m/s]; shape (N, d), read-only."""
+        if self._velocities is None:
+            self._velocities = _stacked(
+                [
+                    model.velocity(state, control_input)
+                    for model, state, control_input in zip(self._models, self.states, self._inputs, strict=True)
+                ]
+            )
+        return self._velocities
+
+
+def _stacked(parts: Sequence[Array]) -> Array:
+    """Join the rows of all groups; a group of a plane among groups of space stands at height 0."""
+    dimensions = max(part.shape[1] for part in parts)
+    parts = [
+        np.pad(part, ((0, 0), (0, dimensions - part.shape[1]))) if part.shape[1] < dimensions else part
+        for part in parts
+    ]
+    whole = parts[0] if len(parts) == 1 else np.concatenate(parts)
+    whole.flags.writeable = False
+    return whole
+
+
+@dataclass(frozen=True, slots=True)
+class Contact:
+    """Two bodies that touch, or cease to.
+
+    Attributes:
+        first: The id or name of one body; the lesser of the two by name.
+        second: The other.
+        point: Where they touch [m].
+        depth: How far they overlap [m].
+        begins: They touch from now on; False when they part.
+    """
+
+    first: str
+    second: str
+    point: tuple[float, ...]
+    depth: float
+    begins: bool = True

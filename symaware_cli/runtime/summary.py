@@ -1,0 +1,135 @@
+"""What there is to say about a run when it is over."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from symaware_cli.core import Contact, Environment, Event, seconds
+from symaware_cli.runtime.simulation import Simulation
+
+
+@dataclass(frozen=True, slots=True)
+class Extreme:
+    """A greatest or least value: how much, when and whose.
+
+    Attributes:
+        value: The value.
+        time: Simulated time [s].
+        who: The agents concerned.
+    """
+
+    value: float
+    time: float
+    who: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """The figures of a run.
+
+    Attributes:
+        name: The scenario's name.
+        seed: The seed in force.
+        status: ``finished``, ``failed`` or ``interrupted``.
+        agents: How many agents took part.
+        steps: How many steps were made.
+        simulated_time: Simulated time that passed [s].
+        wall_time: Wall time that passed [s].
+        updates: Rows of awareness, control and knowledge that were recorded.
+        contacts: How many contacts began.
+        minimum_separation: The least distance between the centres of two agents [m].
+        highest_risk: The greatest risk that an agent saw.
+        goals_reached: The agents that reached their goal, sorted.
+        log: The log's path, if there is one.
+        log_size: Its size in bytes.
+        failure: Why the run failed, if it did.
+    """
+
+    name: str
+    seed: int
+    status: str
+    agents: int
+    steps: int
+    simulated_time: float
+    wall_time: float
+    updates: int
+    contacts: int
+    minimum_separation: Extreme | None
+    highest_risk: Extreme | None
+    goals_reached: tuple[str, ...]
+    log: str | None = None
+    log_size: int | None = None
+    failure: str | None = None
+
+    @property
+    def real_time_factor(self) -> float:
+        """Simulated time for each second of wall time."""
+        return self.simulated_time / self.wall_time if self.wall_time > 0 else math.inf
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the figures as plain data."""
+        return {**asdict(self), "real_time_factor": self.real_time_factor}
+
+
+class Observer:
+    """Watches a run for what the summary tells."""
+
+    def __init__(self, simulation: Simulation) -> None:
+        self._simulation = simulation
+        self._environment: Environment = simulation.environment
+        self.contacts = 0
+        self.goals: set[str] = set()
+        self._separation = math.inf
+        self._separation_time = 0
+        self._separation_pair = (0, 0)
+        self._risk: Extreme | None = None
+        simulation.events.subscribe("contact", self._on_contact)
+        simulation.events.subscribe("goal-reached", self._on_goal)
+
+    def _on_contact(self, event: Event) -> None:
+        if isinstance(event.subject, Contact) and event.subject.begins:
+            self.contacts += 1
+
+    def _on_goal(self, event: Event) -> None:
+        self.goals.add(event.source.removeprefix("agents.").rpartition(".")[0])
+
+    def look(self, now: int) -> None:
+        """Take note of what the world and the agents are like now."""
+        if self._simulation.agent_count > 1:
+            self._look_at_distances(now)
+        for group in self._simulation.groups:
+            peak = group.awareness.risk.maximum()
+            if peak is not None and (self._risk is None or peak[0] > self._risk.value):
+                self._risk = Extreme(peak[0], seconds(now), (group.ids[peak[1]],))
+
+    def _look_at_distances(self, now: int) -> None:
+        positions = self._environment.snapshot().positions
+        proximity = self._environment.proximity
+        if math.isinf(self._separation):
+            self._separation = proximity.nearest(positions) * (1 + 1e-12)
+        pairs = proximity.pairs(positions, self._separation)
+        if not len(pairs.distance):
+            return
+        closest = int(pairs.distance.argmin())
+        if pairs.distance[closest] < self._separation:
+            self._separation = float(pairs.distance[closest])
+            self._separation_time = now
+            self._separation_pair = (int(pairs.first[closest]), int(pairs.second[closest]))
+
+    @property
+    def minimum_separation(self) -> Extreme | None:
+        """The least distance between the centres of two agents so far [m]."""
+        if not np.isfinite(self._separation):
+            return None
+        ids = self._environment.roster.ids
+        first, second = self._separation_pair
+        return Extreme(self._separation, seconds(self._separation_time), (ids[first], ids[second]))
+
+    @property
+    def highest_risk(self) -> Extreme | None:
+        """The greatest risk so far."""
+        return self._risk
