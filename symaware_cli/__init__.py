@@ -1,3 +1,94 @@
-"""SymAware: declarative scenarios for multi-agent systems with situational awareness."""
+"""SymAware: declarative scenarios for multi-agent systems with situational awareness.
+
+What stands in ``__all__`` is the public API for authors of plugins; all else may change.
+"""
+
+from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
+
+if TYPE_CHECKING:
+    from symaware_cli.core import (
+        Agent,
+        AgentGroup,
+        AwarenessDatabase,
+        AwarenessVector,
+        Circle,
+        CommunicationReceiver,
+        CommunicationSender,
+        Component,
+        Contact,
+        Controller,
+        Entity,
+        Environment,
+        EnvironmentParameters,
+        Event,
+        GroupComponent,
+        KnowledgeDatabase,
+        Level,
+        Message,
+        Model,
+        Obstacle,
+        Parameters,
+        PerceptionSystem,
+        Quantity,
+        RiskEstimator,
+        Roster,
+        Shape,
+        Snapshot,
+        TimeSeries,
+        UncertaintyEstimator,
+        nanoseconds,
+        seconds,
+    )
+    from symaware_cli.recording.reader import open_log
+
+__all__ = [
+    "Agent",
+    "AgentGroup",
+    "AwarenessDatabase",
+    "AwarenessVector",
+    "Circle",
+    "CommunicationReceiver",
+    "CommunicationSender",
+    "Component",
+    "Contact",
+    "Controller",
+    "Entity",
+    "Environment",
+    "EnvironmentParameters",
+    "Event",
+    "GroupComponent",
+    "KnowledgeDatabase",
+    "Level",
+    "Message",
+    "Model",
+    "Obstacle",
+    "Parameters",
+    "PerceptionSystem",
+    "Quantity",
+    "RiskEstimator",
+    "Roster",
+    "Shape",
+    "Snapshot",
+    "TimeSeries",
+    "UncertaintyEstimator",
+    "nanoseconds",
+    "open_log",
+    "seconds",
+]
+
+
+def __getattr__(name: str) -> Any:
+    """Import what is asked for, so that the command line starts without NumPy."""
+    if name not in __all__:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    if name == "open_log":
+        from symaware_cli.recording import reader as home
+    else:
+        from symaware_cli import core as home  # type: ignore[no-redef]
+    return getattr(home, name)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

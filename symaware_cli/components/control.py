@@ -21,6 +21,7 @@ class GoToGoal(GroupComponent):
     straight way ahead over the horizon.
     """
 
+    knowledge: ClassVar = {"goal": "where to go, as a position [m]"}
     events: ClassVar = {"goal-reached": "An agent came within the tolerance of its goal, for the first time."}
 
     class Parameters(Parameters):
@@ -32,13 +33,17 @@ class GoToGoal(GroupComponent):
         horizon: float = Field(2.0, gt=0, description="How far ahead the intent reaches [s].")
         samples: int = Field(5, ge=2, le=1000, description="How many positions the intent has.")
 
+    def check(self, group: AgentGroup) -> None:
+        """The goal is a position, and the model can be steered by a velocity."""
+        dimensions = len(group.model.position)
+        if group.known("goal").shape != (len(group), dimensions):
+            raise ValueError(f"the knowledge `goal` of each agent must be a position of {dimensions} numbers")
+        group.model.follow_velocity(group.initial_state, np.zeros((len(group), dimensions)))
+
     def initialise_component(self, group: AgentGroup) -> None:
         """Read each agent's goal from its knowledge."""
         super().initialise_component(group)
         self._goal = group.known("goal")
-        expected = (len(group), len(group.model.position))
-        if self._goal.shape != expected:
-            raise ValueError(f"each agent's knowledge `goal` must be a position of {expected[1]} numbers")
         self._reached = np.zeros(len(group), bool)
         offsets = np.linspace(0.0, self.parameters.horizon, self.parameters.samples)
         self._offsets = np.round(offsets * SECOND).astype(np.int64)

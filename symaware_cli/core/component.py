@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import BaseModel
 
 from symaware_cli.core.agent import Agent, AgentGroup, Surroundings
 from symaware_cli.core.awareness import AwarenessDatabase, AwarenessVector
@@ -35,24 +34,31 @@ class BaseComponent(Plugin, ABC, Generic[Owner]):
 
     Attributes:
         events: The events that the component fires besides those of every component, with what each means.
+        knowledge: What an agent must know for the component to work, with what each means.
         name: The component's key in the scenario.
         path: Where it stands, such as ``agents.robot.2.steer``; the source of its events.
         use: The plugin's entry-point name.
     """
 
     events: ClassVar[Mapping[str, str]] = {}
+    knowledge: ClassVar[Mapping[str, str]] = {}
 
-    def __init__(self, parameters: BaseModel | None = None) -> None:
-        super().__init__(parameters)
-        self.name = type(self).__name__
-        self.path = self.name
-        self.use = type(self).__name__
-        self._surroundings: Surroundings
-
-    # A subclass that has an __init__ of its own need not call this one: what it would lack has class defaults.
+    # Class defaults, so that a subclass with an __init__ of its own need not call this one.
     name: str = ""
     path: str = ""
     use: str = ""
+
+    _surroundings: Surroundings
+
+    def check(self, group: AgentGroup) -> None:
+        """Look whether the component can work for a group; called before a run, to find fault early.
+
+        Args:
+            group: Has its model, states and knowledge; nothing runs yet.
+
+        Raises:
+            ValueError: It cannot, and why, in words for the author of the scenario.
+        """
 
     @abstractmethod
     def _compute(self) -> Any:

@@ -1,1 +1,8 @@
-"""TODO."""
+"""The log of a run: one MCAP file of protobuf messages (docs/log-format.md).
+
+Nothing is imported here, so that whoever needs one side pays for one side:
+
+- `writer.LogWriter` writes a log, `wire` encodes its big messages,
+- `reader.open_log` reads one, `recovery` what is left of a broken one,
+- `digest.digest` compares runs.
+"""

@@ -1,1 +1,1 @@
-"""TODO."""
+"""What a scenario file says, turned into objects."""

@@ -1,0 +1,39 @@
+"""The command ``symaware`` and its verbs."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from symaware_cli.cli import inspect, list, new, run, schema, show, validate  # noqa: A004 (verbs)
+
+application = typer.Typer(
+    name="symaware",
+    help="Run multi-agent scenarios with situational awareness: deterministic, recorded, checkable.",
+    epilog="Exit status: 0 done; 1 the run failed; 2 the input is wrong; 3 done, but data was lost; 130 interrupted.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        from symaware_cli import __version__
+
+        typer.echo(f"symaware {__version__}")
+        raise typer.Exit
+
+
+@application.callback()
+def _symaware(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Say which version.")
+    ] = False,
+) -> None:
+    """Run multi-agent scenarios with situational awareness: deterministic, recorded, checkable."""
+
+
+for _verb in (run.run, validate.validate, new.new, inspect.inspect, list.list_plugins, show.show, schema.schema):
+    application.command(_verb.__name__.partition("_")[0])(_verb)

@@ -1,0 +1,51 @@
+"""``symaware list``."""
+
+from __future__ import annotations
+
+import enum
+from typing import Annotated
+
+import typer
+
+from symaware_cli.cli.terminal import Json, print_json
+
+
+class Kind(enum.StrEnum):
+    """What can be listed."""
+
+    components = "components"
+    environments = "environments"
+    models = "models"
+
+
+def list_plugins(
+    kind: Annotated[Kind | None, typer.Argument(help="What to list; everything if left out.")] = None,
+    as_json: Json = False,
+) -> None:
+    """List what a scenario can use, and which package each comes from."""
+    from symaware_cli.scenario.catalogue import GROUPS, Catalogue
+
+    catalogue = Catalogue()
+    wanted = [each for each in GROUPS if kind is None or kind == f"{each}s"]
+    listings = {each: catalogue.listings(each) for each in wanted}
+    if as_json:
+        print_json(
+            [
+                {
+                    "kind": each.kind,
+                    "name": each.name,
+                    "package": each.package,
+                    "version": each.version,
+                    "class": each.target,
+                }
+                for same in listings.values()
+                for each in same
+            ]
+        )
+        return
+    width = max((len(listing.name) for same in listings.values() for listing in same), default=0)
+    for each, same in listings.items():
+        typer.secho(f"{each}s", bold=True)
+        for listing in same:
+            typer.echo(f"  {listing.name:<{width}}  {listing.package} {listing.version}")
+    typer.echo("\nsymaware show NAME tells the parameters of one.")

@@ -1,0 +1,124 @@
+"""``symaware run``."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from symaware_cli.cli.terminal import (
+    FAILED,
+    INTERRUPTED,
+    Json,
+    Overrides,
+    ScenarioPath,
+    Seed,
+    fail,
+    print_json,
+    trouble_shown,
+)
+
+if TYPE_CHECKING:
+    from symaware_cli.runtime.summary import Extreme, Summary
+
+
+def run(
+    scenario: ScenarioPath,
+    seed: Seed = None,
+    overrides: Overrides = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output", "-o", help="The log; replaced if it exists. By default NAME.mcap, or NAME-2.mcap, ..."
+        ),
+    ] = None,
+    no_record: Annotated[bool, typer.Option("--no-record", help="Write no log.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show neither progress nor summary.")] = False,
+    as_json: Json = False,
+) -> None:
+    """Run a scenario and record it in a log."""
+    with trouble_shown(as_json):
+        from symaware_cli.scenario.execution import open_scenario
+
+        built = open_scenario(scenario, overrides or (), seed)
+    from symaware_cli.recording.error import LogError
+    from symaware_cli.scenario.execution import execute, unused_path
+
+    log = None if no_record else output or unused_path(built.document.name)
+    duration = built.steps * built.simulation.environment.time_step
+    shown = sys.stderr.isatty() and not quiet and not as_json
+    try:
+        with _progress(built.document.name, duration, shown) as on_progress:
+            summary = execute(built, log, on_progress)
+    except LogError as error:
+        fail(str(error), FAILED, as_json)
+    except KeyboardInterrupt:
+        raise typer.Exit(INTERRUPTED) from None
+    if as_json:
+        print_json(summary.to_json())
+    elif not quiet:
+        typer.echo(_text(summary))
+    if summary.failure and not as_json:
+        typer.echo(f"symaware: {summary.failure}", err=True)
+        if summary.log:
+            typer.echo(f"The traceback is in the log: symaware inspect --events {summary.log}", err=True)
+    raise typer.Exit({"finished": 0, "failed": FAILED, "interrupted": INTERRUPTED}[summary.status])
+
+
+@contextmanager
+def _progress(name: str, duration: int, shown: bool) -> Iterator[Callable[[int], None] | None]:
+    """Show a bar of simulated time on the terminal."""
+    if not shown:
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.fields[simulated]:.1f} of {task.fields[whole]:g} s"),
+        TextColumn("ends in"),
+        TimeRemainingColumn(compact=True),
+    )
+    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task(name, total=duration, simulated=0.0, whole=duration / 1e9)
+        yield lambda now: progress.update(task, completed=now, simulated=now / 1e9)
+
+
+def _text(summary: Summary) -> str:
+    """Lay out the summary for people."""
+    agents = f"{summary.agents} agent{'s' if summary.agents != 1 else ''}"
+    lines = [
+        f"{summary.name}: {summary.status} after {summary.simulated_time:g} s of simulated time",
+        _line("agents", f"{agents}, {summary.steps:,} steps, seed {summary.seed}"),
+        _line("wall time", f"{summary.wall_time:.2f} s, {_factor(summary.real_time_factor)} real time"),
+    ]
+    if summary.goals_reached:
+        lines.append(_line("goals reached", f"{len(summary.goals_reached)} of {agents}"))
+    lines.append(_line("contacts", f"{summary.contacts}"))
+    if summary.minimum_separation:
+        lines.append(_line("closest", _extreme(summary.minimum_separation, "m between the centres of")))
+    if summary.highest_risk:
+        lines.append(_line("highest risk", _extreme(summary.highest_risk, "of")))
+    if summary.log:
+        size = f"{(summary.log_size or 0) / 1e6:.1f} MB"
+        lines.append(_line("recorded", f"{summary.updates:,} updates, {size}"))
+        lines.append(_line("log", summary.log))
+    return "\n".join(lines)
+
+
+def _line(label: str, text: str) -> str:
+    return f"  {label:<14} {text}"
+
+
+def _factor(factor: float) -> str:
+    return f"{factor:,.0f} x" if factor >= 10 else f"{factor:.2g} x"
+
+
+def _extreme(extreme: Extreme, relation: str) -> str:
+    return f"{extreme.value:.3g} {relation} {' and '.join(extreme.who)} at {extreme.time:g} s"

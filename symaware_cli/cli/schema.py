@@ -1,0 +1,32 @@
+"""``symaware schema``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from symaware_cli.cli.terminal import WRONG_INPUT, fail
+
+
+def schema(
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Write it to a file.")] = None,
+    built_in: Annotated[bool, typer.Option("--built-in", help="Leave out the plugins of other packages.")] = False,
+) -> None:
+    """Write the JSON schema of scenarios, for editors; it knows the parameters of every installed plugin."""
+    import json
+
+    from symaware_cli.scenario.schema import scenario_schema
+
+    content, broken = scenario_schema(built_in_only=built_in)
+    text = json.dumps(content, indent=2, ensure_ascii=False) + "\n"
+    for problem in broken:
+        typer.echo(f"symaware: left out: {problem}", err=True)
+    if output is None:
+        typer.echo(text, nl=False)
+        return
+    try:
+        output.write_text(text, encoding="utf-8")
+    except OSError as error:
+        fail(f"cannot write {output}: {(error.strerror or str(error)).lower()}", WRONG_INPUT)

@@ -1,0 +1,59 @@
+"""``symaware show``."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from symaware_cli.cli.terminal import WRONG_INPUT, Json, fail, print_json
+
+if TYPE_CHECKING:
+    from symaware_cli.scenario.description import Description
+
+
+def show(
+    name: Annotated[str, typer.Argument(help="Name of a plugin, such as `control.go-to-goal`.")], as_json: Json = False
+) -> None:
+    """Show a plugin: what it does, its parameters with units and defaults, its events."""
+    from symaware_cli.scenario.catalogue import PluginError
+    from symaware_cli.scenario.description import describe
+
+    try:
+        descriptions = describe(name)
+    except PluginError as error:
+        hint = f"; did you mean `{error.suggestion}`?" if error.suggestion else ""
+        fail(f"{error}{hint}", WRONG_INPUT, as_json)
+    if as_json:
+        print_json([description.to_json() for description in descriptions])
+        return
+    typer.echo("\n\n".join(_text(description) for description in descriptions))
+
+
+def _text(description: Description) -> str:
+    lines = [
+        typer.style(
+            f"{description.name} ({description.kind} of {description.package} {description.version})", bold=True
+        ),
+        "",
+        description.text,
+    ]
+    sections: list[tuple[str, dict[str, Any]]] = [
+        ("State", description.state),
+        ("Control input", description.control_input),
+        ("Needs the knowledge", description.knowledge),
+        ("Fires the events", description.events),
+    ]
+    if description.parameters:
+        lines += ["", "Parameters"]
+        width = max(len(parameter.name) for parameter in description.parameters)
+        for parameter in description.parameters:
+            default = "required" if parameter.required else f"default {parameter.default}"
+            lines.append(f"  {parameter.name:<{width}}  {parameter.type}, {default}")
+            if parameter.description:
+                lines.append(f"  {'':<{width}}  {parameter.description}")
+    for title, entries in sections:
+        if entries:
+            width = max(len(entry) for entry in entries)
+            lines += ["", title, *(f"  {entry:<{width}}  {meaning}" for entry, meaning in entries.items())]
+    return "\n".join(lines)

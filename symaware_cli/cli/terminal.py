@@ -1,0 +1,58 @@
+"""What all verbs share: their common options, and how they show trouble and leave."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any, NoReturn
+
+import typer
+
+FAILED, WRONG_INPUT, DATA_LOST, INTERRUPTED = 1, 2, 3, 130
+
+ScenarioPath = Annotated[
+    Path, typer.Argument(help="A scenario in YAML or TOML, or a log to take it from.", metavar="SCENARIO")
+]
+Overrides = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set", help="Change a value, such as `agents.robot.count=8`; may be repeated.", metavar="PATH=VALUE"
+    ),
+]
+Seed = Annotated[int | None, typer.Option(min=0, max=2**63 - 1, help="A seed that wins over the scenario's.")]
+Json = Annotated[bool, typer.Option("--json", help="Print JSON for scripts.")]
+
+
+def print_json(content: Any) -> None:
+    """Print what a script reads."""
+    typer.echo(json.dumps(content, indent=2, allow_nan=False, default=str))
+
+
+def fail(message: str, status: int, as_json: bool = False) -> NoReturn:
+    """Say what is wrong, and leave."""
+    if as_json:
+        print_json({"error": message})
+    else:
+        typer.echo(f"symaware: {message}", err=True)
+    raise typer.Exit(status)
+
+
+@contextmanager
+def trouble_shown(as_json: bool = False) -> Iterator[None]:
+    """Turn problems with scenarios and logs into a report and an exit status."""
+    from symaware_cli.recording.error import LogError
+    from symaware_cli.scenario.problem import ScenarioError, render, to_json
+
+    try:
+        yield
+    except ScenarioError as error:
+        if as_json:
+            print_json({"valid": False, "problems": to_json(error.problems)})
+        else:
+            typer.echo(render(error.problems, colour=sys.stderr.isatty()), err=True)
+        raise typer.Exit(WRONG_INPUT) from None
+    except LogError as error:
+        fail(str(error), WRONG_INPUT, as_json)

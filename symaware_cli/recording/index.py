@@ -1,0 +1,359 @@
+"""Where everything in a log file stands, and how to get at it.
+
+An `Index` comes from the summary at the end of a sound file, or, if there is none, from `recovery.scan`.
+"""
+
+import io
+import struct
+import zlib
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, field
+from typing import BinaryIO, TypeVar
+
+import zstandard
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import (
+    Attachment,
+    AttachmentIndex,
+    Channel,
+    ChunkIndex,
+    Footer,
+    Header,
+    McapRecord,
+    MetadataIndex,
+    Schema,
+    Statistics,
+)
+
+from symaware_cli.recording.schema import MAGIC
+
+FRAME = struct.Struct("<BQ")
+"""What a record begins with: opcode and length."""
+
+MAX_UNCOMPRESSED = 1 << 30
+"""Bytes; a chunk that claims to unpack to more is taken for broken. (Ours have 2^18.)"""
+
+_MESSAGE = struct.Struct("<BQHIQQ")
+_CHUNK = struct.Struct("<QQQI")
+_FOOTER_SIZE = FRAME.size + 20 + len(MAGIC)
+
+
+class Unsound(Exception):  # noqa: N818 (never leaves this folder)
+    """A record is not what it should be."""
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelInfo:
+    """One channel of a log.
+
+    Attributes:
+        topic: Such as `/agents/robot/state`.
+        schema: Full name of its message, such as `symaware.v1.Rows`; empty if it has none.
+        encoding: How messages are serialised; `protobuf` in our logs.
+        metadata: Such as `columns` and `units`.
+        count: Messages in the log.
+    """
+
+    topic: str
+    schema: str
+    encoding: str
+    metadata: dict[str, str]
+    count: int
+
+
+@dataclass(frozen=True, slots=True)
+class Span:
+    """A part of the file that holds messages: a chunk record, or a run of records outside chunks.
+
+    Attributes:
+        offset: Where it starts.
+        length: Bytes.
+        start: The least log time in it, ns.
+        end: The greatest log time in it, ns.
+        channels: The numbers of the channels in it.
+        chunk: Whether it is a chunk.
+    """
+
+    offset: int
+    length: int
+    start: int
+    end: int
+    channels: frozenset[int]
+    chunk: bool = True
+
+
+@dataclass(slots=True)
+class Index:
+    """What is where in a log file.
+
+    Attributes:
+        header: Who wrote it.
+        schemas: By number.
+        channels: By number.
+        counts: Messages by number of the channel.
+        spans: In the order of the file.
+        attachments: Name and offset of each attachment record.
+        metadata: Name and offset of each metadata record.
+    """
+
+    header: Header
+    schemas: dict[int, Schema] = field(default_factory=dict)
+    channels: dict[int, Channel] = field(default_factory=dict)
+    counts: dict[int, int] = field(default_factory=dict)
+    spans: list[Span] = field(default_factory=list)
+    attachments: list[tuple[str, int]] = field(default_factory=list)
+    metadata: list[tuple[str, int]] = field(default_factory=list)
+
+
+@dataclass(frozen=True, slots=True)
+class RawMessage:
+    """A message as it stands in the file."""
+
+    channel_id: int
+    sequence: int
+    time: int
+    data: bytes
+
+
+def from_summary(file: BinaryIO, size: int) -> Index | None:
+    """Read the index from the summary section.
+
+    Args:
+        file: The log.
+        size: Its size in bytes.
+
+    Returns:
+        The index, or None if the summary is missing, damaged or too poor to do without a scan.
+
+    Raises:
+        Unsound: The file does not even begin like an MCAP.
+    """
+    index = Index(read_header(file))
+    if size < len(MAGIC) + _FOOTER_SIZE:
+        return None
+    try:
+        end = read_at(file, size - _FOOTER_SIZE, _FOOTER_SIZE)
+        if end[-len(MAGIC) :] != MAGIC or FRAME.unpack_from(end) != (Opcode.FOOTER, 20):
+            return None
+        footer = parse(Footer, end[FRAME.size :])
+        if not len(MAGIC) <= footer.summary_start < size - _FOOTER_SIZE:
+            return None
+        section = read_at(file, footer.summary_start, size - _FOOTER_SIZE - footer.summary_start)
+        if footer.summary_crc and zlib.crc32(section + end[: FRAME.size + 16]) != footer.summary_crc:
+            return None
+        return index if _fill(index, section) else None
+    except Unsound:
+        return None
+
+
+def _fill(index: Index, section: bytes) -> bool:
+    """Fill the index from the summary section; false if it leaves out what is needed."""
+    statistics = None
+    chunks: list[ChunkIndex] = []
+    for opcode, start, end in frames(section):
+        content = section[start:end]
+        match opcode:
+            case Opcode.SCHEMA:
+                schema = parse(Schema, content)
+                index.schemas[schema.id] = schema
+            case Opcode.CHANNEL:
+                channel = parse(Channel, content)
+                index.channels[channel.id] = channel
+            case Opcode.STATISTICS:
+                statistics = parse(Statistics, content)
+            case Opcode.CHUNK_INDEX:
+                chunks.append(parse(ChunkIndex, content))
+            case Opcode.ATTACHMENT_INDEX:
+                attachment = parse(AttachmentIndex, content)
+                index.attachments.append((attachment.name, attachment.offset))
+            case Opcode.METADATA_INDEX:
+                metadata = parse(MetadataIndex, content)
+                index.metadata.append((metadata.name, metadata.offset))
+    if statistics is None:
+        return False
+    index.spans = [
+        Span(
+            chunk.chunk_start_offset,
+            chunk.chunk_length,
+            chunk.message_start_time,
+            chunk.message_end_time,
+            # A writer may leave the index of messages out: then anything may be in the chunk.
+            frozenset(chunk.message_index_offsets or index.channels),
+        )
+        for chunk in sorted(chunks, key=lambda chunk: chunk.chunk_start_offset)
+    ]
+    index.counts = statistics.channel_message_counts
+    return (
+        index.counts.keys() <= index.channels.keys()
+        and {channel.schema_id for channel in index.channels.values()} <= index.schemas.keys() | {0}
+        and statistics.chunk_count == len(index.spans)
+        and statistics.attachment_count == len(index.attachments)
+        and statistics.metadata_count == len(index.metadata)
+        and bool(index.spans or not statistics.message_count)  # without chunks, only a scan finds the messages
+    )
+
+
+def read_header(file: BinaryIO) -> Header:
+    """Read the magic and the header record.
+
+    Raises:
+        Unsound: They are not there.
+    """
+    file.seek(0)
+    beginning = file.read(len(MAGIC) + FRAME.size)
+    if not beginning.startswith(MAGIC[: len(beginning)]):
+        raise Unsound("it does not begin like an MCAP")
+    if len(beginning) < len(MAGIC) + FRAME.size:
+        raise Unsound("it breaks off in its first record")
+    opcode, length = FRAME.unpack_from(beginning, len(MAGIC))
+    if opcode != Opcode.HEADER or length > 1 << 20:
+        raise Unsound("the header is not one")
+    return parse(Header, read_at(file, len(beginning), length))
+
+
+def read_at(file: BinaryIO, offset: int, length: int) -> bytes:
+    """Read exactly `length` bytes.
+
+    Raises:
+        Unsound: The file is shorter.
+    """
+    file.seek(offset)
+    data = file.read(length)
+    if len(data) != length:
+        raise Unsound("the file ends in the middle of a record")
+    return data
+
+
+def frames(data: bytes) -> Iterator[tuple[int, int, int]]:
+    """Yield the opcode, start and end of the content of each record in a run of records.
+
+    Raises:
+        Unsound: A record is longer than the data.
+    """
+    position, end = 0, len(data)
+    while position < end:
+        if position + FRAME.size > end:
+            raise Unsound("a record is cut off")
+        opcode, length = FRAME.unpack_from(data, position)
+        start = position + FRAME.size
+        position = start + length
+        if position > end:
+            raise Unsound("a record is cut off")
+        yield opcode, start, position
+
+
+_Record = TypeVar("_Record", bound=McapRecord)
+
+
+def parse(kind: type[_Record], content: bytes) -> _Record:
+    """Parse the content of a record.
+
+    Raises:
+        Unsound: It is not one.
+    """
+    try:
+        record: _Record = kind.read(ReadDataStream(io.BytesIO(content)))  # type: ignore[attr-defined]
+    except (McapError, struct.error, ValueError, OverflowError) as error:
+        raise Unsound(f"a broken {kind.__name__} record") from error
+    return record
+
+
+def read_record(file: BinaryIO, offset: int, kind: type[_Record], opcode: Opcode, limit: int) -> _Record:
+    """Read a record of one kind.
+
+    Args:
+        file: The log.
+        offset: Where the record stands.
+        kind: Its class.
+        opcode: Its opcode.
+        limit: The size of the file, in bytes.
+
+    Raises:
+        Unsound: There is something else, or its checksum is wrong.
+    """
+    found, length = FRAME.unpack(read_at(file, offset, FRAME.size))
+    if found != opcode or offset + FRAME.size + length > limit:
+        raise Unsound(f"no {kind.__name__} record at {offset}")
+    content = read_at(file, offset + FRAME.size, length)
+    if kind is Attachment:
+        (checksum,) = struct.unpack("<I", content[-4:].rjust(4))
+        if checksum and zlib.crc32(content[:-4]) != checksum:
+            raise Unsound("the checksum of an attachment is wrong")
+    return parse(kind, content)
+
+
+def read_span(file: BinaryIO, span: Span) -> bytes:
+    """Read the records of a span, unpacked and checked.
+
+    Raises:
+        Unsound: They are damaged.
+    """
+    data = read_at(file, span.offset, span.length)
+    if not span.chunk:
+        return data
+    if len(data) < FRAME.size or FRAME.unpack_from(data) != (Opcode.CHUNK, len(data) - FRAME.size):
+        raise Unsound(f"no chunk at {span.offset}")
+    return unpack(data[FRAME.size :])
+
+
+def unpack(content: bytes) -> bytes:
+    """Unpack and check the content of a chunk record.
+
+    Raises:
+        Unsound: It is damaged, or compressed in a way unknown here.
+    """
+    try:
+        _, _, size, checksum = _CHUNK.unpack_from(content)
+        start = _CHUNK.size + 4
+        (length,) = struct.unpack_from("<I", content, _CHUNK.size)
+        compression = content[start : start + length]
+        start += length
+        (length,) = struct.unpack_from("<Q", content, start)
+        packed = content[start + 8 : start + 8 + length]
+        if len(packed) != length or size > MAX_UNCOMPRESSED:
+            raise Unsound("a chunk has an impossible size")
+        if compression == b"zstd":
+            # Bounded by what the chunk claims, whatever the frame inside claims.
+            claimed = zstandard.get_frame_parameters(packed).content_size if packed else 0
+            if claimed not in (size, zstandard.CONTENTSIZE_UNKNOWN):
+                raise Unsound("a chunk has an impossible size")
+            data = zstandard.ZstdDecompressor().decompress(packed, max_output_size=size) if packed else b""
+        elif compression == b"lz4":
+            import lz4.frame  # type: ignore[import-untyped] # only other people's logs need it
+
+            data = lz4.frame.LZ4FrameDecompressor().decompress(packed, max_length=size)
+        elif compression == b"":
+            data = packed
+        else:
+            raise Unsound(f"a chunk is compressed by {compression.decode(errors='replace')}, which is unknown here")
+    except (struct.error, zstandard.ZstdError, RuntimeError, MemoryError, EOFError) as error:
+        raise Unsound("a chunk cannot be unpacked") from error
+    if len(data) != size or (checksum and zlib.crc32(data) != checksum):
+        raise Unsound("the checksum of a chunk is wrong")
+    return data
+
+
+def read_messages(data: bytes, wanted: Collection[int], start: int, end: int) -> list[RawMessage]:
+    """Collect messages from a run of records.
+
+    Args:
+        data: The records.
+        wanted: The numbers of the channels wanted.
+        start: The first log time wanted, ns.
+        end: The first log time not wanted any more, ns.
+
+    Raises:
+        Unsound: The records are damaged.
+    """
+    messages = []
+    for opcode, position, stop in frames(data):
+        if opcode == Opcode.MESSAGE:
+            if stop - position < _MESSAGE.size - FRAME.size:
+                raise Unsound("a message is cut off")
+            _, _, channel_id, sequence, time, _ = _MESSAGE.unpack_from(data, position - FRAME.size)
+            if start <= time < end and channel_id in wanted:
+                content = data[position + _MESSAGE.size - FRAME.size : stop]
+                messages.append(RawMessage(channel_id, sequence, time, content))
+    return messages

@@ -1,0 +1,344 @@
+"""The recorder: decides what of a run goes into the log, and when."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from symaware_cli.core import AgentGroup, Contact, Environment, Event, Level, Message, Quantity
+from symaware_cli.core.column import Column, SeriesColumn
+from symaware_cli.recording import symaware_v1_pb2 as v1
+from symaware_cli.recording import wire
+from symaware_cli.recording.writer import LogWriter
+
+_LEVELS = {
+    Level.DEBUG: v1.Event.DEBUG,
+    Level.INFO: v1.Event.INFO,
+    Level.WARNING: v1.Event.WARNING,
+    Level.ERROR: v1.Event.ERROR,
+}
+
+#: What `Recorder` can be told to leave out.
+KINDS = ("state", "intent", "uncertainty", "risk", "control", "knowledge", "awareness", "world")
+
+
+class Recorder:
+    """Writes every update of the situational awareness of every group into a log, row by row that changed.
+
+    Attributes:
+        writer: The log.
+        updates: How many rows of awareness, control and knowledge were recorded so far.
+    """
+
+    def __init__(
+        self,
+        writer: LogWriter,
+        environment: Environment,
+        groups: Sequence[AgentGroup],
+        *,
+        interval: int = 0,
+        omit: Sequence[str] = (),
+    ) -> None:
+        """Open a channel for each group and kind.
+
+        Args:
+            writer: The log, whose attachments are written already.
+            environment: The world, initialised.
+            groups: All groups.
+            interval: Least simulated time between two records of the same group, in nanoseconds; 0 for every step.
+            omit: Which of `KINDS` to leave out.
+        """
+        self.writer = writer
+        self.updates = 0
+        self._environment = environment
+        self._interval = interval
+        self._due = 0
+        self._started = self._timing_due = time.monotonic()
+        self._cpu_started = time.process_time()
+        self._events = writer.channel("/events", "Event")
+        self._messages = writer.channel("/messages", "Message")
+        self._contacts = writer.channel("/contacts", "Contact", {"units": "m"})
+        self._groups = [
+            _GroupChannels(writer, environment, group, omit) for group in sorted(groups, key=lambda group: group.name)
+        ]
+        self._rank = {id: rank for rank, id in enumerate(environment.roster.ids)}
+
+    def record(self, now: int, steps: int) -> None:
+        """Record what changed, and see to it that it reaches the disk in time.
+
+        Args:
+            now: Simulated time in nanoseconds.
+            steps: How many steps were made.
+        """
+        if now >= self._due:
+            self._due = now + self._interval
+            for group in self._groups:
+                self.updates += group.record(now)
+        monotonic = time.monotonic()
+        if monotonic >= self._timing_due:
+            self._timing_due = monotonic + 1.0
+            self._record_timing(now, steps, monotonic)
+        self.writer.flush_if_due(monotonic)
+
+    def event(self, event: Event) -> None:
+        """Record an event."""
+        data = json.dumps(plain(event.data), sort_keys=True) if event.data else ""
+        record = v1.Event(name=event.name, source=event.source, level=_LEVELS[event.level], text=event.text, data=data)
+        self.writer.add(self._events, event.time, record.SerializeToString(deterministic=True))
+
+    def contact(self, contact: Contact, now: int) -> None:
+        """Record that two bodies touch, or cease to."""
+        stage = v1.Contact.BEGIN if contact.begins else v1.Contact.END
+        record = v1.Contact(a=contact.first, b=contact.second, point=contact.point, depth=contact.depth, stage=stage)
+        self.writer.add(self._contacts, now, record.SerializeToString(deterministic=True))
+
+    def message(self, message: Message, now: int, *, delivered: bool) -> None:
+        """Record that a message was sent, or delivered."""
+        record = v1.Message(
+            id=(self._rank[message.sender] << 32) | message.sequence,
+            sender=message.sender,
+            receiver=message.receiver,
+            kind=message.kind,
+            stage=v1.Message.DELIVERED if delivered else v1.Message.SENT,
+            sent_time=message.sent_time,
+        )
+        if not delivered:
+            record.payload = json.dumps(plain(message.payload), sort_keys=True)
+            record.size = len(record.payload)
+        self.writer.add(self._messages, now, record.SerializeToString(deterministic=True))
+
+    def finish(self, now: int, steps: int, outcome: Mapping[str, Any]) -> None:
+        """End the log."""
+        self._record_timing(now, steps, time.monotonic())
+        self.writer.finish(outcome)
+
+    def _record_timing(self, now: int, steps: int, monotonic: float) -> None:
+        self.writer.add_timing(
+            now,
+            wall_time=monotonic - self._started,
+            cpu_time=time.process_time() - self._cpu_started,
+            steps=steps,
+        )
+
+
+class _GroupChannels:
+    """The channels of one group."""
+
+    def __init__(self, writer: LogWriter, environment: Environment, group: AgentGroup, omit: Sequence[str]) -> None:
+        self._writer = writer
+        self._environment = environment
+        self._group = group
+        self._omit = frozenset(omit)
+        self._count = len(group)
+        self._last_truth: Any = None
+        self._world_known = False
+        states = _columns(group.model.state)
+        inputs = _columns(group.model.control_input)
+        topics = {
+            "world": (f"/world/{group.name}/state", "Rows", states),
+            "state": (f"/agents/{group.name}/state", "Rows", states),
+            "control": (f"/agents/{group.name}/control", "Control", inputs),
+            "intent": (f"/agents/{group.name}/intent", "SeriesRows", {}),
+            "uncertainty": (f"/agents/{group.name}/uncertainty", "SeriesRows", {}),
+            "risk": (f"/agents/{group.name}/risk", "SeriesRows", {}),
+            "awareness": (f"/agents/{group.name}/awareness", "Awareness", {}),
+            "knowledge": (f"/agents/{group.name}/knowledge", "Knowledge", {}),
+        }
+        self._channels = {kind: writer.channel(*topic) for kind, topic in topics.items() if kind not in self._omit}
+        #: Series and the like are read only where their channel is open.
+        self._series = [
+            (self._channels[kind], column)
+            for kind, column in (
+                ("intent", group.awareness.intent),
+                ("uncertainty", group.awareness.uncertainty),
+                ("risk", group.awareness.risk),
+            )
+            if kind in self._channels
+        ]
+
+    def record(self, now: int) -> int:
+        """Record the rows that changed and return how many there were, of all kinds but the world's."""
+        writer, channels, awareness = self._writer, self._channels, self._group.awareness
+        updates = 0
+        if "world" in channels:
+            truth = self._environment.state(self._group)
+            if truth is not self._last_truth:
+                self._last_truth = truth
+                writer.add(channels["world"], now, wire.encode_rows(truth))
+        if "state" in channels:
+            updates += self._record_column(now, channels["state"], awareness.state_column)
+        for channel, column in self._series:
+            updates += self._record_series(now, channel, column)
+        if "awareness" in channels:
+            updates += self._record_awareness(now, channels["awareness"])
+        if "control" in channels:
+            updates += self._record_control(now, channels["control"])
+        if "knowledge" in channels:
+            updates += self._record_knowledge(now, channels["knowledge"])
+        return updates
+
+    def _record_column(self, now: int, channel: int, column: Column) -> int:
+        rows = column.take_changes()
+        if rows is None:
+            self._writer.add(channel, now, wire.encode_rows(column.values))
+            return self._count
+        if rows:
+            self._writer.add(channel, now, wire.encode_rows(column.values[rows], rows))
+        return len(rows)
+
+    def _record_control(self, now: int, channel: int) -> int:
+        column = self._group.control_column
+        rows = column.take_changes()
+        if rows is not None and not rows:
+            return 0
+        requested = column.values
+        limited = self._group.model.limit(requested)
+        applied = None if limited is requested or np.array_equal(limited, requested) else limited
+        if rows is not None:
+            requested = requested[rows]
+            applied = None if applied is None else applied[rows]
+        self._writer.add(channel, now, wire.encode_control(requested, applied, rows))
+        return self._count if rows is None else len(rows)
+
+    def _record_series(self, now: int, channel: int, column: SeriesColumn) -> int:
+        rows = column.take_changes()
+        if rows is not None and not rows:
+            return 0
+        shared = column.shared
+        if rows is None and shared:
+            self._writer.add(channel, now, wire.encode_series(*shared))
+            return self._count
+        chosen = range(self._count) if rows is None else rows
+        series = [column.row(row) for row in chosen]
+        width = max(each.values.shape[1] for each in series)
+        lengths = [len(each) for each in series]
+        times = np.concatenate([each.times for each in series])
+        parts = [each.values for each in series if len(each)]
+        values = np.concatenate(parts) if parts else np.empty((0, width))
+        self._writer.add(channel, now, wire.encode_series(times, values, lengths, rows))
+        return len(series)
+
+    def _record_awareness(self, now: int, channel: int) -> int:
+        awareness, changed = self._group.awareness, self._group.awareness.others_changed
+        known_before, self._world_known = self._world_known, awareness.world is not None
+        if awareness.world is not None and awareness.world.time == now and not changed:
+            self._writer.add(channel, now, wire.WHOLE_WORLD)
+            return self._count
+        if not changed and known_before == self._world_known:
+            return 0
+        awareness.others_changed = set()
+        databases = [agent.awareness_database for agent in self._group.agents]
+        if all(each.world is not None and each.world.time == now and not each.others for each in databases):
+            self._writer.add(channel, now, wire.WHOLE_WORLD)
+            return self._count
+        rank = {id: number for number, id in enumerate(self._environment.roster.ids)}
+        rows = sorted(changed)
+        lengths, entities, columns, values = [], [], [], [np.empty(0)]
+        for row in rows:
+            database = databases[row]
+            others = [id for id in database if id != self._group.ids[row] and id in rank]
+            lengths.append(len(others))
+            for id in others:
+                state = database[id].state
+                entities.append(rank[id])
+                columns.append(len(state))
+                values.append(state)
+        self._writer.add(channel, now, wire.encode_awareness(lengths, entities, columns, np.concatenate(values), rows))
+        return len(rows)
+
+    def _record_knowledge(self, now: int, channel: int) -> int:
+        rows = [row for row, knowledge in enumerate(self._group.knowledge) if knowledge.changed]
+        if not rows:
+            return 0
+        record = v1.Knowledge(
+            rows=[] if len(rows) == self._count else rows,
+            values=[json.dumps(plain(self._group.knowledge[row]), sort_keys=True) for row in rows],
+        )
+        for row in rows:
+            self._group.knowledge[row].changed = False
+        self._writer.add(channel, now, record.SerializeToString(deterministic=True))
+        return len(rows)
+
+
+def manifest(
+    *,
+    name: str,
+    seed: int,
+    mode: str,
+    steps: int,
+    environment: Environment,
+    groups: Sequence[AgentGroup],
+    uses: Mapping[str, Mapping[str, Any]],
+    indexed: Mapping[str, bool],
+) -> bytes:
+    """Describe who takes part in a run, as the attachment of that name.
+
+    Args:
+        name: The scenario's name.
+        seed: The seed in force.
+        mode: ``synchronous``.
+        steps: How many steps are to be made.
+        environment: The world, initialised.
+        groups: All groups.
+        uses: For each group, the entry-point names of its ``model`` and ``components``.
+        indexed: For each group, whether its agents are numbered.
+    """
+    content = {
+        "format": 1,
+        "name": name,
+        "seed": seed,
+        "mode": mode,
+        "time_step": environment.time_step,
+        "steps": steps,
+        "groups": {
+            group.name: {
+                "agents": list(group.ids),
+                "indexed": indexed[group.name],
+                "model": {
+                    "use": uses[group.name]["model"],
+                    "state": [list(quantity) for quantity in group.model.state],
+                    "control_input": [list(quantity) for quantity in group.model.control_input],
+                    "position": list(group.model.position),
+                    "heading": group.model.heading,
+                },
+                "entity": group.entity.model_dump(mode="json"),
+                "components": uses[group.name]["components"],
+            }
+            for group in sorted(groups, key=lambda group: group.name)
+        },
+        "entities": {name: entity.model_dump(mode="json") for name, entity in environment.obstacles.items()},
+        "roster": [*environment.roster.ids, *environment.obstacles],
+    }
+    return json.dumps(content, indent=1).encode()
+
+
+def plain(value: Any) -> Any:
+    """Turn a value into what JSON can hold; what it cannot becomes text."""
+    if value is None or isinstance(value, str | bool | int):
+        return value
+    if isinstance(value, float):
+        return value if np.isfinite(value) else str(value)
+    if isinstance(value, np.ndarray | np.generic):
+        return plain(value.tolist())
+    if isinstance(value, Mapping):
+        return {str(key): plain(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(each) for each in value]
+    if isinstance(value, set | frozenset):
+        return sorted((plain(each) for each in value), key=repr)
+    if hasattr(value, "times") and hasattr(value, "values"):
+        return {"times": plain(value.times), "values": plain(value.values)}
+    if hasattr(value, "state") and hasattr(value, "id"):
+        return {name: plain(getattr(value, name)) for name in ("id", "state", "intent", "uncertainty", "risk")}
+    return f"<{type(value).__module__}.{type(value).__qualname__}>"
+
+
+def _columns(quantities: Sequence[Quantity]) -> dict[str, str]:
+    return {
+        "columns": ",".join(quantity.name for quantity in quantities),
+        "units": ",".join(quantity.unit for quantity in quantities),
+    }

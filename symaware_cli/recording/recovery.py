@@ -1,0 +1,198 @@
+"""What can be read of a log whose end is missing or damaged.
+
+The writer hands over whole records in order, so everything up to the break is sound: the file is walked from its
+beginning, record by record, and every chunk is unpacked and checked.
+"""
+
+from dataclasses import dataclass, field
+from typing import BinaryIO
+
+from mcap.opcode import Opcode
+from mcap.records import Attachment, Channel, Metadata, Schema
+
+from symaware_cli.recording.index import (
+    FRAME,
+    Index,
+    Span,
+    Unsound,
+    frames,
+    parse,
+    read_at,
+    read_header,
+    read_messages,
+    read_record,
+    unpack,
+)
+from symaware_cli.recording.schema import MAGIC, OUTCOME
+
+FOREVER = 1 << 64
+"""Later than any log time, ns."""
+
+_RUN = 256 * 1024
+"""Bytes of records outside chunks that are read at once."""
+
+
+@dataclass(slots=True)
+class Damage:
+    """What is wrong with a log file; `str()` of it says so in a sentence.
+
+    Attributes:
+        end_missing: The file breaks off before the end of its data: an unknown amount was lost.
+        summary_missing: The summary at the end is missing or damaged. By itself this loses nothing.
+        unread_bytes: Bytes at the end of the file that are no sound record.
+        chunks_skipped: Chunks that were damaged and left out, found so far: for a file with a sound summary a chunk is
+            checked only when it is read.
+        attachments_skipped: Attachments and metadata records that were damaged and left out.
+        last_time: The last simulated time that could be read, ns; None if there is no message.
+    """
+
+    end_missing: bool = False
+    summary_missing: bool = False
+    unread_bytes: int = 0
+    chunks_skipped: int = 0
+    attachments_skipped: int = 0
+    last_time: int | None = None
+
+    @property
+    def lost(self) -> bool:
+        """Whether anything that was recorded cannot be read."""
+        return self.end_missing or self.chunks_skipped > 0 or self.attachments_skipped > 0
+
+    def __bool__(self) -> bool:
+        return self.lost or self.summary_missing or self.unread_bytes > 0
+
+    def __str__(self) -> str:
+        parts = []
+        if self.end_missing:
+            until = "before the first message" if self.last_time is None else f"after {self.last_time / 1e9:.9g} s"
+            parts.append(f"the log breaks off {until} of simulated time and the end of the run is missing")
+        elif self.summary_missing:
+            parts.append("the summary at the end of the file is damaged, which loses nothing")
+        if self.chunks_skipped:
+            parts.append(f"{_count(self.chunks_skipped, 'damaged chunk')} left out")
+        if self.attachments_skipped:
+            parts.append(f"{_count(self.attachments_skipped, 'damaged attachment')} left out")
+        if self.unread_bytes:
+            parts.append(f"{_count(self.unread_bytes, 'byte')} at the end of the file cannot be read")
+        return "; ".join(parts)
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number:,} {noun}{'' if number == 1 else 's'}"
+
+
+@dataclass(slots=True)
+class _Run:
+    """A run of records outside chunks, such as other people's writers leave."""
+
+    offset: int = 0
+    length: int = 0
+    times: list[int] = field(default_factory=list)
+    channels: set[int] = field(default_factory=set)
+
+
+def scan(file: BinaryIO, size: int) -> tuple[Index, Damage]:
+    """Walk a log file from its beginning.
+
+    Memory does not grow with the file but for about 200 bytes a chunk.
+
+    Args:
+        file: The log.
+        size: Its size in bytes.
+
+    Returns:
+        Where everything sound stands, and what is wrong. A file without a summary that is complete otherwise (other
+        people's writers may leave it out) has no damage to tell of.
+
+    Raises:
+        Unsound: The file does not even begin like an MCAP.
+    """
+    index, damage, run = Index(read_header(file)), Damage(), _Run()
+    _, length = FRAME.unpack(read_at(file, len(MAGIC), FRAME.size))
+    position = len(MAGIC) + FRAME.size + length
+    last = None
+    while size - position >= FRAME.size:
+        opcode, length = FRAME.unpack(read_at(file, position, FRAME.size))
+        if opcode == 0 or length > size - position - FRAME.size:
+            break
+        end = position + FRAME.size + length
+        if opcode == Opcode.CHUNK:
+            _close(run, index)
+            content = read_at(file, position + FRAME.size, length)
+            try:
+                times, channels = _note(unpack(content), index)
+            except Unsound:
+                damage.chunks_skipped += 1
+            else:
+                if times:
+                    index.spans.append(Span(position, end - position, min(times), max(times), frozenset(channels)))
+        elif opcode in (Opcode.MESSAGE, Opcode.SCHEMA, Opcode.CHANNEL):
+            try:
+                times, channels = _note(read_at(file, position, end - position), index)
+            except Unsound:
+                break
+            if not times or run.length > _RUN:
+                _close(run, index)
+            if times:
+                run.offset = run.offset or position
+                run.length = end - run.offset
+                run.times += times
+                run.channels |= channels
+        elif opcode in (Opcode.ATTACHMENT, Opcode.METADATA):
+            _close(run, index)
+            kind: type[Attachment | Metadata] = Attachment if opcode == Opcode.ATTACHMENT else Metadata
+            places = index.attachments if kind is Attachment else index.metadata
+            try:
+                record = read_record(file, position, kind, Opcode(opcode), size)
+            except Unsound:
+                damage.attachments_skipped += 1
+            else:
+                places.append((record.name, position))
+        elif opcode in (Opcode.DATA_END, Opcode.FOOTER):
+            last = opcode
+        position = end
+        if last == Opcode.FOOTER:
+            break
+    _close(run, index)
+    tail = read_at(file, position, min(size - position, len(MAGIC)))
+    ended = last == Opcode.FOOTER and tail == MAGIC
+    damage.end_missing = last is None and OUTCOME not in dict(index.metadata)
+    damage.summary_missing = not ended
+    damage.unread_bytes = size - position - (len(MAGIC) if ended else 0)
+    damage.last_time = max((span.end for span in index.spans), default=None)
+    return index, damage
+
+
+def _note(records: bytes, index: Index) -> tuple[list[int], set[int]]:
+    """Enter the schemas, channels and counts of a run of records in the index, all or none.
+
+    Returns:
+        The log times, ns, and the channels of its messages.
+
+    Raises:
+        Unsound: It is damaged.
+    """
+    schemas, channels = [], []
+    for opcode, start, end in frames(records):
+        if opcode == Opcode.SCHEMA:
+            schemas.append(parse(Schema, records[start:end]))
+        elif opcode == Opcode.CHANNEL:
+            channels.append(parse(Channel, records[start:end]))
+    known_schemas = index.schemas | {schema.id: schema for schema in schemas}
+    known = index.channels | {channel.id: channel for channel in channels}
+    messages = read_messages(records, range(1 << 16), 0, FOREVER)
+    used = {message.channel_id for message in messages}
+    if not used <= known.keys() or not {channel.schema_id for channel in channels} <= known_schemas.keys() | {0}:
+        raise Unsound("a record refers to one that is missing")
+    index.schemas, index.channels = known_schemas, known
+    for message in messages:
+        index.counts[message.channel_id] = index.counts.get(message.channel_id, 0) + 1
+    return [message.time for message in messages], used
+
+
+def _close(run: _Run, index: Index) -> None:
+    """End a run of records outside chunks."""
+    if run.times:
+        channels = frozenset(run.channels)
+        index.spans.append(Span(run.offset, run.length, min(run.times), max(run.times), channels, chunk=False))
+    run.offset, run.length, run.times, run.channels = 0, 0, [], set()

@@ -1,0 +1,50 @@
+"""The vocabulary of a log: its messages and the names that writer and reader share."""
+
+from google.protobuf.descriptor_pb2 import FileDescriptorSet
+from google.protobuf.message import Message
+
+from symaware_cli.recording import symaware_v1_pb2 as v1
+
+MAGIC = b"\x89MCAP0\r\n"
+"""What an MCAP file begins and ends with."""
+
+PROFILE = "symaware"
+"""The profile in the header of the MCAP file."""
+
+LIBRARY = "symaware"
+"""The library in the header: whoever says this keeps the order of times and sequences in the file."""
+
+FORMAT = 1
+"""The version of the format (`format` in the manifest). A reader refuses a higher one."""
+
+TIMING = "/timing"
+"""The only channel in which two equal runs may differ."""
+
+MANIFEST = "manifest.json"
+"""The attachment that says who took part."""
+
+OUTCOME = "symaware.outcome"
+"""The metadata record that ends a run; its values are JSON."""
+
+MESSAGES: dict[str, type[Message]] = {
+    message.DESCRIPTOR.name: message
+    for message in (
+        v1.Rows,
+        v1.Control,
+        v1.SeriesRows,
+        v1.Awareness,
+        v1.Knowledge,
+        v1.Event,
+        v1.Message,
+        v1.Contact,
+        v1.Timing,
+    )
+}
+"""The generated class of each message, by its name without the package."""
+
+
+def descriptor_set() -> bytes:
+    """Serialise log.proto, which imports nothing, as a FileDescriptorSet: what an MCAP schema record holds."""
+    files = FileDescriptorSet()
+    v1.DESCRIPTOR.CopyToProto(files.file.add())
+    return files.SerializeToString(deterministic=True)

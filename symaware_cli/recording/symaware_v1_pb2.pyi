@@ -1,0 +1,158 @@
+from google.protobuf.internal import containers as _containers
+from google.protobuf.internal import enum_type_wrapper as _enum_type_wrapper
+from google.protobuf import descriptor as _descriptor
+from google.protobuf import message as _message
+from collections.abc import Iterable as _Iterable
+from typing import ClassVar as _ClassVar, Optional as _Optional, Union as _Union
+
+DESCRIPTOR: _descriptor.FileDescriptor
+
+class Rows(_message.Message):
+    __slots__ = ("columns", "rows", "values")
+    COLUMNS_FIELD_NUMBER: _ClassVar[int]
+    ROWS_FIELD_NUMBER: _ClassVar[int]
+    VALUES_FIELD_NUMBER: _ClassVar[int]
+    columns: int
+    rows: _containers.RepeatedScalarFieldContainer[int]
+    values: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, columns: _Optional[int] = ..., rows: _Optional[_Iterable[int]] = ..., values: _Optional[_Iterable[float]] = ...) -> None: ...
+
+class Control(_message.Message):
+    __slots__ = ("columns", "rows", "requested", "applied")
+    COLUMNS_FIELD_NUMBER: _ClassVar[int]
+    ROWS_FIELD_NUMBER: _ClassVar[int]
+    REQUESTED_FIELD_NUMBER: _ClassVar[int]
+    APPLIED_FIELD_NUMBER: _ClassVar[int]
+    columns: int
+    rows: _containers.RepeatedScalarFieldContainer[int]
+    requested: _containers.RepeatedScalarFieldContainer[float]
+    applied: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, columns: _Optional[int] = ..., rows: _Optional[_Iterable[int]] = ..., requested: _Optional[_Iterable[float]] = ..., applied: _Optional[_Iterable[float]] = ...) -> None: ...
+
+class SeriesRows(_message.Message):
+    __slots__ = ("columns", "rows", "lengths", "times", "values")
+    COLUMNS_FIELD_NUMBER: _ClassVar[int]
+    ROWS_FIELD_NUMBER: _ClassVar[int]
+    LENGTHS_FIELD_NUMBER: _ClassVar[int]
+    TIMES_FIELD_NUMBER: _ClassVar[int]
+    VALUES_FIELD_NUMBER: _ClassVar[int]
+    columns: int
+    rows: _containers.RepeatedScalarFieldContainer[int]
+    lengths: _containers.RepeatedScalarFieldContainer[int]
+    times: _containers.RepeatedScalarFieldContainer[int]
+    values: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, columns: _Optional[int] = ..., rows: _Optional[_Iterable[int]] = ..., lengths: _Optional[_Iterable[int]] = ..., times: _Optional[_Iterable[int]] = ..., values: _Optional[_Iterable[float]] = ...) -> None: ...
+
+class Awareness(_message.Message):
+    __slots__ = ("world", "rows", "lengths", "entities", "columns", "values")
+    WORLD_FIELD_NUMBER: _ClassVar[int]
+    ROWS_FIELD_NUMBER: _ClassVar[int]
+    LENGTHS_FIELD_NUMBER: _ClassVar[int]
+    ENTITIES_FIELD_NUMBER: _ClassVar[int]
+    COLUMNS_FIELD_NUMBER: _ClassVar[int]
+    VALUES_FIELD_NUMBER: _ClassVar[int]
+    world: bool
+    rows: _containers.RepeatedScalarFieldContainer[int]
+    lengths: _containers.RepeatedScalarFieldContainer[int]
+    entities: _containers.RepeatedScalarFieldContainer[int]
+    columns: _containers.RepeatedScalarFieldContainer[int]
+    values: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, world: _Optional[bool] = ..., rows: _Optional[_Iterable[int]] = ..., lengths: _Optional[_Iterable[int]] = ..., entities: _Optional[_Iterable[int]] = ..., columns: _Optional[_Iterable[int]] = ..., values: _Optional[_Iterable[float]] = ...) -> None: ...
+
+class Knowledge(_message.Message):
+    __slots__ = ("rows", "values")
+    ROWS_FIELD_NUMBER: _ClassVar[int]
+    VALUES_FIELD_NUMBER: _ClassVar[int]
+    rows: _containers.RepeatedScalarFieldContainer[int]
+    values: _containers.RepeatedScalarFieldContainer[str]
+    def __init__(self, rows: _Optional[_Iterable[int]] = ..., values: _Optional[_Iterable[str]] = ...) -> None: ...
+
+class Event(_message.Message):
+    __slots__ = ("name", "source", "level", "text", "data")
+    class Level(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+        __slots__ = ()
+        LEVEL_UNSPECIFIED: _ClassVar[Event.Level]
+        DEBUG: _ClassVar[Event.Level]
+        INFO: _ClassVar[Event.Level]
+        WARNING: _ClassVar[Event.Level]
+        ERROR: _ClassVar[Event.Level]
+    LEVEL_UNSPECIFIED: Event.Level
+    DEBUG: Event.Level
+    INFO: Event.Level
+    WARNING: Event.Level
+    ERROR: Event.Level
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    SOURCE_FIELD_NUMBER: _ClassVar[int]
+    LEVEL_FIELD_NUMBER: _ClassVar[int]
+    TEXT_FIELD_NUMBER: _ClassVar[int]
+    DATA_FIELD_NUMBER: _ClassVar[int]
+    name: str
+    source: str
+    level: Event.Level
+    text: str
+    data: str
+    def __init__(self, name: _Optional[str] = ..., source: _Optional[str] = ..., level: _Optional[_Union[Event.Level, str]] = ..., text: _Optional[str] = ..., data: _Optional[str] = ...) -> None: ...
+
+class Message(_message.Message):
+    __slots__ = ("id", "sender", "receiver", "kind", "stage", "sent_time", "reason", "payload", "size")
+    class Stage(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+        __slots__ = ()
+        STAGE_UNSPECIFIED: _ClassVar[Message.Stage]
+        SENT: _ClassVar[Message.Stage]
+        DELIVERED: _ClassVar[Message.Stage]
+        DROPPED: _ClassVar[Message.Stage]
+    STAGE_UNSPECIFIED: Message.Stage
+    SENT: Message.Stage
+    DELIVERED: Message.Stage
+    DROPPED: Message.Stage
+    ID_FIELD_NUMBER: _ClassVar[int]
+    SENDER_FIELD_NUMBER: _ClassVar[int]
+    RECEIVER_FIELD_NUMBER: _ClassVar[int]
+    KIND_FIELD_NUMBER: _ClassVar[int]
+    STAGE_FIELD_NUMBER: _ClassVar[int]
+    SENT_TIME_FIELD_NUMBER: _ClassVar[int]
+    REASON_FIELD_NUMBER: _ClassVar[int]
+    PAYLOAD_FIELD_NUMBER: _ClassVar[int]
+    SIZE_FIELD_NUMBER: _ClassVar[int]
+    id: int
+    sender: str
+    receiver: str
+    kind: str
+    stage: Message.Stage
+    sent_time: int
+    reason: str
+    payload: str
+    size: int
+    def __init__(self, id: _Optional[int] = ..., sender: _Optional[str] = ..., receiver: _Optional[str] = ..., kind: _Optional[str] = ..., stage: _Optional[_Union[Message.Stage, str]] = ..., sent_time: _Optional[int] = ..., reason: _Optional[str] = ..., payload: _Optional[str] = ..., size: _Optional[int] = ...) -> None: ...
+
+class Contact(_message.Message):
+    __slots__ = ("a", "b", "point", "depth", "stage")
+    class Stage(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+        __slots__ = ()
+        STAGE_UNSPECIFIED: _ClassVar[Contact.Stage]
+        BEGIN: _ClassVar[Contact.Stage]
+        END: _ClassVar[Contact.Stage]
+    STAGE_UNSPECIFIED: Contact.Stage
+    BEGIN: Contact.Stage
+    END: Contact.Stage
+    A_FIELD_NUMBER: _ClassVar[int]
+    B_FIELD_NUMBER: _ClassVar[int]
+    POINT_FIELD_NUMBER: _ClassVar[int]
+    DEPTH_FIELD_NUMBER: _ClassVar[int]
+    STAGE_FIELD_NUMBER: _ClassVar[int]
+    a: str
+    b: str
+    point: _containers.RepeatedScalarFieldContainer[float]
+    depth: float
+    stage: Contact.Stage
+    def __init__(self, a: _Optional[str] = ..., b: _Optional[str] = ..., point: _Optional[_Iterable[float]] = ..., depth: _Optional[float] = ..., stage: _Optional[_Union[Contact.Stage, str]] = ...) -> None: ...
+
+class Timing(_message.Message):
+    __slots__ = ("wall_time", "cpu_time", "steps")
+    WALL_TIME_FIELD_NUMBER: _ClassVar[int]
+    CPU_TIME_FIELD_NUMBER: _ClassVar[int]
+    STEPS_FIELD_NUMBER: _ClassVar[int]
+    wall_time: float
+    cpu_time: float
+    steps: int
+    def __init__(self, wall_time: _Optional[float] = ..., cpu_time: _Optional[float] = ..., steps: _Optional[int] = ...) -> None: ...

@@ -1,0 +1,431 @@
+"""The writer of a log.
+
+It writes MCAP records itself, with the record classes of `mcap`, and not through `mcap.writer.Writer`: the chunks are
+ours to cut (a bound on their size, an end on demand, before a large message and not behind it), a message costs 1 us
+instead of 4, and every byte reaches the operating system in one place, where a failure can be dealt with.
+"""
+
+import contextlib
+import json
+import os
+import struct
+import zlib
+from collections.abc import Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import zstandard
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+from mcap.records import (
+    Attachment,
+    AttachmentIndex,
+    Channel,
+    Chunk,
+    ChunkIndex,
+    DataEnd,
+    Footer,
+    Header,
+    McapRecord,
+    Metadata,
+    MetadataIndex,
+    Schema,
+    Statistics,
+    SummaryOffset,
+)
+
+from symaware_cli.recording import symaware_v1_pb2 as v1
+from symaware_cli.recording.error import LogError, reason
+from symaware_cli.recording.schema import LIBRARY, MAGIC, MESSAGES, OUTCOME, PROFILE, TIMING, descriptor_set
+
+CHUNK_SIZE = 256 * 1024
+"""Bytes of a chunk before compression, at most; only a message that is larger than that has a larger one to itself."""
+
+_MESSAGE = struct.Struct("<BQHIQQ")  # opcode 5, length, channel, sequence, log time, publish time
+_MESSAGE_HEADER = _MESSAGE.size - 9
+_MESSAGE_INDEX = struct.Struct("<BQHI")
+
+
+class LogWriter:
+    """Writes one log.
+
+    Messages gather in a chunk, which is compressed and handed to the operating system when it is full or flushed;
+    whatever has been handed over outlives the process. Attachments, metadata and channels are handed over at once.
+
+    As a context manager it aborts the log on leaving, unless it was finished before.
+
+    Args:
+        path: The file, which is replaced.
+        flush_interval: Wall time between two flushes by `flush_if_due`, in s.
+
+    Raises:
+        LogError: The file cannot be created.
+
+    Attributes:
+        path: The file.
+        size: Bytes handed to the operating system so far.
+    """
+
+    def __init__(self, path: str | os.PathLike[str], *, flush_interval: float = 0.5):
+        self.path = Path(path)
+        self.size = 0
+        self._flush_interval = flush_interval
+        self._due: float | None = None
+        self._error: LogError | None = None
+        self._compressor = zstandard.ZstdCompressor()
+
+        self._chunk = bytearray()
+        self._chunk_start = 0
+        self._time = 0
+        self._sequence = 0
+        self._timing_sequence = 0
+        # Per channel id (0 is no channel): time and offset of each message in the chunk, one after the other.
+        self._positions: list[list[int]] = [[]]
+
+        self._schemas: dict[str, Schema] = {}
+        self._channels: list[Channel] = []
+        self._counts: list[int] = [0]
+        self._start_time: int | None = None
+        self._chunk_count = 0
+        self._chunk_indexes = bytearray()  # serialised: there may be many
+        self._attachments: list[AttachmentIndex] = []
+        self._metadata: list[MetadataIndex] = []
+
+        try:
+            self._file = open(self.path, "wb", buffering=0)  # noqa: SIM115 (closed by finish, abort and _fail)
+        except OSError as error:
+            raise LogError(f"cannot create the log {self.path}: {reason(error)}") from error
+        self._open = True
+        # Without a version, so that equal runs make equal logs; versions have an attachment of their own.
+        self._write(MAGIC + _serialise(Header(profile=PROFILE, library=LIBRARY)))
+        # First of all, so that its number does not depend on when somebody looked at the clock.
+        self._timing = self.channel(
+            TIMING, "Timing", {"columns": "wall_time,cpu_time,steps", "units": "s,s,1", "deterministic": "false"}
+        )
+
+    @property
+    def messages(self) -> int:
+        """Messages added so far."""
+        return sum(self._counts) + sum(map(len, self._positions)) // 2
+
+    def attach(self, name: str, media_type: str, data: bytes) -> None:
+        """Write an attachment.
+
+        Args:
+            name: Its name in the log, such as `scenario/hello.yaml`.
+            media_type: What it is, such as `application/json`.
+            data: Its content.
+
+        Raises:
+            LogError: It cannot be written.
+        """
+        offset = self.size
+        length = self._write_record(Attachment(create_time=0, log_time=0, name=name, media_type=media_type, data=data))
+        self._attachments.append(
+            AttachmentIndex(
+                offset=offset,
+                length=length,
+                log_time=0,
+                create_time=0,
+                data_size=len(data),
+                name=name,
+                media_type=media_type,
+            )
+        )
+
+    def metadata(self, name: str, data: Mapping[str, str]) -> None:
+        """Write a metadata record.
+
+        Args:
+            name: Its name.
+            data: Its content, in the order in which it is to stand.
+
+        Raises:
+            LogError: It cannot be written.
+        """
+        offset = self.size
+        length = self._write_record(Metadata(name=name, metadata=dict(data)))
+        self._metadata.append(MetadataIndex(offset=offset, length=length, name=name))
+
+    def channel(self, topic: str, message_name: str, metadata: Mapping[str, str] | None = None) -> int:
+        """Open a channel.
+
+        Args:
+            topic: Where it is found, such as `/agents/robot/state`.
+            message_name: Its message in schemas/symaware/v1/log.proto, such as `Rows`.
+            metadata: What a reader should know of it, such as the columns and their units.
+
+        Returns:
+            Its number, for `add`.
+
+        Raises:
+            LogError: It cannot be written.
+            KeyError: There is no such message.
+        """
+        schema = self._schemas.get(message_name)
+        if schema is None:
+            name = MESSAGES[message_name].DESCRIPTOR.full_name
+            schema = Schema(id=len(self._schemas) + 1, name=name, encoding="protobuf", data=descriptor_set())
+            self._write_record(schema)
+            self._schemas[message_name] = schema
+        channel = Channel(
+            id=len(self._channels) + 1,
+            topic=topic,
+            message_encoding="protobuf",
+            metadata=dict(metadata or {}),
+            schema_id=schema.id,
+        )
+        # Beside the chunks and not in one, so that a damaged chunk costs its messages only.
+        self._write_record(channel)
+        self._channels.append(channel)
+        self._positions.append([])
+        self._counts.append(0)
+        return channel.id
+
+    def add(self, channel_id: int, time_ns: int, data: bytes) -> None:
+        """Add a message.
+
+        Args:
+            channel_id: What `channel` returned.
+            time_ns: Simulated time in ns, never before that of the last message: logs are read in one pass.
+            data: The serialised message.
+
+        Raises:
+            LogError: A chunk was full and could not be written.
+            ValueError: The time went back, is negative, or the log has its 2^32 messages.
+        """
+        self._add(channel_id, time_ns, data, self._sequence)
+        self._sequence += 1
+
+    def add_timing(self, time_ns: int, *, wall_time: float, cpu_time: float, steps: int) -> None:
+        """Add to /timing how fast the machine was.
+
+        Its messages have a sequence of their own, so that they do not shift the others'.
+
+        Args:
+            time_ns: Simulated time in ns.
+            wall_time: Since the run started, in s.
+            cpu_time: Used by the process, in s.
+            steps: Steps done.
+        """
+        message = v1.Timing(wall_time=wall_time, cpu_time=cpu_time, steps=steps)
+        self._add(self._timing, time_ns, message.SerializeToString(), self._timing_sequence)
+        self._timing_sequence += 1
+
+    def _add(self, channel_id: int, time_ns: int, data: bytes, sequence: int) -> None:
+        if not self._open:
+            self._refuse()
+        if time_ns < self._time:
+            raise ValueError(f"a message at {time_ns} ns after one at {self._time} ns")
+        positions = self._positions[channel_id]
+        chunk = self._chunk
+        length = _MESSAGE_HEADER + len(data)
+        if chunk and len(chunk) + 9 + length > CHUNK_SIZE:
+            self._end_chunk()
+        try:
+            record = _MESSAGE.pack(5, length, channel_id, sequence, time_ns, time_ns) + data
+        except struct.error as error:
+            raise ValueError(f"message {sequence} at {time_ns} ns is out of range") from error
+        if not chunk:
+            self._chunk_start = time_ns
+        positions += (time_ns, len(chunk))
+        chunk += record
+        self._time = time_ns
+
+    def flush(self) -> None:
+        """End the chunk and hand it to the operating system, from where it survives the death of this process.
+
+        Raises:
+            LogError: It cannot be written.
+        """
+        if not self._open:
+            self._refuse()
+        self._end_chunk()
+
+    def is_due(self, monotonic_now: float) -> bool:
+        """Tell whether `flush_if_due` would flush: the last time it did was `flush_interval` ago.
+
+        Args:
+            monotonic_now: The reading of a monotonic clock in s; the first one starts the count.
+        """
+        if self._due is None:
+            self._due = monotonic_now + self._flush_interval
+        return monotonic_now >= self._due
+
+    def flush_if_due(self, monotonic_now: float) -> None:
+        """Flush if `is_due`.
+
+        Args:
+            monotonic_now: The reading of a monotonic clock in s.
+        """
+        if self.is_due(monotonic_now):
+            self._due = monotonic_now + self._flush_interval
+            self.flush()
+
+    def finish(self, outcome: Mapping[str, Any]) -> None:
+        """End the run: write its outcome and the summary, and close the file.
+
+        Args:
+            outcome: How the run ended; values that JSON can hold.
+
+        Raises:
+            LogError: It cannot be written.
+        """
+        if not self._open:
+            self._refuse()
+        self._end_chunk()
+        self.metadata(OUTCOME, {key: json.dumps(value, sort_keys=True) for key, value in sorted(outcome.items())})
+        self._close()
+
+    def abort(self) -> None:
+        """Close the log without an outcome, keeping all that was added if it can be kept.
+
+        Never raises: there is an error on its way already that must not be hidden.
+        """
+        if self._open:
+            with contextlib.suppress(LogError):
+                self._end_chunk()
+                self._close()
+
+    def __enter__(self) -> "LogWriter":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self.abort()
+
+    def _end_chunk(self) -> None:
+        """Write the chunk, if there is one, and the index of its messages."""
+        if not self._chunk:
+            return
+        data = bytes(self._chunk)
+        compressed = self._compressor.compress(data)
+        chunk = Chunk(
+            compression="zstd",
+            data=compressed,
+            message_start_time=self._chunk_start,
+            message_end_time=self._time,
+            uncompressed_crc=zlib.crc32(data),
+            uncompressed_size=len(data),
+        )
+        offset = self.size
+        records = bytearray(_serialise(chunk))
+        length = len(records)
+        offsets = {}
+        for channel_id, positions in enumerate(self._positions):
+            if positions:
+                offsets[channel_id] = offset + len(records)
+                size = 8 * len(positions)
+                records += _MESSAGE_INDEX.pack(Opcode.MESSAGE_INDEX, 6 + size, channel_id, size)
+                records += struct.pack(f"<{len(positions)}Q", *positions)
+        index = ChunkIndex(
+            chunk_length=length,
+            chunk_start_offset=offset,
+            compression="zstd",
+            compressed_size=len(compressed),
+            message_end_time=self._time,
+            message_index_length=len(records) - length,
+            message_index_offsets=offsets,
+            message_start_time=self._chunk_start,
+            uncompressed_size=len(data),
+        )
+        self._write(records)
+        self._chunk_indexes += _serialise(index)
+        self._chunk_count += 1
+        if self._start_time is None:
+            self._start_time = self._chunk_start
+        for channel_id, positions in enumerate(self._positions):
+            self._counts[channel_id] += len(positions) // 2
+            positions.clear()
+        self._chunk.clear()
+
+    def _close(self) -> None:
+        """Write what stands behind the messages and close the file."""
+        self._write_record(DataEnd(data_section_crc=0))
+        self._write(self._summary())
+        self._open = False
+        try:
+            self._file.close()
+        except OSError as error:  # a network file system may say only now that it kept nothing
+            self._error = LogError(f"the log {self.path} may be incomplete: {reason(error)}")
+            raise self._error from error
+
+    def _summary(self) -> bytes:
+        """Build the summary section, the footer and the magic."""
+        summary = bytearray()
+        groups: list[SummaryOffset] = []
+
+        def add(opcode: Opcode, records: bytes | bytearray) -> None:
+            nonlocal summary
+            if records:
+                groups.append(SummaryOffset(opcode, self.size + len(summary), len(records)))
+                summary += records
+
+        statistics = Statistics(
+            attachment_count=len(self._attachments),
+            channel_count=len(self._channels),
+            channel_message_counts={number: count for number, count in enumerate(self._counts) if count},
+            chunk_count=self._chunk_count,
+            message_count=sum(self._counts),
+            message_start_time=self._start_time or 0,
+            message_end_time=self._time,
+            metadata_count=len(self._metadata),
+            schema_count=len(self._schemas),
+        )
+        add(Opcode.SCHEMA, _serialise(*self._schemas.values()))
+        add(Opcode.CHANNEL, _serialise(*self._channels))
+        add(Opcode.STATISTICS, _serialise(statistics))
+        add(Opcode.CHUNK_INDEX, self._chunk_indexes)
+        add(Opcode.ATTACHMENT_INDEX, _serialise(*self._attachments))
+        add(Opcode.METADATA_INDEX, _serialise(*self._metadata))
+        offsets = self.size + len(summary)
+        summary += _serialise(*groups)
+        # The checksum covers the footer up to the checksum itself, which is its last field.
+        summary += _serialise(Footer(summary_start=self.size, summary_offset_start=offsets, summary_crc=0))[:-4]
+        summary += struct.pack("<I", zlib.crc32(summary))
+        return bytes(summary + MAGIC)
+
+    def _write_record(self, record: McapRecord) -> int:
+        """Write a record and return its length in bytes."""
+        data = _serialise(record)
+        self._write(data)
+        return len(data)
+
+    def _write(self, data: bytes | bytearray) -> None:
+        """Hand all of it to the operating system: the only place that does."""
+        if not self._open:
+            self._refuse()
+        try:
+            rest = memoryview(data)
+            while rest:
+                rest = rest[self._file.write(rest) or 0 :]
+        except OSError as error:
+            self._fail(error)
+        self.size += len(data)
+
+    def _fail(self, error: OSError) -> None:
+        """Give up after a failed write: leave whole records only, close the file, and say so once."""
+        self._open = False
+        self._chunk.clear()
+        # If these fail as well, the first error is still the one to tell, and a reader copes with half a record.
+        with contextlib.suppress(OSError):
+            self._file.truncate(self.size)
+        with contextlib.suppress(OSError):
+            self._file.close()
+        self._error = LogError(
+            f"cannot write the log {self.path}: {reason(error)}; what was written before ({self.size:,} bytes) stays "
+            "readable"
+        )
+        raise self._error from error
+
+    def _refuse(self) -> None:
+        raise self._error or LogError(f"the log {self.path} is closed")
+
+
+def _serialise(*records: McapRecord) -> bytes:
+    builder = RecordBuilder()
+    for record in records:
+        record.write(builder)
+    return bytes(builder.end())  # type: ignore[no-untyped-call] # mcap leaves out the return type

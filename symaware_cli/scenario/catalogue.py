@@ -1,0 +1,156 @@
+"""The catalogue: every installed plugin, found through entry points and imported only when it is used."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from importlib import metadata
+from typing import Any
+
+from symaware_cli.core import Component, Environment, GroupComponent, Model
+from symaware_cli.scenario.problem import nearest
+
+#: What a scenario can use, and the entry-point group where it is registered.
+GROUPS = {"component": "symaware.components", "environment": "symaware.environments", "model": "symaware.models"}
+
+_BASES: Mapping[str, tuple[type, ...]] = {
+    "component": (Component, GroupComponent),
+    "environment": (Environment,),
+    "model": (Model,),
+}
+
+#: Modules that come with an extra of this package.
+_EXTRAS = {"rerun": "viewer", "pybullet": "pybullet", "pybullet_data": "pybullet", "casadi": "casadi"}
+
+_DISTRIBUTION = "symaware-cli"
+
+
+class PluginError(Exception):
+    """A plugin cannot be used.
+
+    Attributes:
+        code: A slug for tools.
+        expected: What would be right.
+        suggestion: The nearest valid name.
+    """
+
+    def __init__(self, code: str, message: str, expected: str | None = None, suggestion: str | None = None) -> None:
+        super().__init__(message)
+        self.code = code
+        self.expected = expected
+        self.suggestion = suggestion
+
+
+@dataclass(frozen=True, slots=True)
+class Listing:
+    """A plugin that is installed, but not necessarily imported.
+
+    Attributes:
+        kind: A key of `GROUPS`.
+        name: What scenarios call it.
+        target: Where the class is, as ``module:Class``.
+        package: The distribution that brought it.
+        version: Its version.
+    """
+
+    kind: str
+    name: str
+    target: str
+    package: str
+    version: str
+
+    @property
+    def built_in(self) -> bool:
+        """Whether it came with this package."""
+        return self.package == _DISTRIBUTION
+
+
+class Catalogue:
+    """What is installed."""
+
+    @cached_property
+    def _found(self) -> Mapping[str, Mapping[str, list[tuple[Listing, metadata.EntryPoint]]]]:
+        found: dict[str, dict[str, list[tuple[Listing, metadata.EntryPoint]]]] = {kind: {} for kind in GROUPS}
+        kinds = {group: kind for kind, group in GROUPS.items()}
+        for group, kind in kinds.items():
+            for point in metadata.entry_points(group=group):
+                package, version = (point.dist.name, point.dist.version) if point.dist else ("unknown", "")
+                listing = Listing(kind, point.name, point.value, package, version)
+                same = found[kind].setdefault(point.name, [])
+                # A package that is on the path twice, such as a checkout and its installation, counts once.
+                if all((each.package, each.target) != (listing.package, listing.target) for each, _ in same):
+                    same.append((listing, point))
+        return found
+
+    def listings(self, kind: str) -> list[Listing]:
+        """All plugins of a kind by name; imports none of them."""
+        return sorted(
+            (listing for same in self._found[kind].values() for listing, _ in same),
+            key=lambda listing: (listing.name, listing.package),
+        )
+
+    def find(self, name: str) -> list[Listing]:
+        """All plugins of a name, whatever their kind."""
+        return [listing for kind in GROUPS for listing in self.listings(kind) if listing.name == name]
+
+    def load(self, kind: str, name: str) -> Any:
+        """Import the class of a plugin.
+
+        Raises:
+            PluginError: There is none of the name, more than one, or it cannot be used.
+        """
+        same = self._found[kind].get(name)
+        if not same:
+            raise self._unknown(kind, name)
+        if len(same) > 1:
+            packages = " and ".join(sorted(listing.package for listing, _ in same))
+            raise PluginError(
+                "ambiguous-plugin", f"the {kind} `{name}` is registered by {packages}; uninstall one of them"
+            )
+        listing, point = same[0]
+        origin = f"the {kind} `{name}` of {listing.package} {listing.version}".rstrip()
+        try:
+            loaded = point.load()
+        except ModuleNotFoundError as error:
+            extra = _EXTRAS.get((error.name or "").partition(".")[0])
+            if extra:
+                raise PluginError(
+                    "missing-extra",
+                    f"{origin} needs the module `{error.name}`, which is not installed",
+                    expected=f"the extra `{extra}`: pip install '{_DISTRIBUTION}[{extra}]'",
+                ) from error
+            raise PluginError("broken-plugin", f"{origin} cannot be imported: {error}") from error
+        except (Exception, SystemExit) as error:
+            text = " ".join(str(error).split())
+            raise PluginError(
+                "broken-plugin", f"{origin} cannot be imported: {type(error).__name__}: {text}"
+            ) from error
+        if not inspect.isclass(loaded) or not issubclass(loaded, _BASES[kind]):
+            bases = " or ".join(base.__name__ for base in _BASES[kind])
+            raise PluginError("broken-plugin", f"{origin} is not a subclass of {bases}")
+        if inspect.isabstract(loaded):
+            missing = ", ".join(sorted(getattr(loaded, "__abstractmethods__", ())))
+            raise PluginError("broken-plugin", f"{origin} does not implement {missing}")
+        return loaded
+
+    def _unknown(self, kind: str, name: str) -> PluginError:
+        for other in GROUPS:
+            if other != kind and name in self._found[other]:
+                article = "an" if other[0] in "aeiou" else "a"
+                return PluginError("unknown-plugin", f"`{name}` is {article} {other}, not a {kind}")
+        known = sorted(self._found[kind])
+        listed = ", ".join(known[:12]) + (f" and {len(known) - 12} more (symaware list)" if len(known) > 12 else "")
+        return PluginError(
+            "unknown-plugin",
+            f"no {kind} called `{name}` is installed",
+            expected=f"one of {listed}",
+            suggestion=nearest(name, known),
+        )
+
+
+def versions() -> dict[str, str]:
+    """The version of every installed distribution, by name."""
+    found = {each.metadata["Name"]: each.version for each in metadata.distributions() if each.metadata["Name"]}
+    return dict(sorted(found.items(), key=lambda item: item[0].lower()))

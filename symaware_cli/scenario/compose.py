@@ -1,0 +1,239 @@
+"""From a scenario file to one resolved document: `extends`, `--set` and `parameters`, in this order.
+
+Everything works on trees of nodes, which carry their positions along, so that a value can always say which file (or
+which `--set`) it came from.
+"""
+
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path as FilePath
+from pathlib import PurePath, PurePosixPath, PureWindowsPath
+from typing import Any
+
+from symaware_cli.scenario.overrides import Override
+from symaware_cli.scenario.parameters import substitute
+from symaware_cli.scenario.problem import Problem, ScenarioError, Span, dotted, quoted
+from symaware_cli.scenario.source import (
+    Entry,
+    Node,
+    Path,
+    Source,
+    nearest_file,
+    read,
+)
+
+MAX_EXTENDS_DEPTH = 16
+# A diamond of bases merges the same file again and again; this bounds the work.
+MAX_EXTENDS = 64
+
+# Problems that leave the rest of a document as it was meant.
+_SINGLE_VALUE = {
+    "bad-character",
+    "bad-reference",
+    "cyclic-alias",
+    "cyclic-parameter",
+    "date-not-allowed",
+    "duplicate-key",
+    "key-not-text",
+    "not-finite",
+    "tag-not-allowed",
+    "too-large-number",
+    "undefined-alias",
+    "undefined-parameter",
+    "wrong-tag",
+}
+
+
+class Composition:
+    """A resolved document that knows where each of its values came from.
+
+    Attributes:
+        name: The top file's name as the user typed it.
+        data: The document as plain data: bases merged, overrides applied, references replaced; without `extends`.
+        files: Each file as written, keyed by its path relative to the top file's folder; the top file comes first.
+    """
+
+    def __init__(self, name: str, root: Node, files: dict[str, bytes], sources: dict[str, Source]) -> None:
+        self.name = name
+        self.data: dict[str, Any] = root.plain()
+        self.files = files
+        self._root = root
+        self._sources = sources
+
+    def span(self, path: Path, key: bool = False) -> Span | None:
+        """Returns where the value (or the key) at a path came from, or its nearest ancestor that exists."""
+        return self._root.nearest_span(path, key=key)
+
+    def line_text(self, span: Span) -> str | None:
+        """Returns the whole line that a span lies on."""
+        source = self._sources.get(span.file)
+        return source.line_text(span.line) if source else None
+
+    def problem(
+        self,
+        code: str,
+        message: str,
+        path: Path,
+        *,
+        key: bool = False,
+        expected: str | None = None,
+        suggestion: str | None = None,
+    ) -> Problem:
+        """Returns a problem with the value (or the key) at a path, with its place filled in."""
+        span = self.span(path, key)
+        line = self.line_text(span) if span else None
+        return Problem(code, message, span, dotted(path), expected, suggestion, line)
+
+
+def compose(path: FilePath, overrides: Sequence[str] = (), name: str | None = None) -> Composition:
+    """Reads a scenario and resolves it.
+
+    Files are merged as JSON Merge Patch (RFC 7396) says: mappings merge, everything else replaces, and null removes
+    an inherited key. A null where nothing is inherited stays.
+
+    Args:
+        path: The scenario file.
+        overrides: What `--set` was given, as `path=value`.
+        name: What to call the file in messages; by default its path.
+
+    Raises:
+        ScenarioError: With every problem found.
+    """
+    files = _Files(path, str(path) if name is None else name)
+    root = files.compose_top()
+    parsed = [Override.parse(text) for text in overrides]
+    sources = files.sources | {override.source.name: override.source for override in parsed}
+    # An override has no tree of its own, so only files can lack one.
+    if root is None or not _is_whole(sources) or any(each.root is None for each in files.sources.values()):
+        raise ScenarioError(_problems(sources))
+    for override in parsed:
+        root = override.apply(root)
+    root = substitute(root, sources)
+    problems = _problems(sources)
+    partial = Composition(files.name, root, files.raw, sources) if _is_whole(sources) else None
+    if problems or partial is None:
+        raise ScenarioError(problems, partial)
+    return partial
+
+
+def _problems(sources: Mapping[str, Source]) -> list[Problem]:
+    return [problem for source in sources.values() for problem in source.problems]
+
+
+def _is_whole(sources: Mapping[str, Source]) -> bool:
+    """Returns whether nothing but single values is wrong."""
+    return all(problem.code in _SINGLE_VALUE for problem in _problems(sources))
+
+
+def merge(base: Node, overlay: Node) -> Node:
+    """Returns what an overlay makes of a base. Inherited keys keep their order, new ones follow."""
+    if not isinstance(base.value, dict) or not isinstance(overlay.value, dict):
+        return overlay
+    entries = dict(base.value)
+    for key, entry in overlay.value.items():
+        inherited = entries.get(key)
+        if inherited is None:
+            entries[key] = entry
+        elif entry.node.value is None:
+            del entries[key]
+        else:
+            entries[key] = Entry(entry.key, merge(inherited.node, entry.node))
+    return Node(entries, overlay.span)
+
+
+class _Files:
+    """The files that one scenario is made of, each read once."""
+
+    def __init__(self, path: FilePath, name: str) -> None:
+        self.name = name
+        self.sources: dict[str, Source] = {}
+        self.raw: dict[str, bytes] = {}
+        self._path = path
+        self._folder = os.path.realpath(path.parent)
+        # What each file says with its bases merged in, by its path relative to the folder.
+        self._composed: dict[str, Node | None] = {}
+        # The files that are being composed right now, the top first.
+        self._open: list[str] = []
+        self._extends = 0
+
+    def compose_top(self) -> Node | None:
+        source = read(self._path, self.name)
+        return self._compose(self._path.name, source)
+
+    def _compose(self, relative: str, source: Source) -> Node | None:
+        """Returns what a file says with its bases merged in, or `None` if it cannot be told."""
+        self.sources[source.name] = source
+        self.raw[PurePath(relative).as_posix()] = source.raw
+        root = source.root
+        if root is None or not isinstance(root.value, dict):
+            return None
+        self._open.append(relative)
+        bases = [self._base(source, value, path) for value, path in _extended(source, root)]
+        self._open.pop()
+        own = Node({key: entry for key, entry in root.value.items() if key != "extends"}, root.span)
+        composed: Node | None = None
+        for layer in [base for base in bases if base is not None] + [own]:
+            composed = layer if composed is None else merge(composed, layer)
+        self._composed[relative] = composed
+        return composed
+
+    def _base(self, source: Source, value: Node, path: Path) -> Node | None:
+        """Returns one file that is named under `extends`, composed; reports where it is named if that cannot be."""
+        written = str(value.value)
+        relative = os.path.normpath(os.path.join(os.path.dirname(self._open[-1]), written))
+        real = os.path.realpath(os.path.join(self._folder, relative))
+        absolute = PurePosixPath(written).is_absolute() or PureWindowsPath(written).anchor
+        if absolute or PurePath(relative).parts[:1] == ("..",) or not FilePath(real).is_relative_to(self._folder):
+            message = f"{quoted(written)} is outside the scenario's folder"
+            source.report("outside-folder", message, value.span, path, expected="a file in the same folder or below")
+            return None
+        if relative in self._open:
+            cycle = " -> ".join([*self._open[self._open.index(relative) :], relative])
+            source.report("cyclic-extends", f"a file cannot extend itself: {cycle}", value.span, path)
+            return None
+        self._extends += 1
+        if len(self._open) > MAX_EXTENDS_DEPTH or self._extends > MAX_EXTENDS:
+            deep = f"more than {MAX_EXTENDS_DEPTH} files deep"
+            many = f"more than {MAX_EXTENDS} files"
+            message = f"`extends` goes {deep if len(self._open) > MAX_EXTENDS_DEPTH else 'through ' + many}"
+            source.report("too-deep", message, value.span, path)
+            return None
+        if relative in self._composed:
+            return self._composed[relative]
+        file = FilePath(self._folder, relative)
+        base = read(file, os.path.join(os.path.dirname(self.name), relative))
+        if base.problems and all(problem.span is None for problem in base.problems):
+            # The file itself could not be read: what is to be mended is the name of it.
+            for problem in base.problems:
+                source.report(
+                    problem.code,
+                    problem.message,
+                    value.span,
+                    path,
+                    expected=problem.expected,
+                    suggestion=nearest_file(file) if problem.code == "missing-file" else problem.suggestion,
+                )
+            return None
+        return self._compose(relative, base)
+
+
+def _extended(source: Source, root: Node) -> list[tuple[Node, Path]]:
+    """Returns the file names under `extends`, each with its path in the document."""
+    assert isinstance(root.value, dict)
+    if "extends" not in root.value:
+        return []
+    value = root.value["extends"].node
+    named: list[tuple[Node, Path]]
+    if isinstance(value.value, list):
+        named = [(child, ("extends", index)) for index, child in enumerate(value.value)]
+    else:
+        named = [(value, ("extends",))]
+    good = []
+    for node, path in named:
+        if isinstance(node.value, str) and node.value.strip():
+            good.append((node, path))
+        else:
+            source.report(
+                "wrong-type", "`extends` names a file", node.span, path, expected="a file name or a list of them"
+            )
+    return good

@@ -1,0 +1,135 @@
+"""What there is to say about a plugin: for ``symaware show``."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from symaware_cli.core import Model
+from symaware_cli.scenario.catalogue import GROUPS, Catalogue, Listing, PluginError
+from symaware_cli.scenario.problem import nearest
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """One parameter of a plugin.
+
+    Attributes:
+        name: Its key under ``with:``.
+        type: What it may be, in words.
+        required: Whether it must be given.
+        default: What it is otherwise.
+        description: What it means, and its unit.
+    """
+
+    name: str
+    type: str
+    required: bool
+    default: Any
+    description: str
+
+
+@dataclass(frozen=True, slots=True)
+class Description:
+    """A plugin, described.
+
+    Attributes:
+        kind: ``component``, ``environment`` or ``model``.
+        name: What scenarios call it.
+        package: The distribution that brought it.
+        version: Its version.
+        text: Its docstring.
+        parameters: What can be set.
+        events: What it fires, with what each means.
+        knowledge: What an agent must know for it to work.
+        state: Names and units of the state, for a model.
+        control_input: Names and units of the control input, for a model.
+    """
+
+    kind: str
+    name: str
+    package: str
+    version: str
+    text: str
+    parameters: tuple[Parameter, ...]
+    events: dict[str, str]
+    knowledge: dict[str, str]
+    state: dict[str, str]
+    control_input: dict[str, str]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the description as plain data."""
+        return asdict(self)
+
+
+def describe(name: str, catalogue: Catalogue | None = None) -> list[Description]:
+    """Describe every plugin of a name; seldom more than one.
+
+    Raises:
+        PluginError: There is none, or it cannot be imported.
+    """
+    catalogue = catalogue or Catalogue()
+    found = catalogue.find(name)
+    if not found:
+        known = [listing.name for kind in GROUPS for listing in catalogue.listings(kind)]
+        raise PluginError("unknown-plugin", f"nothing called `{name}` is installed", suggestion=nearest(name, known))
+    return [_describe(listing, catalogue.load(listing.kind, name)) for listing in found]
+
+
+def _describe(listing: Listing, plugin: Any) -> Description:
+    schema = plugin.Parameters.model_json_schema()
+    required = schema.get("required", [])
+    parameters = tuple(
+        Parameter(
+            name,
+            in_words(entry, schema.get("$defs", {})),
+            name in required,
+            entry.get("default"),
+            entry.get("description", ""),
+        )
+        for name, entry in schema.get("properties", {}).items()
+    )
+    is_model = issubclass(plugin, Model)
+    return Description(
+        listing.kind,
+        listing.name,
+        listing.package,
+        listing.version,
+        inspect.getdoc(plugin) or "",
+        parameters,
+        dict(getattr(plugin, "events", {})),
+        dict(getattr(plugin, "knowledge", {})),
+        {quantity.name: quantity.unit for quantity in plugin.state} if is_model else {},
+        {quantity.name: quantity.unit for quantity in plugin.control_input} if is_model else {},
+    )
+
+
+_BOUNDS = {"exclusiveMinimum": ">", "minimum": ">=", "exclusiveMaximum": "<", "maximum": "<="}
+_TYPES = {
+    "number": "number",
+    "integer": "whole number",
+    "string": "text",
+    "boolean": "true or false",
+    "array": "list",
+    "object": "mapping",
+    "null": "null",
+}
+
+
+def in_words(entry: Mapping[str, Any], definitions: Mapping[str, Any]) -> str:
+    """Put a JSON schema of a parameter into a few words, such as ``number > 0``."""
+    if "$ref" in entry:
+        return in_words(definitions.get(entry["$ref"].rpartition("/")[2], {}), definitions)
+    if "anyOf" in entry:
+        return " or ".join(dict.fromkeys(in_words(each, definitions) for each in entry["anyOf"]))
+    if "enum" in entry:
+        return " or ".join(str(value) for value in entry["enum"])
+    if "const" in entry:
+        return str(entry["const"])
+    words = _TYPES.get(entry.get("type", ""), "anything")
+    if words == "list" and isinstance(entry.get("items"), Mapping):
+        words += f" of {in_words(entry['items'], definitions)}"
+    bounds = [f"{sign} {entry[key]:g}" for key, sign in _BOUNDS.items() if key in entry]
+    return " ".join([words, " and ".join(bounds)]).strip()

@@ -1,0 +1,100 @@
+"""From a scenario that is sound to a run and its log."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+
+from symaware_cli.core import nanoseconds
+from symaware_cli.recording.recorder import Recorder, manifest
+from symaware_cli.recording.writer import LogWriter
+from symaware_cli.runtime.summary import Summary
+from symaware_cli.runtime.synchronous import run
+from symaware_cli.scenario.build import Built, build
+from symaware_cli.scenario.catalogue import versions
+
+#: The attachment that a log is run again from.
+RESOLVED = "resolved.yaml"
+
+
+def open_scenario(path: Path, overrides: Sequence[str] = (), seed: int | None = None) -> Built:
+    """Build what a scenario file describes, or what a log is the record of.
+
+    Raises:
+        ScenarioError: The scenario has problems.
+        LogError: The log cannot be read, or holds no scenario.
+    """
+    if path.suffix != ".mcap":
+        return build(path, overrides, seed)
+    from symaware_cli.recording.error import LogError
+    from symaware_cli.recording.reader import open_log
+
+    resolved = open_log(path).attachments.get(RESOLVED)
+    if resolved is None:
+        raise LogError(f"{path} holds no scenario to run again")
+    with tempfile.TemporaryDirectory() as folder:
+        extracted = Path(folder) / RESOLVED
+        extracted.write_bytes(resolved)
+        return build(extracted, overrides, seed, name=f"{path}:{RESOLVED}")
+
+
+def unused_path(name: str, folder: Path = Path()) -> Path:
+    """Return a path for a log that overwrites none: ``name.mcap``, else ``name-2.mcap`` and so on."""
+    path, number = folder / f"{name}.mcap", 1
+    while path.exists():
+        number += 1
+        path = folder / f"{name}-{number}.mcap"
+    return path
+
+
+def execute(built: Built, log: Path | None, on_progress: Callable[[int], None] | None = None) -> Summary:
+    """Run a scenario.
+
+    Args:
+        built: What to run; it cannot be run twice.
+        log: Where to record it, or None for nowhere.
+        on_progress: Called now and then with simulated time in nanoseconds.
+
+    Raises:
+        LogError: The log cannot be written.
+    """
+    with ExitStack() as stack:
+        recorder = None
+        if log is not None:
+            writer = stack.enter_context(LogWriter(log))
+            _attach(writer, built)
+            recorder = Recorder(
+                writer,
+                built.simulation.environment,
+                built.simulation.groups,
+                interval=nanoseconds(built.document.recording.interval),
+                omit=built.document.recording.omit,
+            )
+        return run(built.simulation, built.steps, recorder, on_progress)
+
+
+def _attach(writer: LogWriter, built: Built) -> None:
+    """Put into the log all that it takes to understand it, and to run it again."""
+    document = built.document
+    writer.attach(
+        "manifest.json",
+        "application/json",
+        manifest(
+            name=document.name,
+            seed=document.seed,
+            mode=document.run.mode,
+            steps=built.steps,
+            environment=built.simulation.environment,
+            groups=built.simulation.groups,
+            uses=built.uses,
+            indexed={name: agents.count is not None for name, agents in document.agents.items()},
+        ),
+    )
+    for name, content in built.files.items():
+        media_type = "application/toml" if name.endswith(".toml") else "application/yaml"
+        writer.attach(f"scenario/{name}", media_type, content)
+    writer.attach(RESOLVED, "application/yaml", built.resolved)
+    writer.attach("versions.json", "application/json", json.dumps(versions(), indent=1).encode())

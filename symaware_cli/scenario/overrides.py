@@ -1,0 +1,138 @@
+"""`--set path=value`: one value of the document replaced from the command line."""
+
+from typing import Self
+
+from symaware_cli.scenario.problem import Span, nearest, quoted
+from symaware_cli.scenario.source import MAX_DEPTH, Entry, Node, Path, Source, decode, report_depth
+
+# Mappings whose keys are names that the user made up: a name that is not there is a typing error, never a wish.
+_NAMED = ("agents", "components", "entities")
+
+
+class Override:
+    """One `path=value`, with the place of each segment and of the value in its text.
+
+    Attributes:
+        source: The pseudo file `--set path=value`, whose only line is the text.
+    """
+
+    def __init__(self, source: Source) -> None:
+        self.source = source
+        self._segments: list[tuple[str, Span]] = []
+        self._value = Node(None, self._stretch(0, len(source.text)))
+
+    @classmethod
+    def parse(cls, text: str) -> Self:
+        """Takes the text apart; what is wrong with it is left in `source.problems`."""
+        source = decode(f"--set {text}", text.encode("utf-8", errors="surrogateescape"))
+        override = cls(source)
+        if source.problems:
+            return override
+        path, equals, value = source.text.partition("=")
+        if not equals:
+            source.report(
+                "bad-set", f"there is no `=` in {quoted(text)}", override._stretch(0, len(text)), expected="path=value"
+            )
+            return override
+        override._take_path(path)
+        if not source.problems:
+            override._take_value(len(path) + 1, value)
+        return override
+
+    def _stretch(self, start: int, end: int) -> Span:
+        return self.source.stretch(1, start + 1, 1, end + 1)
+
+    def _take_path(self, path: str) -> None:
+        start = 0
+        for segment in path.split("."):
+            end = start + len(segment)
+            name = segment.strip()
+            if not name:
+                message = "a path has a name between its dots, and no dot at its ends"
+                self.source.report("bad-set-path", message, self._stretch(start, end))
+            elif not name.isprintable():
+                self.source.report("bad-set-path", "a path is one line", self._stretch(start, end))
+            self._segments.append((name, self._stretch(start, end)))
+            start = end + 1
+        if len(self._segments) > MAX_DEPTH:
+            report_depth(self.source, self._stretch(0, len(path)))
+
+    def _take_value(self, start: int, value: str) -> None:
+        # Imported here because most runs have no override, and a TOML scenario then needs no YAML parser.
+        from symaware_cli.scenario.yaml_source import parse_yaml
+
+        # Blanks in place of the path, so that the parser sees every column where the user typed it.
+        blank = Source(self.source.name, b"", " " * start + value)
+        parse_yaml(blank)
+        self._value = blank.root or Node(None, self._stretch(start, start + 1))
+        for problem in blank.problems:
+            self.source.report(
+                problem.code,
+                problem.message,
+                problem.span,
+                self._path(),
+                expected=problem.expected,
+                suggestion=problem.suggestion,
+            )
+
+    def _path(self) -> Path:
+        return tuple(segment for segment, _ in self._segments)
+
+    def apply(self, root: Node) -> Node:
+        """Returns the document with the value in place; what does not fit is left in `source.problems`."""
+        if not self._segments:
+            # The text could not even be taken apart, which is reported already.
+            return root
+        if self._segments[0][0] == "extends":
+            message = "`extends` cannot be set; files are merged before"
+            self.source.report("bad-set-path", message, self._segments[0][1], ("extends",))
+            return root
+        return self._replace(root, 0)
+
+    def _replace(self, node: Node, depth: int) -> Node:
+        """Returns a copy of a node with the rest of the path applied to it; the node itself if there is a problem."""
+        if depth == len(self._segments):
+            return self._value
+        name, span = self._segments[depth]
+        if isinstance(node.value, list):
+            return self._replace_item(node, node.value, depth)
+        if not isinstance(node.value, dict | None):
+            message = f"{quoted(self._said(depth))} is a single value; there is nothing inside it"
+            self._refuse(message, span, depth)
+            return node
+        # What a file leaves empty (`with:`) is null, and meant as an empty mapping.
+        entries = node.value or {}
+        is_last = depth + 1 == len(self._segments)
+        if name not in entries and not is_last and self._is_named(depth):
+            message = f"there is no {quoted(name)} under {quoted(self._said(depth))}"
+            expected = f"one of {', '.join(sorted(entries)[:20])}" if entries else None
+            self._refuse(message, span, depth, expected, nearest(name, entries))
+            return node
+        child = entries[name].node if name in entries else Node({}, span)
+        replaced = self._replace(child, depth + 1)
+        return Node(entries | {name: Entry(span, replaced)}, node.span)
+
+    def _replace_item(self, node: Node, items: list[Node], depth: int) -> Node:
+        name, span = self._segments[depth]
+        # isdecimal() also holds for digits of other scripts, which int() reads, but nobody means.
+        index = int(name) if name.isascii() and name.isdecimal() and len(name) < 10 else len(items)
+        if index >= len(items):
+            message = f"{quoted(name)} is not the index of an item of {quoted(self._said(depth))}"
+            expected = f"0 to {len(items) - 1}" if items else None
+            self._refuse(message, span, depth, expected)
+            return node
+        replaced = self._replace(items[index], depth + 1)
+        return Node([*items[:index], replaced, *items[index + 1 :]], node.span)
+
+    def _is_named(self, depth: int) -> bool:
+        """Returns whether a segment names something under a mapping of names."""
+        return depth > 0 and self._segments[depth - 1][0] in _NAMED and self._segments[0][0] != "parameters"
+
+    def _said(self, depth: int) -> str:
+        return ".".join(segment for segment, _ in self._segments[:depth])
+
+    def _refuse(
+        self, message: str, span: Span, depth: int, expected: str | None = None, suggestion: str | None = None
+    ) -> None:
+        path = self._path()[: depth + 1]
+        self.source.report("bad-set-path", message, span, path, expected=expected, suggestion=suggestion)

@@ -1,0 +1,214 @@
+"""`${parameters.name}`: what the `parameters` of a document are put in place of."""
+
+import re
+from collections.abc import Mapping
+
+from symaware_cli.scenario.problem import MAX_PROBLEMS, nearest, quoted
+from symaware_cli.scenario.source import (
+    MAX_DEPTH,
+    MAX_NODES,
+    Entry,
+    Node,
+    Path,
+    Source,
+    report_depth,
+    report_nodes,
+)
+
+# `$${` first, so that an escaped reference is never seen as one.
+_REFERENCE = re.compile(r"\$\$\{|\$\{([^{}]*)\}|\$\{")
+_NAME = re.compile(r"\s*parameters((?:\.[^.\s]+)+)\s*")
+_MAX_CHARACTERS = 1024 * 1024
+
+
+class _Unresolved(Exception):  # noqa: N818 - the problem is already reported; this only finds its way up
+    """A reference that cannot be replaced."""
+
+
+class _Enough(Exception):  # noqa: N818
+    """There is no point in going on."""
+
+
+def substitute(root: Node, sources: Mapping[str, Source]) -> Node:
+    """Returns the document with every reference replaced; what cannot be is left in the sources' problems.
+
+    A text that is nothing but one reference becomes the value itself, with its type and its place. A reference
+    inside a longer text is formatted into it. `$${` stands for `${`.
+    """
+    try:
+        return _Substitution(root, sources).document()
+    except _Enough:
+        return root
+
+
+class _Substitution:
+    def __init__(self, root: Node, sources: Mapping[str, Source]) -> None:
+        self._root = root
+        self._sources = sources
+        self._parameters = Node({}, root.span)
+        self._resolved: dict[Path, Node] = {}
+        self._failed: set[Path] = set()
+        self._open: list[Path] = []
+        self._characters = 0
+
+    def document(self) -> Node:
+        assert isinstance(self._root.value, dict)
+        entries = dict(self._root.value)
+        if "parameters" in entries:
+            node = entries["parameters"].node
+            if isinstance(node.value, dict):
+                self._parameters = node
+            elif node.value is not None:
+                self._report("wrong-type", "`parameters` maps names to values", node, ("parameters",))
+        for key, entry in entries.items():
+            if key == "parameters" and entry.node is self._parameters:
+                node = self._parameter((), entry.node)
+            else:
+                node = self._walk(entry.node, (key,))
+            entries[key] = Entry(entry.key, node)
+        return Node(entries, self._root.span)
+
+    def _report(self, code: str, message: str, node: Node, path: Path, **hints: str | None) -> None:
+        source = self._sources[node.span.file]
+        source.report(code, message, node.span, path, **hints)
+        if len(source.problems) >= MAX_PROBLEMS:
+            raise _Enough
+
+    def _walk(self, node: Node, path: Path) -> Node:
+        """Returns a value outside `parameters` with its references replaced, or as it is if that fails."""
+        if isinstance(node.value, dict):
+            entries = {key: Entry(entry.key, self._walk(entry.node, (*path, key))) for key, entry in node.value.items()}
+            return self._checked(Node(entries, node.span), path)
+        if isinstance(node.value, list):
+            items = [self._walk(child, (*path, index)) for index, child in enumerate(node.value)]
+            return self._checked(Node(items, node.span), path)
+        try:
+            return self._fill(node, path)
+        except _Unresolved:
+            return node
+
+    def _checked(self, node: Node, path: Path) -> Node:
+        """Returns a node if what the references made of it is within bounds."""
+        if node.height > MAX_DEPTH:
+            report_depth(self._sources[node.span.file], node.span, path)
+            raise _Enough
+        if node.size > MAX_NODES:
+            report_nodes(self._sources[node.span.file], node.span, path)
+            raise _Enough
+        return node
+
+    def _parameter(self, name: Path, node: Node) -> Node:
+        """Returns the parameter of a name (below `parameters`) with its own references replaced."""
+        if name in self._resolved:
+            return self._resolved[name]
+        path = ("parameters", *name)
+        if name in self._failed:
+            raise _Unresolved
+        # The stack is as deep as the nesting and the chain of references together.
+        if len(self._open) > 2 * MAX_DEPTH:
+            report_depth(self._sources[node.span.file], node.span, path)
+            raise _Enough
+        self._open.append(name)
+        try:
+            resolved = self._contents(name, node, path)
+        except _Unresolved:
+            self._failed.add(name)
+            raise
+        finally:
+            self._open.pop()
+        self._resolved[name] = resolved
+        return resolved
+
+    def _contents(self, name: Path, node: Node, path: Path) -> Node:
+        if not isinstance(node.value, dict | list):
+            return self._fill(node, path)
+        # Every part is looked at before the whole is given up, so that each of its problems is reported.
+        children = self._children(name, node)
+        if isinstance(node.value, dict):
+            entries = {key: Entry(entry.key, children[key]) for key, entry in node.value.items()}
+            return self._checked(Node(entries, node.span), path)
+        return self._checked(Node(list(children.values()), node.span), path)
+
+    def _children(self, name: Path, node: Node) -> dict[str | int, Node]:
+        parts: dict[str | int, Node]
+        if isinstance(node.value, dict):
+            parts = {key: entry.node for key, entry in node.value.items()}
+        else:
+            parts = dict(enumerate(node.children()))
+        failed = False
+        for key, child in parts.items():
+            try:
+                parts[key] = self._parameter((*name, key), child)
+            except _Unresolved:
+                failed = True
+        if failed and name:
+            raise _Unresolved
+        return parts
+
+    def _fill(self, node: Node, path: Path) -> Node:
+        """Returns a scalar with its references replaced."""
+        text = node.value
+        if not isinstance(text, str) or "${" not in text:
+            return node
+        parts: list[str] = []
+        position = 0
+        failed = False
+        for found in _REFERENCE.finditer(text):
+            parts.append(text[position : found.start()])
+            position = found.end()
+            if found.group() == "$${":
+                parts.append("${")
+                continue
+            try:
+                value = self._value(found.group(1), node, path)
+                if found.span() == (0, len(text)):
+                    return value
+                parts.append(self._formatted(value, found.group(), node, path))
+            except _Unresolved:
+                failed = True
+        if failed:
+            raise _Unresolved
+        parts.append(text[position:])
+        return Node("".join(parts), node.span)
+
+    def _value(self, reference: str | None, node: Node, path: Path) -> Node:
+        """Returns what a reference stands for."""
+        found = _NAME.fullmatch(reference) if reference is not None else None
+        if found is None:
+            message = (
+                "`${` has no `}`" if reference is None else f"{quoted('${' + (reference or '') + '}')} is no reference"
+            )
+            self._report("bad-reference", message, node, path, expected="${parameters.NAME}, or $${ for a plain ${")
+            raise _Unresolved
+        name = tuple(found.group(1)[1:].split("."))
+        target = self._parameters
+        for depth, part in enumerate(name):
+            if not isinstance(target.value, dict) or part not in target.value:
+                suggestion = nearest(part, target.value) if isinstance(target.value, dict) else None
+                full = ".".join((*name[:depth], suggestion)) if suggestion else None
+                message = f"there is no parameter {quoted('.'.join(name))}"
+                self._report("undefined-parameter", message, node, path, suggestion=full)
+                raise _Unresolved
+            target = target.value[part].node
+        if name in self._open:
+            cycle = " -> ".join(".".join(map(str, each)) for each in [*self._open[self._open.index(name) :], name])
+            self._report("cyclic-parameter", f"a parameter cannot refer to itself: {cycle}", node, path)
+            raise _Unresolved
+        return self._parameter(name, target)
+
+    def _formatted(self, value: Node, reference: str, node: Node, path: Path) -> str:
+        """Returns a value as it is written inside a longer text."""
+        if isinstance(value.value, dict | list | None):
+            kind = (
+                "a mapping" if isinstance(value.value, dict) else "a list" if isinstance(value.value, list) else "null"
+            )
+            message = f"{quoted(reference)} is {kind}, which cannot be put inside a text"
+            self._report("bad-reference", message, node, path)
+            raise _Unresolved
+        text = str(value.value).lower() if isinstance(value.value, bool) else str(value.value)
+        # Parameters that repeat each other double at every step; the sum is bounded, not only each result.
+        self._characters += len(text)
+        if self._characters > _MAX_CHARACTERS:
+            self._report("too-large", "the parameters expand to more than 1 MiB of text", node, path)
+            raise _Enough
+        return text

@@ -1,0 +1,121 @@
+"""The JSON schema of scenarios, which editors use to complete and to check."""
+
+from __future__ import annotations
+
+import inspect
+from typing import Any
+
+from symaware_cli.scenario.catalogue import GROUPS, Catalogue, PluginError
+from symaware_cli.scenario.document import Scenario
+from symaware_cli.scenario.sampling import Grid, Ring
+
+_USES = {"component": "ComponentUse", "environment": "EnvironmentUse", "model": "ModelUse"}
+
+
+def scenario_schema(
+    *, built_in_only: bool = False, catalogue: Catalogue | None = None
+) -> tuple[dict[str, Any], list[str]]:
+    """Describe scenarios, with the parameters of every installed plugin.
+
+    Args:
+        built_in_only: Leave out plugins of other packages.
+        catalogue: What is installed.
+
+    Returns:
+        The schema, and a sentence about each plugin that had to be left out because it is broken.
+    """
+    catalogue = catalogue or Catalogue()
+    schema = Scenario.model_json_schema(by_alias=True)
+    definitions = schema["$defs"]
+    broken: list[str] = []
+    for kind in GROUPS:
+        branches = []
+        names = []
+        for listing in catalogue.listings(kind):
+            if built_in_only and not listing.built_in:
+                continue
+            try:
+                plugin = catalogue.load(kind, listing.name)
+            except PluginError as error:
+                broken.append(str(error))
+                continue
+            names.append({"const": listing.name, "description": (inspect.getdoc(plugin) or "").partition("\n")[0]})
+            branches.append(_branch(listing.name, kind, plugin, definitions))
+        use = definitions[_USES[kind]]
+        use["properties"]["use"]["anyOf"] = names
+        use["allOf"] = branches
+    _describe_values(schema)
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}, broken
+
+
+def _branch(name: str, kind: str, plugin: Any, definitions: dict[str, Any]) -> dict[str, Any]:
+    """If ``use`` is this plugin, then ``with`` has its parameters."""
+    parameters = plugin.Parameters.model_json_schema(
+        by_alias=True, ref_template=f"#/$defs/{kind}:{name}:{{model}}", mode="validation"
+    )
+    for inner, definition in parameters.pop("$defs", {}).items():
+        definitions[f"{kind}:{name}:{inner}"] = definition
+    key = f"{kind}:{name}"
+    definitions[key] = parameters
+    branch: dict[str, Any] = {
+        "if": {"properties": {"use": {"const": name}}, "required": ["use"]},
+        "then": {"properties": {"with": {"$ref": f"#/$defs/{key}"}}},
+    }
+    if parameters.get("required"):
+        branch["then"]["required"] = ["with"]
+    return branch
+
+
+def _describe_values(schema: dict[str, Any]) -> None:
+    """Say what a value for each agent may be, and let ``${parameters.NAME}`` stand in any place."""
+    definitions = schema["$defs"]
+    for model in (Grid, Ring):
+        definitions[model.__name__] = model.model_json_schema()
+    pair = {"type": "array", "minItems": 2, "maxItems": 2}
+    forms = {
+        "uniform": {**pair, "description": "[low, high], each a number or a list of numbers."},
+        "normal": {**pair, "description": "[mean, standard deviation], each a number or a list of numbers."},
+        "grid": {"$ref": "#/$defs/Grid"},
+        "circle": {"$ref": "#/$defs/Ring"},
+        "each": {"type": "array", "description": "One value for each agent, in the order of their index."},
+        "all": {"description": "One value that all agents share."},
+    }
+    definitions["PerAgent"] = {
+        "anyOf": [
+            {"type": ["number", "string", "boolean", "array", "null"]},
+            {
+                "type": "object",
+                "properties": forms,
+                "minProperties": 1,
+                "maxProperties": 1,
+                "additionalProperties": False,
+            },
+            {"type": "object", "not": {"anyOf": [{"required": [form]} for form in forms]}},
+        ]
+    }
+    agents = definitions["Agents"]["properties"]
+    agents["state"]["$ref"] = "#/$defs/PerAgent"
+    agents["knowledge"]["additionalProperties"] = {"$ref": "#/$defs/PerAgent"}
+    schema["properties"]["extends"] = {
+        "description": "A file, or a list of files, below this one's folder that this one changes.",
+        "anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}}],
+    }
+    # A file that extends another may leave anything out.
+    required = schema.pop("required")
+    schema["if"] = {"not": {"required": ["extends"]}}
+    schema["then"] = {"required": required}
+    for definition in [schema, *definitions.values()]:
+        _allow_references(definition)
+
+
+def _allow_references(node: Any) -> None:
+    """Wherever a number or a flag may stand, a reference may stand for it."""
+    reference = {"type": "string", "pattern": r"\$\{parameters\."}
+    for entry in node.get("properties", {}).values():
+        if entry.get("type") in ("number", "integer", "boolean"):
+            described = {key: entry.pop(key) for key in ("title", "description", "default") if key in entry}
+            plain = dict(entry)
+            entry.clear()
+            entry.update({"anyOf": [plain, reference], **described})
+        elif "anyOf" in entry and any(each.get("type") in ("number", "integer", "boolean") for each in entry["anyOf"]):
+            entry["anyOf"].append(reference)

@@ -1,0 +1,322 @@
+"""A file of the scenario language: plain data plus the position of every key and value.
+
+YAML and TOML both become the same tree of `Node`, so that nothing behind this module knows which one a person wrote.
+Whatever comes from outside is bounded here: the size of the file, its nesting and the number of values in it.
+"""
+
+import math
+import os
+import re
+import stat
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path as FilePath
+from typing import Any, NamedTuple, TypeAlias
+
+from symaware_cli.scenario.problem import Problem, ScenarioError, Span, dotted, nearest, quoted
+
+Path: TypeAlias = tuple[str | int, ...]
+Scalar: TypeAlias = str | int | float | bool | None
+
+MAX_BYTES = 1024 * 1024
+MAX_DEPTH = 32
+MAX_NODES = 100_000
+# A text counts as one more value for each so many characters, so that one bound also stops
+# the same long text from being repeated by aliases or parameters.
+_CHARACTERS_PER_NODE = 64
+
+_LINE_BREAK = re.compile(r"\r\n|\n|\r")
+# What YAML forbids, plus the separators that some editors count as a line break and others do not.
+_FORBIDDEN = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff\ufeff\ufffe\uffff]")
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """A key's position and its value."""
+
+    key: Span
+    node: "Node"
+
+
+class Node:
+    """A value and where it stands. Nodes are never changed, so that aliases may share them.
+
+    Attributes:
+        value: A scalar, a list of nodes, or a dictionary of entries.
+        span: Where the value is.
+        size: Number of values in it with itself, counting shared ones each time; a long text counts as several.
+        height: Levels of nesting; 0 for a scalar.
+    """
+
+    __slots__ = ("height", "size", "span", "value")
+
+    def __init__(self, value: "Scalar | list[Node] | dict[str, Entry]", span: Span) -> None:
+        self.value = value
+        self.span = span
+        self.size = 1
+        self.height = 1 if isinstance(value, dict | list) else 0
+        if isinstance(value, str):
+            self.size += len(value) // _CHARACTERS_PER_NODE
+        elif isinstance(value, dict):
+            self.size += sum(len(key) // _CHARACTERS_PER_NODE for key in value)
+        for child in self.children():
+            self.size += child.size
+            self.height = max(self.height, child.height + 1)
+
+    def children(self) -> "Iterator[Node]":
+        """Yields the values directly inside."""
+        if isinstance(self.value, dict):
+            yield from (entry.node for entry in self.value.values())
+        elif isinstance(self.value, list):
+            yield from self.value
+
+    def plain(self) -> Any:
+        """Returns plain dictionaries, lists and scalars, shared with nobody."""
+        if isinstance(self.value, dict):
+            return {key: entry.node.plain() for key, entry in self.value.items()}
+        if isinstance(self.value, list):
+            return [child.plain() for child in self.value]
+        return self.value
+
+    def nearest_span(self, path: Path, *, key: bool = False) -> Span:
+        """Returns the span of the value (or the key) at a path, or of the nearest ancestor that exists."""
+        node, key_span = self, self.span
+        for part in path:
+            if isinstance(node.value, dict) and isinstance(part, str) and part in node.value:
+                entry = node.value[part]
+                node, key_span = entry.node, entry.key
+            elif isinstance(node.value, list) and isinstance(part, int) and 0 <= part < len(node.value):
+                node = node.value[part]
+                key_span = node.span
+            else:
+                break
+        return key_span if key else node.span
+
+    def has(self, path: Path) -> bool:
+        """Returns whether there is a value at a path."""
+        node = self
+        for part in path:
+            if isinstance(node.value, dict) and isinstance(part, str) and part in node.value:
+                node = node.value[part].node
+            elif isinstance(node.value, list) and isinstance(part, int) and 0 <= part < len(node.value):
+                node = node.value[part]
+            else:
+                return False
+        return True
+
+
+class Source:
+    """One file: its text, the problems found in it, and the tree of what it says.
+
+    Attributes:
+        name: The file's name as a person would type it.
+        raw: The bytes as written.
+        text: The text without a byte order mark.
+        problems: What is wrong with it so far.
+        root: What it says, as far as that can be told; `None` if it cannot.
+    """
+
+    def __init__(self, name: str, raw: bytes, text: str = "") -> None:
+        self.name = name
+        self.raw = raw
+        self.text = text
+        self.lines = _LINE_BREAK.split(text)
+        self.problems: list[Problem] = []
+        self.root: Node | None = None
+
+    @property
+    def data(self) -> dict[str, Any]:
+        """The document as plain data; empty if the file says nothing that can be understood."""
+        return {} if self.root is None else dict(self.root.plain())
+
+    def span(self, path: Path, key: bool = False) -> Span | None:
+        """Returns where the value (or the key) at a path is, or `None` if there is nothing at that path."""
+        if self.root is None or not self.root.has(path):
+            return None
+        return self.root.nearest_span(path, key=key)
+
+    def line_text(self, line: int) -> str | None:
+        """Returns a line by its number, from 1."""
+        return self.lines[line - 1] if 1 <= line <= len(self.lines) else None
+
+    def stretch(self, line: int, column: int, end_line: int, end_column: int) -> Span:
+        """Returns the span of a stretch of text, cut at the end of its first line and at least one column wide."""
+        if end_line != line:
+            end_column = len(self.line_text(line) or "") + 1
+        return Span(self.name, line, column, max(end_column, column + 1))
+
+    def at(self, index: int) -> Span:
+        """Returns the span of the character at an index of the text."""
+        before = _LINE_BREAK.split(self.text[:index])
+        column = len(before[-1]) + 1
+        return Span(self.name, len(before), column, column + 1)
+
+    def report(
+        self,
+        code: str,
+        message: str,
+        span: Span | None,
+        path: Sequence[str | int] = (),
+        *,
+        expected: str | None = None,
+        suggestion: str | None = None,
+    ) -> None:
+        """Adds a problem."""
+        line = self.line_text(span.line) if span else None
+        self.problems.append(Problem(code, message, span, dotted(path), expected, suggestion, line))
+
+
+def load(path: FilePath, name: str) -> Source:
+    """Reads a scenario file.
+
+    Args:
+        path: Where it is.
+        name: What to call it in messages.
+
+    Raises:
+        ScenarioError: The file cannot be read or understood; carries every problem found in it.
+    """
+    source = read(path, name)
+    if source.problems:
+        raise ScenarioError(source.problems)
+    return source
+
+
+def read(path: FilePath, name: str) -> Source:
+    """Reads a scenario file and leaves what is wrong with it in `problems`."""
+    source = _read_text(path, name)
+    if source.problems:
+        return source
+    # Imported here because reading one format should not cost the import of the other's parser.
+    if path.suffix.lower() == ".toml":
+        from symaware_cli.scenario.toml_source import parse_toml as parse
+    else:
+        from symaware_cli.scenario.yaml_source import parse_yaml as parse
+    parse(source)
+    _check_top(source)
+    return source
+
+
+def _read_text(path: FilePath, name: str) -> Source:
+    source, shown = Source(name, b""), quoted(name, 200)
+    try:
+        mode = os.stat(path).st_mode
+        if stat.S_ISDIR(mode):
+            source.report("not-a-file", f"{shown} is a folder", None, expected="a scenario file")
+            return source
+        if not stat.S_ISREG(mode):
+            # A pipe or a device could block or never end.
+            source.report("not-a-file", f"{shown} is not a regular file", None, expected="a scenario file")
+            return source
+        if path.suffix.lower() not in (".yaml", ".yml", ".toml"):
+            source.report("unknown-format", f"{shown} has an unknown suffix", None, expected=".yaml, .yml or .toml")
+            return source
+        with open(path, "rb") as file:
+            raw = file.read(MAX_BYTES + 1)
+    except FileNotFoundError:
+        suggestion = nearest_file(path)
+        source.report("missing-file", f"there is no file {shown}", None, suggestion=suggestion)
+        return source
+    except (OSError, ValueError) as error:
+        reason = (error.strerror if isinstance(error, OSError) else None) or str(error)
+        source.report("unreadable", f"{shown} cannot be read: {reason}", None)
+        return source
+    if len(raw) > MAX_BYTES:
+        source.report("too-large", f"{shown} is larger than 1 MiB, the most a scenario file may have", None)
+        return source
+    return decode(name, raw)
+
+
+def nearest_file(path: FilePath) -> str | None:
+    """Returns the name of the scenario file beside a missing one that was probably meant."""
+    try:
+        with os.scandir(path.parent) as entries:
+            names = sorted(entry.name for entry in entries if entry.name.endswith((".yaml", ".yml", ".toml")))
+    except (OSError, ValueError):
+        return None
+    return nearest(path.name, names)
+
+
+def decode(name: str, raw: bytes) -> Source:
+    """Turns bytes into a source; its text holds no character that could confuse a parser or a terminal."""
+    try:
+        # utf-8-sig would hide a byte order mark from the offsets of a decoding error.
+        text = raw.decode("utf-8")
+    except UnicodeDecodeError as error:
+        source = Source(name, raw, raw.decode("utf-8", errors="replace").removeprefix("\ufeff"))
+        # Everything before the offset is valid, so its lines and columns are those a person sees.
+        before = _LINE_BREAK.split(raw[: error.start].decode("utf-8").removeprefix("\ufeff"))
+        line, column = len(before), len(before[-1]) + 1
+        source.report(
+            "not-utf-8",
+            f"byte 0x{raw[error.start]:02x} at offset {error.start} is not UTF-8",
+            Span(name, line, column, column + 1),
+            expected="a file saved as UTF-8",
+        )
+        return source
+    source = Source(name, raw, text.removeprefix("\ufeff"))
+    for number, line_text in enumerate(source.lines, 1):
+        found = _FORBIDDEN.search(line_text)
+        if found:
+            column = found.start() + 1
+            message = f"the character {_code_point(found.group())} is not allowed in a scenario file"
+            source.report("bad-character", message, Span(name, number, column, column + 1))
+    return source
+
+
+def _code_point(character: str) -> str:
+    return f"U+{ord(character):04X}"
+
+
+class Fault(NamedTuple):
+    """What is wrong with a value, before it is known where the value is."""
+
+    code: str
+    message: str
+    expected: str | None = None
+
+
+LARGE_NUMBER = Fault(
+    "too-large-number", "this whole number does not fit in 64 bits", "a number between -2^63 and 2^63 - 1"
+)
+
+
+def scalar_fault(value: object) -> Fault | None:
+    """Returns what is wrong with a value that no scenario may hold, in either format."""
+    if isinstance(value, str):
+        found = _FORBIDDEN.search(value)
+        return Fault("bad-character", f"the character {_code_point(found.group())} is not allowed") if found else None
+    if isinstance(value, float):
+        if math.isfinite(value):
+            return None
+        return Fault("not-finite", f"{value} is not a finite number", "a finite number")
+    if isinstance(value, int):
+        return None if -(2**63) <= value < 2**63 else LARGE_NUMBER
+    if value is None:
+        return None
+    return Fault("date-not-allowed", "a scenario has no dates", "a text in quotes, or a number of seconds")
+
+
+def report_depth(source: Source, span: Span | None, path: Sequence[str | int] = ()) -> None:
+    """Reports nesting that nobody can mean."""
+    source.report("too-deep", f"values are nested more than {MAX_DEPTH} deep", span, path)
+
+
+def report_nodes(source: Source, span: Span | None, path: Sequence[str | int] = ()) -> None:
+    """Reports more values than a scenario may hold."""
+    source.report("too-large", f"the file expands to more than {MAX_NODES:,} values", span, path)
+
+
+def _check_top(source: Source) -> None:
+    """Reports a document that is not a mapping, once it could be read at all."""
+    root = source.root
+    if root is None:
+        if not source.problems:
+            source.report("empty", "the file is empty", source.stretch(1, 1, 1, 2), expected="a scenario")
+    elif not isinstance(root.value, dict):
+        source.root = None
+        if source.problems:
+            return
+        kind = "a list" if isinstance(root.value, list) else "a single value"
+        message = f"the file holds {kind} instead of keys and values"
+        source.report("not-a-mapping", message, root.span, expected="keys and values at the top level")
