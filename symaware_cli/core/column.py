@@ -39,10 +39,11 @@ class Column:
         fresh: Something was written since this was last set to False; the runtime uses it to look for NaN.
     """
 
-    __slots__ = ("_array", "_changed", "_every", "_shape", "fresh")
+    __slots__ = ("_array", "_changed", "_every", "_own", "_shape", "fresh")
 
     def __init__(self, values: ArrayLike) -> None:
         self._array = frozen(values)
+        self._own = False  # whether nobody else was given the array, so that it may be written in place
         self._shape = self._array.shape[1:]
         self._changed: set[int] = set()
         self._every = True
@@ -51,7 +52,8 @@ class Column:
     @property
     def values(self) -> Array:
         """The whole column, read-only; shape (n, k)."""
-        self._array.flags.writeable = False
+        if self._own:
+            self._array.flags.writeable = self._own = False
         return self._array
 
     @values.setter
@@ -59,7 +61,7 @@ class Column:
         array = frozen(values)
         if array.shape != self._array.shape:
             raise ValueError(f"expected an array of shape {self._array.shape}, not {array.shape}")
-        self._array = array
+        self._array, self._own = array, False
         self._every = self.fresh = True
 
     def row(self, index: int) -> Array:
@@ -73,12 +75,13 @@ class Column:
         Raises:
             ValueError: The value does not have shape (k,).
         """
-        vector = np.asarray(value, float)
-        if vector.shape != self._shape:
-            raise ValueError(f"expected a vector of shape {self._shape}, not {vector.shape}")
-        if not self._array.flags.writeable:
-            self._array = self._array.copy()
-        self._array[index] = vector
+        if type(value) is not np.ndarray:  # an array is converted as it is written below
+            value = np.asarray(value, float)
+        if value.shape != self._shape:
+            raise ValueError(f"expected a vector of shape {self._shape}, not {value.shape}")
+        if not self._own:
+            self._array, self._own = self._array.copy(), True
+        self._array[index] = value
         self._changed.add(index)
         self.fresh = True
 
@@ -155,9 +158,10 @@ class SeriesColumn:
         """
         if not isinstance(series, TimeSeries):
             raise TypeError(f"expected a TimeSeries, not {type(series).__name__}")
-        if not len(series) and self._times is None and index not in self._rows:
+        empty = series.times.size == 0
+        if empty and self._times is None and index not in self._rows:
             return  # nothing before and nothing now: not a change worth a record
-        if len(series):
+        if not empty:
             width = series.values.shape[1]
             if self._width not in (None, width):
                 raise ValueError(f"expected vectors of {self._width} as in the group's other series, not of {width}")

@@ -247,8 +247,8 @@ class PerceptionSystem(Component):
         agent = self._agent
         database = agent.awareness_database
         if isinstance(value, Snapshot):
-            agent.self_awareness.state = value.state(agent.id)
             database.world = value
+            agent.self_awareness.state = value.state(agent.id)
             return
         for id, state in value.items():
             if id == agent.id:

@@ -7,8 +7,6 @@ built anew only then.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,12 +17,25 @@ Indices = NDArray[np.intp]
 _ALL_PAIRS = 64
 
 
-class Pairs(NamedTuple):
-    """Pairs of bodies, sorted by index; each of the arrays has shape (m,)."""
+class Pairs:
+    """Pairs of bodies, sorted by index.
 
-    first: Indices
-    second: Indices
-    distance: Array
+    Attributes:
+        first: The lesser index of each pair; shape (m,).
+        second: The greater; shape (m,).
+        distance: Between the two [m]; shape (m,).
+        closest: The number of the closest pair; -1 where there is none.
+        least: Its distance [m]; infinite where there is none.
+    """
+
+    __slots__ = ("closest", "distance", "first", "least", "second")
+
+    def __init__(self, first: Indices, second: Indices, distance: Array) -> None:
+        self.first = first
+        self.second = second
+        self.distance = distance
+        self.closest = int(distance.argmin()) if len(distance) else -1
+        self.least = float(distance[self.closest]) if len(distance) else np.inf
 
 
 class Proximity:
@@ -48,12 +59,9 @@ class Proximity:
                 again, so do not change it in place.
             reach: The distance [m].
         """
-        same = positions is self._seen
-        if same and reach <= self._cut and self._valid(positions, reach):
-            return self._pairs
         if not self._valid(positions, reach):
             self._build(positions, reach)
-        elif same:
+        elif positions is self._seen:
             return self._pairs
         difference = positions[self._first] - positions[self._second]
         self._pairs = Pairs(self._first, self._second, np.sqrt(np.einsum("ij,ij->i", difference, difference)))
@@ -93,7 +101,7 @@ class Proximity:
         if len(positions) < 2:
             return float("inf")
         if len(positions) <= _ALL_PAIRS:
-            return float(self.pairs(positions, 0.0).distance.min())
+            return self.pairs(positions, 0.0).least
         from scipy.spatial import cKDTree
 
         distances: Array = np.asarray(cKDTree(positions).query(positions, k=2)[0])

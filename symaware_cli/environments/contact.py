@@ -46,10 +46,10 @@ class ContactDetector:
             fixed = [(*position, 0.0)[:dimensions] for position in self._obstacles]
             bodies = np.concatenate([positions, np.array(fixed)])
         pairs = self._proximity.pairs(bodies, self._reach)
+        if pairs.least > self._reach and not self._touching:
+            return ()
         depth = self._radii[pairs.first] + self._radii[pairs.second] - pairs.distance
         near = np.flatnonzero(depth > 0.0)
-        if not len(near) and not self._touching:
-            return ()
         return self._compare(bodies, pairs.first[near], pairs.second[near], depth[near])
 
     def _compare(

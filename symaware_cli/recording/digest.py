@@ -6,6 +6,7 @@ docs/log-format.md defines them for other languages.
 import hashlib
 import struct
 from dataclasses import dataclass
+from functools import cache
 
 from symaware_cli.recording.reader import Log
 from symaware_cli.recording.schema import MANIFEST, TIMING
@@ -43,11 +44,9 @@ def digest(log: Log) -> Digest:
         LogError: The file cannot be read any more.
     """
     hashes = {topic: hashlib.sha256() for topic in log.channels if topic != TIMING}
-    names = {topic: _named(log.channels[topic].schema) for topic in hashes}
     for message in log.messages(hashes):
-        topic = message.channel.topic
         head = _HEAD.pack(message.time, message.sequence, len(message.data))
-        hashes[topic].update(head + names[topic] + message.data)
+        hashes[message.channel.topic].update(head + _named(message.channel.schema) + message.data)
     channels = {topic: content.hexdigest() for topic, content in sorted(hashes.items())}
     attachments = {
         name: hashlib.sha256(data).hexdigest()
@@ -58,6 +57,7 @@ def digest(log: Log) -> Digest:
     return Digest(channels, attachments, hashlib.sha256("".join(lines).encode()).hexdigest())
 
 
+@cache
 def _named(schema: str) -> bytes:
     name = schema.encode()
     return struct.pack("<I", len(name)) + name

@@ -13,6 +13,7 @@ from symaware_cli.core import AgentGroup, Contact, Environment, Event, Level, Me
 from symaware_cli.core.column import Column, SeriesColumn
 from symaware_cli.recording import symaware_v1_pb2 as v1
 from symaware_cli.recording import wire
+from symaware_cli.recording.schema import FORMAT
 from symaware_cli.recording.writer import LogWriter
 
 _LEVELS = {
@@ -288,7 +289,7 @@ def manifest(
         indexed: For each group, whether its agents are numbered.
     """
     content = {
-        "format": 1,
+        "format": FORMAT,
         "name": name,
         "seed": seed,
         "mode": mode,

@@ -16,7 +16,6 @@ from types import TracebackType
 from typing import Any
 
 import zstandard
-from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import (
     Attachment,
@@ -25,19 +24,17 @@ from mcap.records import (
     Chunk,
     ChunkIndex,
     DataEnd,
-    Footer,
     Header,
     McapRecord,
     Metadata,
     MetadataIndex,
     Schema,
-    Statistics,
-    SummaryOffset,
 )
 
 from symaware_cli.recording import symaware_v1_pb2 as v1
 from symaware_cli.recording.error import LogError, reason
 from symaware_cli.recording.schema import LIBRARY, MAGIC, MESSAGES, OUTCOME, PROFILE, TIMING, descriptor_set
+from symaware_cli.recording.summary import Summary, serialise
 
 CHUNK_SIZE = 256 * 1024
 """Bytes of a chunk before compression, at most; only a message that is larger than that has a larger one to itself."""
@@ -80,17 +77,10 @@ class LogWriter:
         self._time = 0
         self._sequence = 0
         self._timing_sequence = 0
-        # Per channel id (0 is no channel): time and offset of each message in the chunk, one after the other.
-        self._positions: list[list[int]] = [[]]
+        # By number of the channel: time and offset of each message in the chunk, one after the other.
+        self._positions: dict[int, list[int]] = {}
 
-        self._schemas: dict[str, Schema] = {}
-        self._channels: list[Channel] = []
-        self._counts: list[int] = [0]
-        self._start_time: int | None = None
-        self._chunk_count = 0
-        self._chunk_indexes = bytearray()  # serialised: there may be many
-        self._attachments: list[AttachmentIndex] = []
-        self._metadata: list[MetadataIndex] = []
+        self._summary = Summary()
 
         try:
             self._file = open(self.path, "wb", buffering=0)  # noqa: SIM115 (closed by finish, abort and _fail)
@@ -98,7 +88,7 @@ class LogWriter:
             raise LogError(f"cannot create the log {self.path}: {reason(error)}") from error
         self._open = True
         # Without a version, so that equal runs make equal logs; versions have an attachment of their own.
-        self._write(MAGIC + _serialise(Header(profile=PROFILE, library=LIBRARY)))
+        self._write(MAGIC + serialise(Header(profile=PROFILE, library=LIBRARY)))
         # First of all, so that its number does not depend on when somebody looked at the clock.
         self._timing = self.channel(
             TIMING, "Timing", {"columns": "wall_time,cpu_time,steps", "units": "s,s,1", "deterministic": "false"}
@@ -107,7 +97,7 @@ class LogWriter:
     @property
     def messages(self) -> int:
         """Messages added so far."""
-        return sum(self._counts) + sum(map(len, self._positions)) // 2
+        return sum(self._summary.counts.values()) + sum(map(len, self._positions.values())) // 2
 
     def attach(self, name: str, media_type: str, data: bytes) -> None:
         """Write an attachment.
@@ -122,7 +112,7 @@ class LogWriter:
         """
         offset = self.size
         length = self._write_record(Attachment(create_time=0, log_time=0, name=name, media_type=media_type, data=data))
-        self._attachments.append(
+        self._summary.attachments.append(
             AttachmentIndex(
                 offset=offset,
                 length=length,
@@ -146,7 +136,7 @@ class LogWriter:
         """
         offset = self.size
         length = self._write_record(Metadata(name=name, metadata=dict(data)))
-        self._metadata.append(MetadataIndex(offset=offset, length=length, name=name))
+        self._summary.metadata.append(MetadataIndex(offset=offset, length=length, name=name))
 
     def channel(self, topic: str, message_name: str, metadata: Mapping[str, str] | None = None) -> int:
         """Open a channel.
@@ -163,14 +153,14 @@ class LogWriter:
             LogError: It cannot be written.
             KeyError: There is no such message.
         """
-        schema = self._schemas.get(message_name)
+        schema = self._summary.schemas.get(message_name)
         if schema is None:
             name = MESSAGES[message_name].DESCRIPTOR.full_name
-            schema = Schema(id=len(self._schemas) + 1, name=name, encoding="protobuf", data=descriptor_set())
+            schema = Schema(id=len(self._summary.schemas) + 1, name=name, encoding="protobuf", data=descriptor_set())
             self._write_record(schema)
-            self._schemas[message_name] = schema
+            self._summary.schemas[message_name] = schema
         channel = Channel(
-            id=len(self._channels) + 1,
+            id=len(self._summary.channels) + 1,
             topic=topic,
             message_encoding="protobuf",
             metadata=dict(metadata or {}),
@@ -178,9 +168,8 @@ class LogWriter:
         )
         # Beside the chunks and not in one, so that a damaged chunk costs its messages only.
         self._write_record(channel)
-        self._channels.append(channel)
-        self._positions.append([])
-        self._counts.append(0)
+        self._summary.channels.append(channel)
+        self._positions[channel.id] = []
         return channel.id
 
     def add(self, channel_id: int, time_ns: int, data: bytes) -> None:
@@ -193,6 +182,7 @@ class LogWriter:
 
         Raises:
             LogError: A chunk was full and could not be written.
+            KeyError: There is no such channel.
             ValueError: The time went back, is negative, or the log has its 2^32 messages.
         """
         self._add(channel_id, time_ns, data, self._sequence)
@@ -311,10 +301,10 @@ class LogWriter:
             uncompressed_size=len(data),
         )
         offset = self.size
-        records = bytearray(_serialise(chunk))
+        records = bytearray(serialise(chunk))
         length = len(records)
         offsets = {}
-        for channel_id, positions in enumerate(self._positions):
+        for channel_id, positions in self._positions.items():
             if positions:
                 offsets[channel_id] = offset + len(records)
                 size = 8 * len(positions)
@@ -332,19 +322,17 @@ class LogWriter:
             uncompressed_size=len(data),
         )
         self._write(records)
-        self._chunk_indexes += _serialise(index)
-        self._chunk_count += 1
-        if self._start_time is None:
-            self._start_time = self._chunk_start
-        for channel_id, positions in enumerate(self._positions):
-            self._counts[channel_id] += len(positions) // 2
+        self._summary.add_chunk(
+            index, {number: len(positions) // 2 for number, positions in self._positions.items() if positions}
+        )
+        for positions in self._positions.values():
             positions.clear()
         self._chunk.clear()
 
     def _close(self) -> None:
         """Write what stands behind the messages and close the file."""
         self._write_record(DataEnd(data_section_crc=0))
-        self._write(self._summary())
+        self._write(self._summary.serialise(self.size))
         self._open = False
         try:
             self._file.close()
@@ -352,44 +340,9 @@ class LogWriter:
             self._error = LogError(f"the log {self.path} may be incomplete: {reason(error)}")
             raise self._error from error
 
-    def _summary(self) -> bytes:
-        """Build the summary section, the footer and the magic."""
-        summary = bytearray()
-        groups: list[SummaryOffset] = []
-
-        def add(opcode: Opcode, records: bytes | bytearray) -> None:
-            nonlocal summary
-            if records:
-                groups.append(SummaryOffset(opcode, self.size + len(summary), len(records)))
-                summary += records
-
-        statistics = Statistics(
-            attachment_count=len(self._attachments),
-            channel_count=len(self._channels),
-            channel_message_counts={number: count for number, count in enumerate(self._counts) if count},
-            chunk_count=self._chunk_count,
-            message_count=sum(self._counts),
-            message_start_time=self._start_time or 0,
-            message_end_time=self._time,
-            metadata_count=len(self._metadata),
-            schema_count=len(self._schemas),
-        )
-        add(Opcode.SCHEMA, _serialise(*self._schemas.values()))
-        add(Opcode.CHANNEL, _serialise(*self._channels))
-        add(Opcode.STATISTICS, _serialise(statistics))
-        add(Opcode.CHUNK_INDEX, self._chunk_indexes)
-        add(Opcode.ATTACHMENT_INDEX, _serialise(*self._attachments))
-        add(Opcode.METADATA_INDEX, _serialise(*self._metadata))
-        offsets = self.size + len(summary)
-        summary += _serialise(*groups)
-        # The checksum covers the footer up to the checksum itself, which is its last field.
-        summary += _serialise(Footer(summary_start=self.size, summary_offset_start=offsets, summary_crc=0))[:-4]
-        summary += struct.pack("<I", zlib.crc32(summary))
-        return bytes(summary + MAGIC)
-
     def _write_record(self, record: McapRecord) -> int:
         """Write a record and return its length in bytes."""
-        data = _serialise(record)
+        data = serialise(record)
         self._write(data)
         return len(data)
 
@@ -401,9 +354,14 @@ class LogWriter:
             rest = memoryview(data)
             while rest:
                 rest = rest[self._file.write(rest) or 0 :]
+            self.size += len(data)
         except OSError as error:
             self._fail(error)
-        self.size += len(data)
+        except BaseException:
+            # Interrupted half-way: as if it had not begun, so that abort() can do it again.
+            self._file.truncate(self.size)
+            self._file.seek(self.size)
+            raise
 
     def _fail(self, error: OSError) -> None:
         """Give up after a failed write: leave whole records only, close the file, and say so once."""
@@ -422,10 +380,3 @@ class LogWriter:
 
     def _refuse(self) -> None:
         raise self._error or LogError(f"the log {self.path} is closed")
-
-
-def _serialise(*records: McapRecord) -> bytes:
-    builder = RecordBuilder()
-    for record in records:
-        record.write(builder)
-    return bytes(builder.end())  # type: ignore[no-untyped-call] # mcap leaves out the return type

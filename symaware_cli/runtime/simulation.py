@@ -30,9 +30,10 @@ class Slot:
         name: The entry's key in the scenario.
         use: The plugin's entry-point name.
         components: The instances, by row; a single one where it is a group component.
+        turns: Each instance with its two methods, for the hot loop; empty where a turn is not just the two.
     """
 
-    __slots__ = ("components", "group", "name", "path", "use")
+    __slots__ = ("components", "group", "name", "path", "turns", "use")
 
     def __init__(
         self, group: AgentGroup, name: str, use: str, components: Sequence[Component] | Sequence[GroupComponent]
@@ -41,6 +42,8 @@ class Slot:
         self.name = name
         self.use = use
         self.components: tuple[Component | GroupComponent, ...] = tuple(components)
+        plain = all(type(each).compute_and_update is Component.compute_and_update for each in self.components)
+        self.turns = tuple((each, each._compute, each._update) for each in self.components) if plain else ()
         self.path = f"agents.{group.name}.{name}"
         for row, component in enumerate(self.components):
             component.name, component.use = name, use

@@ -112,13 +112,10 @@ class Observer:
         if math.isinf(self._separation):
             self._separation = proximity.nearest(positions) * (1 + 1e-12)
         pairs = proximity.pairs(positions, self._separation)
-        if not len(pairs.distance):
-            return
-        closest = int(pairs.distance.argmin())
-        if pairs.distance[closest] < self._separation:
-            self._separation = float(pairs.distance[closest])
+        if pairs.least < self._separation:
+            self._separation = pairs.least
             self._separation_time = now
-            self._separation_pair = (int(pairs.first[closest]), int(pairs.second[closest]))
+            self._separation_pair = (int(pairs.first[pairs.closest]), int(pairs.second[pairs.closest]))
 
     @property
     def minimum_separation(self) -> Extreme | None:

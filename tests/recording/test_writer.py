@@ -165,7 +165,13 @@ def test_time_does_not_go_back(tmp_path):
 
 @pytest.mark.parametrize(
     ("arguments", "error"),
-    [((1, 2**64, b""), ValueError), ((99, 9, b""), IndexError), ((1, 9, "text"), TypeError), ((1, 9, 7), TypeError)],
+    [
+        ((1, 2**64, b""), ValueError),
+        ((99, 9, b""), KeyError),
+        ((0, 9, b""), KeyError),
+        ((1, 9, "text"), TypeError),
+        ((1, 9, 7), TypeError),
+    ],
 )
 def test_an_add_that_fails_leaves_nothing_behind(tmp_path, arguments, error):
     with LogWriter(tmp_path / "log.mcap") as writer:
@@ -305,6 +311,35 @@ def test_a_device_that_fails_while_finishing_is_told_and_hides_nothing(tmp_path,
         writer.finish({})
     assert caught.value.__cause__.errno == errno.ENOSPC
     assert open_log(writer.path).message_count == 1
+
+
+def test_a_write_that_is_interrupted_is_done_again_when_the_log_is_closed(tmp_path):
+    class Interrupted:
+        """A file that is interrupted once, after a part of what it was given."""
+
+        def __init__(self, file):
+            self.file = file
+            self.pending = True
+
+        def __getattr__(self, name):
+            return getattr(self.file, name)
+
+        def write(self, data):
+            if not self.pending:
+                return self.file.write(data)
+            if len(data) > 50:
+                return self.file.write(data[:50])
+            self.pending = False
+            raise KeyboardInterrupt
+
+    writer = LogWriter(tmp_path / "log.mcap")
+    writer.add(writer.channel("/state", "Rows"), 1, b"data")
+    writer._file = Interrupted(writer._file)
+    with pytest.raises(KeyboardInterrupt), writer:
+        writer.flush()
+    log = open_log(writer.path)
+    assert log.verify() is None
+    assert [message.data for message in log.messages()] == [b"data"]
 
 
 def test_adding_a_small_message_costs_little(tmp_path):
