@@ -73,16 +73,24 @@ def build(
     Raises:
         ScenarioError: With every problem found.
     """
-    composition = compose(path, overrides, name)
+    found: Sequence[Problem] = ()
+    try:
+        composition = compose(path, overrides, name)
+    except ScenarioError as error:
+        if error.partial is None:
+            raise
+        # What is wrong so far lies in single values; the rest can be looked at in the same pass.
+        composition, found = error.partial, error.problems
     if seed is not None:
         composition.data["seed"] = seed
-    return _Builder(composition, catalogue or Catalogue()).build()
+    return _Builder(composition, catalogue or Catalogue(), found).build()
 
 
 class _Builder:
-    def __init__(self, composition: Composition, catalogue: Catalogue) -> None:
+    def __init__(self, composition: Composition, catalogue: Catalogue, found: Sequence[Problem] = ()) -> None:
         self._composition = composition
         self._catalogue = catalogue
+        self._found = tuple(found)
         self._problems: list[Problem] = []
         self._uses: dict[str, dict[str, Any]] = {}
 
@@ -101,8 +109,10 @@ class _Builder:
                 groups.append(group)
             slots += group_slots
         steps = self._steps(document, environment)
-        if self._problems or isinstance(document, list) or environment is None:
-            raise ScenarioError(self._problems)
+        if self._problems or self._found or isinstance(document, list) or environment is None:
+            # A value that was found wrong already is a hole here; what is said of the hole is no news.
+            known = {problem.span for problem in self._found}
+            raise ScenarioError([*self._found, *(each for each in self._problems if each.span not in known)])
         simulation = self._simulation(document, environment, groups, slots)
         return Built(document, simulation, steps, _resolved(data, document), self._composition.files, self._uses)
 

@@ -6,6 +6,7 @@ import json
 import tempfile
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 
 from symaware_cli.core import nanoseconds
@@ -32,13 +33,18 @@ def open_scenario(path: Path, overrides: Sequence[str] = (), seed: int | None = 
     from symaware_cli.recording.error import LogError
     from symaware_cli.recording.reader import open_log
 
-    resolved = open_log(path).attachments.get(RESOLVED)
+    attachments = open_log(path).attachments
+    resolved = attachments.get(RESOLVED)
     if resolved is None:
         raise LogError(f"{path} holds no scenario to run again")
     with tempfile.TemporaryDirectory() as folder:
         extracted = Path(folder) / RESOLVED
         extracted.write_bytes(resolved)
-        return build(extracted, overrides, seed, name=f"{path}:{RESOLVED}")
+        built = build(extracted, overrides, seed, name=f"{path}:{RESOLVED}")
+    written = {
+        name.removeprefix("scenario/"): content for name, content in attachments.items() if name.startswith("scenario/")
+    }
+    return replace(built, files=written)
 
 
 def unused_path(name: str, folder: Path = Path()) -> Path:

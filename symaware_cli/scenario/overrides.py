@@ -29,10 +29,12 @@ class Override:
         if source.problems:
             return override
         path, equals, value = source.text.partition("=")
+        first_line = override._stretch(0, len(source.lines[0]))
         if not equals:
-            source.report(
-                "bad-set", f"there is no `=` in {quoted(text)}", override._stretch(0, len(text)), expected="path=value"
-            )
+            source.report("bad-set", f"there is no `=` in {quoted(text)}", first_line, expected="path=value")
+            return override
+        if "\n" in path or "\r" in path:
+            source.report("bad-set-path", "a path is one line", first_line)
             return override
         override._take_path(path)
         if not source.problems:
@@ -50,8 +52,6 @@ class Override:
             if not name:
                 message = "a path has a name between its dots, and no dot at its ends"
                 self.source.report("bad-set-path", message, self._stretch(start, end))
-            elif not name.isprintable():
-                self.source.report("bad-set-path", "a path is one line", self._stretch(start, end))
             self._segments.append((name, self._stretch(start, end)))
             start = end + 1
         if len(self._segments) > MAX_DEPTH:

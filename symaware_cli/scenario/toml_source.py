@@ -238,6 +238,8 @@ class _Places:
         if node.type == "bare_key":
             return [(text, self._span(node))]
         if node.type == "quoted_key":
+            if "\\" not in text:
+                return [(text[1:-1], self._span(node))]
             try:
                 return [(next(iter(tomllib.loads(f"{text}=0"))), self._span(node))]
             except (ValueError, StopIteration):

@@ -91,6 +91,8 @@ def report_syntax_error(source: Source, error: tomllib.TOMLDecodeError) -> None:
         line = max((number for number, text in enumerate(source.lines, 1) if text.strip()), default=1)
         column = len(source.lines[line - 1].rstrip()) + 1
     text = source.line_text(line) or ""
+    # The parser may have stopped behind the line break.
+    column = min(column, len(text) + 1)
     word = re.compile(r"[\w+.-]*").match(text, column - 1)
     span = source.stretch(line, column, line, word.end() + 1 if word else column + 1)
     code, message = next(

@@ -1,5 +1,7 @@
 """`extends`, `--set` and `parameters`."""
 
+import subprocess
+import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -482,3 +484,16 @@ def test_a_scenario_that_is_not_there_suggests_its_neighbour(folder: Folder) -> 
     folder.write(hello_yaml="x: 1")
     problem = folder.only(top="helo.yaml")
     assert (problem.code, problem.suggestion, problem.span) == ("missing-file", "hello.yaml", None)
+
+
+def test_a_parser_is_imported_only_when_its_format_is_read(folder: Folder) -> None:
+    folder.write(top_yaml="x: 1", top_toml="x = 1")
+    code = (
+        "import sys, pathlib\n"
+        "from symaware_cli.scenario.compose import compose\n"
+        "compose(pathlib.Path(sys.argv[1]))\n"
+        "print(*(name for name in ('yaml', 'tree_sitter') if name in sys.modules))"
+    )
+    for name, parser in (("top.yaml", "yaml"), ("top.toml", "tree_sitter")):
+        command = [sys.executable, "-c", code, str(folder.path / name)]
+        assert subprocess.run(command, capture_output=True, text=True, check=True).stdout.split() == [parser]

@@ -74,12 +74,12 @@ x = '${parameters.goals}'
 radius = 2.5
 """
 _WORDS = rb"""
-[ ] { } : , - ? # & * ! | > ' " % @ ` = . ~ << $ ${ } $${ \\ \x \u \U \ud800 ''' [[ ]] --- ... !! !foo *a *robot ../ / base.yaml null
-!!python/object/apply:os.system .nan nan -.inf inf 1e999 0x 0o9 1979-05-27 07:32:00 1:30 true parameters
-${parameters.speed} ${parameters.who} ${parameters.} ${parameters}
+[ ] { } : , - ? # & * ! | > ' " % @ ` = . ~ << $ ${ } $${ \\ \x \u \U \ud800 ''' [[ ]] --- ... !! !foo *a *robot
+../ / base.yaml null !!python/object/apply:os.system .nan nan -.inf inf 1e999 0x 0o9 1979-05-27 07:32:00 1:30 true
+parameters ${parameters.speed} ${parameters.who} ${parameters.} ${parameters}
 """
 # What cannot be written as words: blanks, control characters, broken UTF-8, and much of the same.
-NASTY = _WORDS.split() + [b"\t", b"\n", b"\r", b"\r\n", b" ", b"  ", b": ", b"- ", b"? ", b"\n\n", b"\n\t", b'"""']
+NASTY = [*_WORDS.split(), b"\t", b"\n", b"\r", b"\r\n", b" ", b"  ", b": ", b"- ", b"? ", b"\n\n", b"\n\t", b'"""']
 NASTY += [
     b"\x00",
     b"\x1b[31m",

@@ -386,3 +386,17 @@ def _check_places(source: Source, value: Any, path: tuple[str | int, ...]) -> No
         assert yaml.safe_load(marked(source, path)) == value
     elif isinstance(value, float):
         assert float(marked(source, path)) == value
+
+
+def test_the_parser_without_c_reads_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    text = "a:\n  bé: &x [1, 'x y', {z: 2.5}]\n  c: |\n    text\n  <<: {d: 1}\ne: *x\nf: !!str 1\ng:\n"
+    with_c = read(tmp_path, text)
+    monkeypatch.setattr("symaware_cli.scenario.yaml_source._LOADER", yaml.SafeLoader)
+    without = read(tmp_path, text)
+    assert without.data == with_c.data
+    for path in [("a", "bé"), ("a", "bé", 2, "z"), ("a", "c"), ("a", "d"), ("e",), ("e", 1), ("f",), ("g",)]:
+        assert without.span(path, key=True) == with_c.span(path, key=True)
+        assert marked(without, path) == marked(with_c, path)
+    assert only(tmp_path, "a: [1, 2\n") == ("unclosed", 1, 4)
+    assert only(tmp_path, "a:\n\tb: 1\n") == ("tab", 2, 1)
+    assert only(tmp_path, "a: [" + "1," * 200 + "[" * 100)[0] == "too-deep"
