@@ -1,7 +1,7 @@
 """The vocabulary: time, awareness, knowledge, agent, component, entity, model, environment, message, event."""
 
 from symaware_cli.core.agent import Agent, AgentGroup, Surroundings
-from symaware_cli.core.awareness import AwarenessDatabase, AwarenessVector, GroupAwareness
+from symaware_cli.core.awareness import AwarenessDatabase, AwarenessVector, GroupAwareness, Observation, Tracks
 from symaware_cli.core.component import (
     CommunicationReceiver,
     CommunicationSender,
@@ -47,6 +47,7 @@ __all__ = [
     "Level",
     "Message",
     "Model",
+    "Observation",
     "Obstacle",
     "Parameters",
     "PerceptionSystem",
@@ -60,6 +61,7 @@ __all__ = [
     "Subscription",
     "Surroundings",
     "TimeSeries",
+    "Tracks",
     "UncertaintyEstimator",
     "nanoseconds",
     "seconds",

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from symaware_cli.core.awareness import AwarenessDatabase, GroupAwareness, SelfAwareness
+from symaware_cli.core.awareness import AwarenessDatabase, GroupAwareness, SelfAwareness, Tracks
 from symaware_cli.core.column import Column
 from symaware_cli.core.entity import Entity
 from symaware_cli.core.event import EventBus
@@ -98,6 +98,32 @@ class AgentGroup:
             ValueError: The values are not numbers of one shape.
         """
         return np.array([knowledge[name] for knowledge in self.knowledge], float)
+
+    def others(self, reach: float) -> Tracks:
+        """What each agent believes of the others within reach of where it believes to be itself.
+
+        This is the common ground of components that deal with others, whoever perceives them: tracks where
+        there are some, else the snapshot of those who perceive everything, else nothing.
+
+        Args:
+            reach: The greatest distance [m].
+        """
+        awareness, now = self.awareness, self.surroundings.clock.now
+        if awareness.tracks is not None:
+            tracks = awareness.tracks
+            apart = tracks.positions - self.model.positions(awareness.state)[tracks.observers]
+            return tracks.select(np.einsum("ij,ij->i", apart, apart) <= reach * reach)
+        world = awareness.world
+        if world is None:
+            nobody = np.empty((0, len(self.model.position)))
+            return Tracks(now, np.zeros(len(self) + 1, np.intp), np.empty(0, np.intp), nobody, nobody)
+        positions = world.positions
+        one, other, _ = self.surroundings.environment.proximity.directed(positions, reach)
+        start = world.roster.start(self.name)
+        if len(self) < len(positions):
+            first, last = np.searchsorted(one, (start, start + len(self)))
+            one, other = one[first:last], other[first:last]
+        return Tracks.of(world.time, len(self), one - start, other, positions[other], world.velocities[other])
 
     @cached_property
     def agents(self) -> tuple[Agent, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, MutableMapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,7 +13,7 @@ from symaware_cli.core.column import Column, SeriesColumn, frozen
 from symaware_cli.core.series import TimeSeries
 
 if TYPE_CHECKING:
-    from symaware_cli.core.world import Snapshot
+    from symaware_cli.core.world import Roster, Snapshot
 
 Array = NDArray[np.float64]
 
@@ -48,6 +49,108 @@ class AwarenessVector:
         return f"AwarenessVector({self.id!r}, state={np.array2string(self.state, precision=4)})"
 
 
+class Tracks:
+    """What the agents of a group believe of others, sparsely: a row for each agent and each other it knows of.
+
+    Rows stand in the order of the agents, and within an agent in the order of the roster. Arrays are read-only.
+
+    Attributes:
+        time: When this was believed, in nanoseconds.
+        pointers: Where the rows of each agent begin, and at last their number; shape (n + 1,).
+        others: Whom each row is about, as an index in the roster; shape (m,).
+        positions: Where the other is believed to be [m]; shape (m, d).
+        velocities: How fast it is believed to move [m/s]; shape (m, d).
+        covariances: Covariance of position and velocity, in this order [m^2, m^2/s, m^2/s^2]; shape (m, 2d, 2d), or
+            None where nothing is said of it.
+        ages: Time since the other was last seen [s]; shape (m,).
+    """
+
+    __slots__ = ("ages", "covariances", "others", "pointers", "positions", "time", "velocities")
+
+    def __init__(
+        self,
+        time: int,
+        pointers: NDArray[np.intp],
+        others: NDArray[np.intp],
+        positions: Array,
+        velocities: Array,
+        covariances: Array | None = None,
+        ages: Array | None = None,
+    ) -> None:
+        self.time = time
+        self.pointers = pointers
+        self.others = others
+        self.positions = frozen(positions)
+        self.velocities = frozen(velocities)
+        self.covariances = None if covariances is None else frozen(covariances)
+        self.ages = frozen(np.zeros(len(others)) if ages is None else ages)
+
+    @classmethod
+    def of(
+        cls,
+        time: int,
+        count: int,
+        observers: NDArray[np.intp],
+        others: NDArray[np.intp],
+        *values: Array,
+        **more: Array | None,
+    ) -> Tracks:
+        """Make tracks from the agent that each row belongs to, ascending; shape (m,).
+
+        Args:
+            time: See the class.
+            count: How many agents the group has.
+            observers: The agent of each row.
+            others: See the class.
+            values: Positions, velocities, and so on, as the class takes them.
+            more: The same by name.
+        """
+        pointers = np.searchsorted(observers, np.arange(count + 1))
+        return cls(time, pointers, others, *values, **more)
+
+    @property
+    def observers(self) -> NDArray[np.intp]:
+        """The agent that each row belongs to, as a row of the group; shape (m,)."""
+        return np.repeat(np.arange(len(self.pointers) - 1), np.diff(self.pointers))
+
+    def __len__(self) -> int:
+        return len(self.others)
+
+    def select(self, rows: NDArray[np.bool_]) -> Tracks:
+        """The tracks that a mask picks out; shape (m,)."""
+        return Tracks.of(
+            self.time,
+            len(self.pointers) - 1,
+            self.observers[rows],
+            self.others[rows],
+            self.positions[rows],
+            self.velocities[rows],
+            covariances=None if self.covariances is None else self.covariances[rows],
+            ages=self.ages[rows],
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Observation:
+    """What a perception measured in a step, before anybody makes a belief of it.
+
+    Attributes:
+        time: The instant that was measured, in nanoseconds; earlier than now where perception has a delay.
+        state: The agents' own states, or None if they were not measured; shape (n, nx).
+        state_deviation: Standard deviation of each element of them; shape (nx,).
+        tracks: The others that were seen.
+        position_deviation: Standard deviation of their positions, along each axis [m].
+        velocity_deviation: Standard deviation of their velocities, along each axis [m/s].
+    """
+
+    time: int
+    state: Array | None
+    state_deviation: Array
+    tracks: Tracks
+    position_deviation: float
+    velocity_deviation: float
+
+
 class GroupAwareness:
     """The awareness that the agents of a group have: of themselves as columns, of others sparsely.
 
@@ -57,9 +160,23 @@ class GroupAwareness:
         risk: A series for each agent.
         world: What all agents of the group know of everybody, where they perceive everything; one shared
             read-only snapshot, never a copy for each pair.
+        observation: What perception measured last, for those who estimate.
+        tracks: What each agent believes of the others it perceives or perceived.
+        roster: Who the indices in `tracks` stand for; set when the world is.
+        others_changed: The rows whose own components wrote about others since the last record.
     """
 
-    __slots__ = ("intent", "others_changed", "risk", "state_column", "uncertainty", "world")
+    __slots__ = (
+        "intent",
+        "observation",
+        "others_changed",
+        "risk",
+        "roster",
+        "state_column",
+        "tracks",
+        "uncertainty",
+        "world",
+    )
 
     def __init__(self, state: Array) -> None:
         self.state_column = Column(state)
@@ -67,6 +184,9 @@ class GroupAwareness:
         self.uncertainty = SeriesColumn(len(state))
         self.risk = SeriesColumn(len(state))
         self.world: Snapshot | None = None
+        self.observation: Observation | None = None
+        self.tracks: Tracks | None = None
+        self.roster: Roster | None = None
         self.others_changed: set[int] = set()
 
     @property
@@ -159,13 +279,40 @@ class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
     def __getitem__(self, id: str) -> AwarenessVector:
         if id == self._own.id:
             return self._own
-        vector = self._others.get(id)
+        vector = self._others.get(id) or self._tracked(id)
         if vector is None:
             world = self.world
             if world is None:
                 raise KeyError(id)
             vector = AwarenessVector(id, world.state(id))
         return vector
+
+    def _tracked(self, id: str) -> AwarenessVector | None:
+        """What the group's perception tells of another: position and velocity, and their covariance."""
+        tracks, roster = self._awareness.tracks, self._awareness.roster
+        if tracks is None or roster is None or id not in roster:
+            return None
+        first, last = tracks.pointers[self._row], tracks.pointers[self._row + 1]
+        index = roster.index(id)
+        place = first + int(np.searchsorted(tracks.others[first:last], index))
+        if place == last or tracks.others[place] != index:
+            return None
+        state = np.concatenate([tracks.positions[place], tracks.velocities[place]])
+        uncertainty = None
+        if tracks.covariances is not None:
+            uncertainty = TimeSeries.sampled([tracks.time], tracks.covariances[place].reshape(1, -1))
+        return AwarenessVector(id, state, uncertainty=uncertainty)
+
+    def _known(self) -> Sequence[str]:
+        """Whom the group's perception tells of, in the roster's order."""
+        world, tracks, roster = self.world, self._awareness.tracks, self._awareness.roster
+        if world:
+            return world.roster.ids
+        if tracks is None or roster is None:
+            return ()
+        return [
+            roster.ids[other] for other in tracks.others[tracks.pointers[self._row] : tracks.pointers[self._row + 1]]
+        ]
 
     def __setitem__(self, id: str, vector: AwarenessVector) -> None:
         if id == self._own.id:
@@ -181,8 +328,7 @@ class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
 
     def __iter__(self) -> Iterator[str]:
         yield self._own.id
-        world = self.world
-        known: Sequence[str] = world.roster.ids if world else ()
+        known = self._known()
         yield from (id for id in known if id != self._own.id)
         seen = set(known)
         yield from (id for id in sorted(self._others) if id not in seen)
@@ -191,4 +337,4 @@ class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
         return sum(1 for _ in self)
 
     def __contains__(self, id: object) -> bool:
-        return id == self._own.id or id in self._others or (self.world is not None and id in self.world.roster)
+        return id == self._own.id or id in self._others or id in self._known()

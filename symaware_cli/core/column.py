@@ -135,6 +135,8 @@ class SeriesColumn:
             array = array.reshape(len(array), -1, 1)
         if array.shape[:2] != (self.count, len(instants)):
             raise ValueError(f"expected values for {self.count} agents at {len(instants)} instants, not {array.shape}")
+        if len(instants) > 1 and not (instants[1:] > instants[:-1]).all():
+            raise ValueError("the times of a series must ascend")
         instants.flags.writeable = False
         self._times, self._values, self._width = instants, array, array.shape[2]
         self._rows.clear()

@@ -65,6 +65,8 @@ class Environment(Plugin, ABC):
         self.obstacles = dict(sorted(obstacles.items()))
         self.proximity = Proximity()
         self.roster = Roster({group.name: group.ids for group in self.groups})
+        for group in self.groups:
+            group.awareness.roster = self.roster
 
     @abstractmethod
     def step(self) -> None:

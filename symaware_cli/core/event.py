@@ -6,6 +6,7 @@ import enum
 import fnmatch
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from operator import attrgetter
 from typing import Any
 
 #: What a component announces about its turns; hot paths make these only if somebody listens.
@@ -65,16 +66,20 @@ class SubscriberError(Exception):
 class Subscription:
     """The right to be told of an event; `cancel` ends it, at any moment, also while the event fires."""
 
-    __slots__ = ("active", "callback", "source")
+    __slots__ = ("active", "callback", "number", "source")
 
-    def __init__(self, callback: Subscriber, source: str) -> None:
+    def __init__(self, callback: Subscriber, source: str, number: int) -> None:
         self.callback = callback
         self.source = source
+        self.number = number
         self.active = True
 
     def cancel(self) -> None:
         """Stop being told; harmless when repeated."""
         self.active = False
+
+
+_number = attrgetter("number")
 
 
 class EventBus:
@@ -84,9 +89,10 @@ class EventBus:
     the ones cancelled hear no more at once.
     """
 
-    __slots__ = ("_subscriptions", "turns_wanted", "wanted")
+    __slots__ = ("_count", "_subscriptions", "turns_wanted", "wanted")
 
     def __init__(self) -> None:
+        self._count = 0
         self._subscriptions: dict[str, tuple[Subscription, ...]] = {}
         #: The names that somebody subscribed to; hot paths look here before they make an event.
         self.wanted: frozenset[str] = frozenset()
@@ -101,7 +107,8 @@ class EventBus:
             callback: Is given the `Event`.
             source: A path, in which ``*`` matches anything.
         """
-        subscription = Subscription(callback, source)
+        self._count += 1
+        subscription = Subscription(callback, source, self._count)
         present = tuple(each for each in self._subscriptions.get(name, ()) if each.active)
         self._subscriptions[name] = (*present, subscription)
         self.wanted = frozenset(self._subscriptions)
@@ -115,8 +122,9 @@ class EventBus:
             SubscriberError: From the exception of the first subscriber that raised, after all were told.
         """
         listeners = self._subscriptions.get(event.name, ())
-        if event.name not in RECURRING:
-            listeners += self._subscriptions.get("*", ())
+        if event.name not in RECURRING and (others := self._subscriptions.get("*")):
+            # In one order for all, so that a recorder, which comes first, writes a cause before its consequences.
+            listeners = tuple(sorted((*listeners, *others), key=_number)) if listeners else others
         failure: tuple[Subscriber, Exception] | None = None
         for listener in listeners:
             if not listener.active:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Self
 
 
 class KnowledgeDatabase(dict[str, Any]):
@@ -27,6 +27,10 @@ class KnowledgeDatabase(dict[str, Any]):
         super().__delitem__(name)
         self.changed = True
 
+    def __ior__(self, other: Any) -> Self:  # type: ignore[override, misc]
+        self.update(other)
+        return self
+
     def __missing__(self, name: str) -> Any:
         known = ", ".join(sorted(self)) or "nothing"
         raise KeyError(f"the agent does not know `{name}`; it knows {known}")
@@ -40,6 +44,11 @@ class KnowledgeDatabase(dict[str, Any]):
         """Remove an entry and return it."""
         self.changed = True
         return super().pop(name, *default)
+
+    def popitem(self) -> tuple[str, Any]:
+        """Remove the entry that was set last and return it with its name."""
+        self.changed = True
+        return super().popitem()
 
     def clear(self) -> None:
         """Forget everything."""

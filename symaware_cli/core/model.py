@@ -85,6 +85,43 @@ class Model(Plugin, ABC):
             velocity[:, column] = rates[index]
         return velocity
 
+    def exact_step(self, state: Array, control_input: Array, step: float) -> Array | None:
+        """Advance states in closed form, for models that have one.
+
+        Args:
+            state: Shape (n, nx).
+            control_input: Constant over the step; shape (n, nu).
+            step: Time [s].
+
+        Returns:
+            The states after the step, shape (n, nx); None for models that must be integrated.
+        """
+        return None
+
+    def noise_deviation(self, step: float) -> Array | None:
+        """Return the standard deviation of the process noise of each element of x over a step [s].
+
+        Returns:
+            Shape (nx,), or None for models without noise.
+        """
+        return None
+
+    def jacobian(self, state: Array, control_input: Array) -> Array:
+        """Return the derivative of f(x, u) by x, shape (n, nx, nx), at states (n, nx) and inputs (n, nu).
+
+        By central differences, unless a model knows better.
+        """
+        width = 1e-6
+        jacobian = np.empty((len(state), len(self.state), len(self.state)))
+        for column in range(len(self.state)):
+            shift = np.zeros(len(self.state))
+            shift[column] = width
+            ahead = self.derivative((state + shift).T, control_input.T, np)
+            behind = self.derivative((state - shift).T, control_input.T, np)
+            for row, (one, other) in enumerate(zip(ahead, behind, strict=True)):
+                jacobian[:, row, column] = (one - other) / (2 * width)
+        return jacobian
+
     def follow_velocity(self, state: Array, velocity: Array) -> Array:
         """Return the control inputs that bring the velocity of the position closest to a wanted one.
 

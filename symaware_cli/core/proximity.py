@@ -47,6 +47,7 @@ class Proximity:
         self._first: Indices = np.empty(0, np.intp)
         self._second: Indices = np.empty(0, np.intp)
         self._seen: Array | None = None
+        self._directed: tuple[Indices, Indices, Indices] | None = None
         self._pairs = Pairs(self._first, self._second, np.empty(0))
 
     def pairs(self, positions: Array, reach: float) -> Pairs:
@@ -68,6 +69,30 @@ class Proximity:
         self._seen = positions
         return self._pairs
 
+    def directed(self, positions: Array, reach: float) -> tuple[Indices, Indices, Array]:
+        """Return who is within reach of whom, each pair from both sides.
+
+        Args:
+            positions: As for `pairs`.
+            reach: The distance [m].
+
+        Returns:
+            The index of the one, ascending, the index of the other, ascending for each one, and their distance [m];
+            each of shape (m,).
+        """
+        pairs = self.pairs(positions, reach)
+        if self._directed is None:
+            # Sorting costs more than all else, and lasts as long as the list of candidates.
+            one = np.concatenate([pairs.first, pairs.second])
+            other = np.concatenate([pairs.second, pairs.first])
+            order = np.lexsort((other, one))
+            number = np.tile(np.arange(len(pairs.first)), 2)
+            self._directed = one[order], other[order], number[order]
+        one, other, number = self._directed
+        distance = pairs.distance[number]
+        near = np.flatnonzero(distance <= reach)
+        return one[near], other[near], distance[near]
+
     def _valid(self, positions: Array, reach: float) -> bool:
         if positions.shape != self._built_at.shape:
             return False
@@ -80,6 +105,7 @@ class Proximity:
 
     def _build(self, positions: Array, reach: float) -> None:
         count = len(positions)
+        self._directed = None
         if count <= _ALL_PAIRS:
             self._first, self._second = np.triu_indices(count, 1)
             self._cut = np.inf

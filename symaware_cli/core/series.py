@@ -36,12 +36,13 @@ class TimeSeries:
         if not samples:
             self.times, self.values = _NO_TIMES, _NO_VALUES
             return
-        ordered = sorted(
-            (nanoseconds(time), np.atleast_1d(np.asarray(value, float))) for time, value in samples.items()
-        )
-        self._freeze(
-            np.array([time for time, _ in ordered], np.int64), np.array([value for _, value in ordered], float)
-        )
+        vectors = {nanoseconds(time): np.atleast_1d(np.asarray(value, float)) for time, value in samples.items()}
+        if len(vectors) < len(samples):
+            raise ValueError("the times of a series must ascend; two are the same to the nanosecond")
+        if len({vector.shape for vector in vectors.values()}) > 1:
+            raise ValueError("every value of a series must be a vector of the same length")
+        times = sorted(vectors)
+        self._freeze(np.array(times, np.int64), np.array([vectors[time] for time in times], float))
 
     @classmethod
     def sampled(cls, times: ArrayLike, values: ArrayLike) -> TimeSeries:

@@ -44,6 +44,19 @@ class Roster:
         """
         return self._places[id]
 
+    def index(self, id: str) -> int:
+        """Return the index of an agent.
+
+        Raises:
+            KeyError: There is no such agent.
+        """
+        group, row = self._places[id]
+        return self.starts[group] + row
+
+    def start(self, group: str) -> int:
+        """Return the index of the first agent of a group."""
+        return self.starts[self.groups.index(group)]
+
     def __contains__(self, id: object) -> bool:
         return id in self._places
 

@@ -9,7 +9,17 @@ from typing import Any
 
 import numpy as np
 
-from symaware_cli.core import AgentGroup, Contact, Environment, Event, Level, Message, Quantity
+from symaware_cli.core import (
+    AgentGroup,
+    AwarenessDatabase,
+    Contact,
+    Environment,
+    Event,
+    Level,
+    Message,
+    Quantity,
+    Tracks,
+)
 from symaware_cli.core.column import Column, SeriesColumn
 from symaware_cli.recording import symaware_v1_pb2 as v1
 from symaware_cli.recording import wire
@@ -136,7 +146,7 @@ class _GroupChannels:
         self._omit = frozenset(omit)
         self._count = len(group)
         self._last_truth: Any = None
-        self._world_known = False
+        self._last_tracks: Any = None
         states = _columns(group.model.state)
         inputs = _columns(group.model.control_input)
         topics = {
@@ -224,28 +234,54 @@ class _GroupChannels:
         return len(series)
 
     def _record_awareness(self, now: int, channel: int) -> int:
-        awareness, changed = self._group.awareness, self._group.awareness.others_changed
-        known_before, self._world_known = self._world_known, awareness.world is not None
-        if awareness.world is not None and awareness.world.time == now and not changed:
+        awareness = self._group.awareness
+        changed, tracks, world = awareness.others_changed, awareness.tracks, awareness.world
+        if not changed and tracks is not None:
+            return self._record_tracks(now, channel, tracks)
+        if not changed and world is not None:
+            if world.time != now:
+                return 0
             self._writer.add(channel, now, wire.WHOLE_WORLD)
             return self._count
-        if not changed and known_before == self._world_known:
+        if not changed:
             return 0
         awareness.others_changed = set()
         databases = [agent.awareness_database for agent in self._group.agents]
         if all(each.world is not None and each.world.time == now and not each.others for each in databases):
             self._writer.add(channel, now, wire.WHOLE_WORLD)
             return self._count
-        rank = {id: number for number, id in enumerate(self._environment.roster.ids)}
-        rows = sorted(changed)
+        return self._record_databases(now, channel, sorted(changed), databases)
+
+    def _record_tracks(self, now: int, channel: int, tracks: Tracks) -> int:
+        """Record what the group's perception believes of others, for all agents at once."""
+        if tracks is self._last_tracks:
+            return 0
+        self._last_tracks = tracks
+        values = np.concatenate([tracks.positions, tracks.velocities], axis=1)
+        encoded = wire.encode_awareness(
+            np.diff(tracks.pointers),
+            tracks.others,
+            [values.shape[1]],
+            values,
+            covariances=() if tracks.covariances is None else tracks.covariances,
+            ages=tracks.ages if tracks.ages.any() else (),
+        )
+        self._writer.add(channel, now, encoded)
+        return self._count
+
+    def _record_databases(
+        self, now: int, channel: int, rows: Sequence[int], databases: Sequence[AwarenessDatabase]
+    ) -> int:
+        """Record what the components of single agents know of others."""
+        roster = self._environment.roster
         lengths, entities, columns, values = [], [], [], [np.empty(0)]
         for row in rows:
             database = databases[row]
-            others = [id for id in database if id != self._group.ids[row] and id in rank]
+            others = [id for id in database if id != self._group.ids[row] and id in roster]
             lengths.append(len(others))
             for id in others:
                 state = database[id].state
-                entities.append(rank[id])
+                entities.append(roster.index(id))
                 columns.append(len(state))
                 values.append(state)
         self._writer.add(channel, now, wire.encode_awareness(lengths, entities, columns, np.concatenate(values), rows))

@@ -44,20 +44,24 @@ class SeriesRows(_message.Message):
     def __init__(self, columns: _Optional[int] = ..., rows: _Optional[_Iterable[int]] = ..., lengths: _Optional[_Iterable[int]] = ..., times: _Optional[_Iterable[int]] = ..., values: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class Awareness(_message.Message):
-    __slots__ = ("world", "rows", "lengths", "entities", "columns", "values")
+    __slots__ = ("world", "rows", "lengths", "entities", "columns", "values", "covariances", "ages")
     WORLD_FIELD_NUMBER: _ClassVar[int]
     ROWS_FIELD_NUMBER: _ClassVar[int]
     LENGTHS_FIELD_NUMBER: _ClassVar[int]
     ENTITIES_FIELD_NUMBER: _ClassVar[int]
     COLUMNS_FIELD_NUMBER: _ClassVar[int]
     VALUES_FIELD_NUMBER: _ClassVar[int]
+    COVARIANCES_FIELD_NUMBER: _ClassVar[int]
+    AGES_FIELD_NUMBER: _ClassVar[int]
     world: bool
     rows: _containers.RepeatedScalarFieldContainer[int]
     lengths: _containers.RepeatedScalarFieldContainer[int]
     entities: _containers.RepeatedScalarFieldContainer[int]
     columns: _containers.RepeatedScalarFieldContainer[int]
     values: _containers.RepeatedScalarFieldContainer[float]
-    def __init__(self, world: _Optional[bool] = ..., rows: _Optional[_Iterable[int]] = ..., lengths: _Optional[_Iterable[int]] = ..., entities: _Optional[_Iterable[int]] = ..., columns: _Optional[_Iterable[int]] = ..., values: _Optional[_Iterable[float]] = ...) -> None: ...
+    covariances: _containers.RepeatedScalarFieldContainer[float]
+    ages: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, world: _Optional[bool] = ..., rows: _Optional[_Iterable[int]] = ..., lengths: _Optional[_Iterable[int]] = ..., entities: _Optional[_Iterable[int]] = ..., columns: _Optional[_Iterable[int]] = ..., values: _Optional[_Iterable[float]] = ..., covariances: _Optional[_Iterable[float]] = ..., ages: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class Knowledge(_message.Message):
     __slots__ = ("rows", "values")

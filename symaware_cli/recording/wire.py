@@ -92,6 +92,8 @@ class Awareness:
         entities: (sum,) indices in the roster, one row's after another.
         columns: (sum,) numbers per entity, or (1,) for all.
         values: flat, entity after entity.
+        covariances: flat, a matrix of columns x columns for each entity, or empty.
+        ages: (sum,) s since each was last seen, or empty.
     """
 
     world: bool
@@ -100,6 +102,8 @@ class Awareness:
     entities: NDArray[np.uint32]
     columns: NDArray[np.uint32]
     values: NDArray[np.float64]
+    covariances: NDArray[np.float64]
+    ages: NDArray[np.float64]
 
 
 def encode_rows(values: ArrayLike, rows: ArrayLike | None = None) -> bytes:
@@ -177,7 +181,14 @@ WHOLE_WORLD = b"\x08\x01"
 
 
 def encode_awareness(
-    lengths: ArrayLike, entities: ArrayLike, columns: ArrayLike, values: ArrayLike, rows: ArrayLike | None = None
+    lengths: ArrayLike,
+    entities: ArrayLike,
+    columns: ArrayLike,
+    values: ArrayLike,
+    rows: ArrayLike | None = None,
+    *,
+    covariances: ArrayLike = (),
+    ages: ArrayLike = (),
 ) -> bytes:
     """Encode an `Awareness` message; see also `WHOLE_WORLD`.
 
@@ -187,6 +198,8 @@ def encode_awareness(
         columns: Numbers per known entity: one for all of them, or (sum of lengths,).
         values: Their believed states, entity after entity; any shape.
         rows: (m,) indices, or None for all.
+        covariances: Of those states, entity after entity; any shape, or empty.
+        ages: (sum of lengths,) s since each was last seen, or empty.
 
     Raises:
         ValueError: The shapes do not fit.
@@ -195,9 +208,13 @@ def encode_awareness(
     known = len(np.atleast_1d(entities))
     if lengths.sum() != known or len(sizes) not in (1, known):
         raise ValueError(f"{lengths.sum()} others are known, {known} are named, {len(sizes)} sizes are given")
-    numbers = int(sizes.sum()) if len(sizes) == known else int(sizes[0]) * known
+    sizes_each = sizes if len(sizes) == known else np.repeat(sizes, known)
+    numbers, squares = int(sizes_each.sum()), int((sizes_each.astype(np.int64) ** 2).sum())
     if table.size != numbers:
         raise ValueError(f"{numbers} numbers were announced, {table.size} given")
+    spread, since = np.asarray(covariances), np.asarray(ages)
+    if spread.size not in (0, squares) or since.size not in (0, known):
+        raise ValueError(f"{squares} covariances and {known} ages were announced, {spread.size} and {since.size} given")
     return b"".join(
         (
             _rows(2, rows, len(lengths)),
@@ -205,6 +222,8 @@ def encode_awareness(
             _packed(4, entities, _INDEX),
             _packed(5, sizes, _INDEX),
             _packed(6, table, _FLOAT),
+            _packed(7, spread, _FLOAT),
+            _packed(8, since, _FLOAT),
         )
     )
 
@@ -251,8 +270,11 @@ def decode_awareness(data: bytes) -> Awareness:
         message = v1.Awareness.FromString(data)
         fields = {1: message.world, 2: message.rows, 3: message.lengths}
         fields |= {4: message.entities, 5: message.columns, 6: message.values}
+        fields |= {7: message.covariances, 8: message.ages}
     lengths, entities, columns = (_array(fields, number, _INDEX) for number in (3, 4, 5))
-    return Awareness(bool(fields.get(1, 0)), _indices(fields, 2), lengths, entities, columns, _array(fields, 6, _FLOAT))
+    values, covariances, ages = (_array(fields, number, _FLOAT) for number in (6, 7, 8))
+    world = bool(fields.get(1, 0))
+    return Awareness(world, _indices(fields, 2), lengths, entities, columns, values, covariances, ages)
 
 
 def _table(values: ArrayLike) -> NDArray[Any]:
