@@ -92,21 +92,25 @@ class Tracks:
         count: int,
         observers: NDArray[np.intp],
         others: NDArray[np.intp],
-        *values: Array,
-        **more: Array | None,
+        positions: Array,
+        velocities: Array,
+        covariances: Array | None = None,
+        ages: Array | None = None,
     ) -> Tracks:
-        """Make tracks from the agent that each row belongs to, ascending; shape (m,).
+        """Make tracks from the agent that each row belongs to.
 
         Args:
-            time: See the class.
+            time: See the class, as for what is not said here.
             count: How many agents the group has.
-            observers: The agent of each row.
-            others: See the class.
-            values: Positions, velocities, and so on, as the class takes them.
-            more: The same by name.
+            observers: The agent of each row, ascending; shape (m,).
+            others: Within an agent ascending; shape (m,).
+            positions: Shape (m, d).
+            velocities: Shape (m, d).
+            covariances: Shape (m, 2d, 2d).
+            ages: Shape (m,).
         """
         pointers = np.searchsorted(observers, np.arange(count + 1))
-        return cls(time, pointers, others, *values, **more)
+        return cls(time, pointers, others, positions, velocities, covariances, ages)
 
     @property
     def observers(self) -> NDArray[np.intp]:

@@ -13,10 +13,12 @@ import yaml
 from symaware_cli.core import (
     AgentGroup,
     Component,
+    Entity,
     Environment,
     GroupComponent,
     Model,
     Plugin,
+    Quantity,
     nanoseconds,
 )
 from symaware_cli.runtime.faults import RunError
@@ -25,9 +27,10 @@ from symaware_cli.scenario.catalogue import Catalogue, PluginError
 from symaware_cli.scenario.check import check
 from symaware_cli.scenario.compose import Composition, compose
 from symaware_cli.scenario.document import Scenario
-from symaware_cli.scenario.problem import Problem, ScenarioError, nearest, quoted
+from symaware_cli.scenario.problem import Problem, ScenarioError, dotted, nearest, quoted
 from symaware_cli.scenario.sampling import Sampler
 from symaware_cli.scenario.source import Path
+from symaware_cli.scenario.yaml_source import plain_scalar
 
 #: More steps than this are a slip of the pen: at a million steps a second they would take a quarter of an hour.
 _MOST_STEPS = 10**9
@@ -87,20 +90,27 @@ def build(
 
 
 class _Builder:
-    def __init__(self, composition: Composition, catalogue: Catalogue, found: Sequence[Problem] = ()) -> None:
+    def __init__(self, composition: Composition, catalogue: Catalogue, found: Sequence[Problem]) -> None:
         self._composition = composition
         self._catalogue = catalogue
         self._found = tuple(found)
         self._problems: list[Problem] = []
         self._uses: dict[str, dict[str, Any]] = {}
+        #: The class that each `use` names, by the path of its entry, and what an author may write under `with`.
+        self._plugins: dict[Path, Any] = {}
+        self._parameters: list[Path] = []
 
     def build(self) -> Built:
         data = self._composition.data
-        document = check(Scenario, data, self._composition, ())
+        self._load(data)
+        document = check(Scenario, data, self._composition, (), self._parameters)
         if isinstance(document, list):
+            if any(problem.code == "wrong-version" for problem in document):
+                # Nobody knows what the rest means in another version of the format.
+                raise ScenarioError([problem for problem in document if problem.code == "wrong-version"])
             self._problems += document
+        # The parts are made even where the document is broken elsewhere, so that one pass reports everything.
         seed = document.seed if isinstance(document, Scenario) else 0
-        # Plugins are looked at even where the document is broken elsewhere, so that one pass reports everything.
         environment = self._environment(_mapping(data.get("environment")))
         groups, slots = [], []
         for name, entry in _mapping(data.get("agents")).items():
@@ -108,75 +118,141 @@ class _Builder:
             if group:
                 groups.append(group)
             slots += group_slots
-        steps = self._steps(document, environment)
+        steps = self._steps(_mapping(data.get("run")).get("duration"), environment)
         if self._problems or self._found or isinstance(document, list) or environment is None:
-            # A value that was found wrong already is a hole here; what is said of the hole is no news.
-            known = {problem.span for problem in self._found}
-            raise ScenarioError([*self._found, *(each for each in self._problems if each.span not in known)])
+            raise ScenarioError([*self._found, *filter(self._is_news, self._problems)])
         simulation = self._simulation(document, environment, groups, slots)
         return Built(document, simulation, steps, _resolved(data, document), self._composition.files, self._uses)
+
+    def _is_news(self, problem: Problem) -> bool:
+        """Whether a problem is more than a consequence of a value that was found wrong already and is a hole now."""
+        path = f"{problem.path}."
+        return not any(
+            problem.span == known.span
+            or f"{known.path}.".startswith(path)
+            and known.path
+            or path.startswith(f"{known.path}.")
+            for known in self._found
+        )
 
     def _report(self, code: str, message: str, path: Path, **hints: Any) -> None:
         self._problems.append(self._composition.problem(code, message, path, **hints))
 
-    def _plugin(self, kind: str, entry: Mapping[str, Any], path: Path) -> Any:
-        """Load the plugin of an entry and validate its parameters; None after a problem."""
-        use = entry.get("use")
+    def _load(self, data: Mapping[str, Any]) -> None:
+        """Import every plugin that is named anywhere."""
+        self._import("environment", data.get("environment"), ("environment",))
+        for name, entry in _mapping(data.get("agents")).items():
+            path: Path = ("agents", name)
+            self._import("model", _mapping(entry).get("model"), (*path, "model"))
+            for component, content in _mapping(_mapping(entry).get("components")).items():
+                self._import("component", content, (*path, "components", component))
+
+    def _import(self, kind: str, entry: Any, path: Path) -> None:
+        use = _mapping(entry).get("use")
         if not isinstance(use, str):
-            return None
+            return
         try:
             plugin = self._catalogue.load(kind, use)
         except PluginError as error:
             self._report(error.code, str(error), (*path, "use"), expected=error.expected, suggestion=error.suggestion)
-            return None
-        given = entry.get("with", {})
-        if not isinstance(given, Mapping):
-            return None
-        where = (*path, "with") if "with" in entry else path
-        parameters = check(plugin.Parameters, given, self._composition, where)
-        if isinstance(parameters, list):
-            self._problems += parameters
-            return None
+            return
+        self._plugins[path] = plugin
+        fields = plugin.Parameters.model_fields.items()
+        self._parameters += [(*path, "with", field.alias or name) for name, field in fields]
+
+    def _make(self, entry: Mapping[str, Any], path: Path, count: int = 1) -> list[Any]:
+        """Make instances of the plugin of an entry with its parameters; none after a problem.
+
+        A group component is made once, whatever the count.
+        """
+        plugin, given = self._plugins.get(path), entry.get("with", {})
+        if plugin is None or not isinstance(given, Mapping):
+            return []
+        use, where = entry["use"], (*path, "with") if "with" in entry else path
         try:
-            # A component author need not know of parameters: without any of its own, a class is called with none.
-            return plugin(parameters) if plugin.Parameters is not Plugin.Parameters else plugin()
+            parameters = check(plugin.Parameters, given, self._composition, where)
         except Exception as error:
+            self._report("broken-plugin", f"the Parameters of {quoted(use)} fail: {_words(error)}", where)
+            return []
+        if isinstance(parameters, list):
+            # What was put beside `with` is reported as that, not as missing too.
+            self._problems += [
+                problem
+                for problem in parameters
+                if problem.code != "missing-field" or not any(f"`{key}`" in problem.message for key in entry)
+            ]
+            return []
+        try:
+            if plugin.Parameters is Plugin.Parameters:
+                # A component author need not know of parameters: without any of its own, a class is called with none.
+                return [plugin() for _ in range(1 if issubclass(plugin, GroupComponent) else count)]
+            # Each agent has its own parameters: none may reach another agent through a shared mutable value.
+            return [
+                plugin(parameters.model_copy(deep=True))
+                for _ in range(1 if issubclass(plugin, GroupComponent) else count)
+            ]
+        except (Exception, SystemExit) as error:
             self._report("invalid-value", f"{quoted(use)} refuses its parameters: {_words(error)}", where)
-            return None
+            return []
 
     def _environment(self, entry: Mapping[str, Any]) -> Environment | None:
-        environment: Environment | None = self._plugin("environment", entry, ("environment",))
+        made = self._make(entry, ("environment",))
+        if not made:
+            return None
+        environment: Environment = made[0]
+        step = getattr(environment, "time_step", None)
+        if not isinstance(step, int) or step < 1:
+            self._report("broken-plugin", f"{quoted(entry['use'])} has no time step", ("environment", "use"))
+            return None
         return environment
+
+    def _model(self, entry: Mapping[str, Any], path: Path) -> Model | None:
+        made = self._make(entry, path)
+        if not made:
+            return None
+        model: Model = made[0]
+        fault = _fault_of(model)
+        if fault:
+            self._report("broken-plugin", f"the model {quoted(entry['use'])} {fault}", (*path, "use"))
+            return None
+        return model
 
     def _group(
         self, name: str, entry: Mapping[str, Any], document: Scenario | list[Problem], seed: int
     ) -> tuple[AgentGroup | None, list[Slot]]:
         path: Path = ("agents", name)
-        model: Model | None = self._plugin("model", _mapping(entry.get("model")), (*path, "model"))
+        model = self._model(_mapping(entry.get("model")), (*path, "model"))
         count = entry.get("count")
         sound = isinstance(count, int) and not isinstance(count, bool) and 1 <= count <= 100_000
         indexed = count is not None
-        ids = [f"{name}.{row}" for row in range(count or 0)] if sound else [name]
+        ids = [f"{name}.{row}" for row in range(count)] if sound and count else [name]
         sampler = Sampler(self._composition, seed, ids, indexed, model)
         states, knowledge = None, []
         if sound or not indexed:
             states = sampler.states(entry.get("state"), (*path, "state"))
             knowledge = self._knowledge(sampler, entry, path, len(ids))
             self._problems += sampler.problems
-        self._uses[name] = {"model": _mapping(entry.get("model")).get("use"), "components": {}}
+        components = _mapping(entry.get("components"))
+        uses = {component: _mapping(content).get("use") for component, content in components.items()}
+        self._uses[name] = {"model": _mapping(entry.get("model")).get("use"), "components": uses}
         instances = {
-            component: self._instances(_mapping(content), (*path, "components", component), ids)
-            for component, content in _mapping(entry.get("components")).items()
+            component: self._make(_mapping(content), (*path, "components", component), len(ids))
+            for component, content in components.items()
         }
-        if not isinstance(document, Scenario) or model is None or states is None or sampler.problems:
+        capable = [
+            component
+            for component, made in instances.items()
+            if made and self._is_told(made[0], entry, (*path, "components", component), uses[component])
+        ]
+        if model is None or states is None or sampler.problems or self._found:
             return None, []
-        group = AgentGroup(name, ids, model, document.agents[name].entity, states, knowledge)
-        slots = []
-        for component, made in instances.items():
-            use = document.agents[name].components[component].use
-            self._uses[name]["components"][component] = use
-            if made and self._suits(group, made[0], (*path, "components", component), use):
-                slots.append(Slot(group, component, use, made))
+        body = document.agents[name].entity if isinstance(document, Scenario) else Entity()
+        group = AgentGroup(name, ids, model, body, states, knowledge)
+        slots = [
+            Slot(group, component, uses[component], instances[component])
+            for component in capable
+            if self._suits(group, instances[component][0], (*path, "components", component), uses[component])
+        ]
         return group, slots
 
     def _knowledge(self, sampler: Sampler, entry: Mapping[str, Any], path: Path, count: int) -> list[dict[str, Any]]:
@@ -186,52 +262,58 @@ class _Builder:
                 own[name] = known
         return knowledge
 
-    def _instances(self, entry: Mapping[str, Any], path: Path, ids: Sequence[str]) -> list[Any]:
-        """Make the component for each agent, or once for a group component; empty after a problem."""
-        first = self._plugin("component", entry, path)
-        if first is None:
-            return []
-        if isinstance(first, GroupComponent):
-            return [first]
-        kind = type(first)
-        others = len(ids) - 1
-        if kind.Parameters is Plugin.Parameters:
-            return [first, *(kind() for _ in range(others))]
-        # Parameters are frozen or each agent's own: none may reach another agent through a shared mutable value.
-        return [first, *(kind(first.parameters.model_copy(deep=True)) for _ in range(others))]
+    def _is_told(self, component: Component | GroupComponent, entry: Mapping[str, Any], path: Path, use: str) -> bool:
+        """Whether the agents know all that a component needs."""
+        known = entry.get("knowledge", {})
+        if not isinstance(known, Mapping):
+            return False
+        for name, meaning in component.knowledge.items():
+            if name in known:
+                continue
+            meant = nearest(name, known)
+            where = (*path[:2], "knowledge", meant) if meant else path
+            self._report(
+                "missing-knowledge",
+                f"{quoted(use)} needs the knowledge {quoted(name)}" + (f", not {quoted(meant)}" if meant else ""),
+                where,
+                key=True,
+                expected=f"{quoted(name)} under {quoted(dotted((*path[:2], 'knowledge')))}: {meaning}",
+            )
+        return set(component.knowledge) <= set(known)
 
     def _suits(self, group: AgentGroup, component: Component | GroupComponent, path: Path, use: str) -> bool:
         """Whether a component can do its work for a group, as far as that can be told before the run."""
-        known = set(group.knowledge[0])
-        for name, meaning in component.knowledge.items():
-            if name not in known:
-                self._report(
-                    "missing-knowledge",
-                    f"{quoted(use)} needs the knowledge {quoted(name)}",
-                    path,
-                    expected=f"`knowledge: {{{name}: ...}}` in `agents.{group.name}`: {meaning}",
-                    suggestion=nearest(name, known),
-                )
-        if not known.issuperset(component.knowledge):
-            return False
         try:
             component.check(group)
         except Exception as error:
-            self._report("unsuitable", f"{quoted(use)} cannot work here: {_words(error)}", path)
+            said = _words(error)
+            for name in component.knowledge:
+                where = (*path[:2], "knowledge", name)
+                if not _is_numeric(group, name):
+                    said = f"the knowledge {quoted(name)} is not made of numbers, as many for each agent"
+                if f"`{name}`" in said:
+                    self._report(
+                        "unsuitable",
+                        f"{quoted(use)} cannot work with this: {said}",
+                        where,
+                        expected=component.knowledge[name],
+                    )
+                    return False
+            self._report("unsuitable", f"{quoted(use)} cannot work here: {said}", path, key=True)
             return False
         return True
 
-    def _steps(self, document: Scenario | list[Problem], environment: Environment | None) -> int:
-        if not isinstance(document, Scenario) or environment is None:
+    def _steps(self, duration: Any, environment: Environment | None) -> int:
+        """Count the steps of the run; 0 where the duration is not sound, which is reported already."""
+        if environment is None or not isinstance(duration, int | float) or not 0 < duration <= 1e9:
             return 0
-        duration = nanoseconds(document.run.duration)
-        steps = math.ceil(duration / environment.time_step)
+        steps = math.ceil(nanoseconds(duration) / environment.time_step)
         if steps > _MOST_STEPS:
             self._report(
                 "too-long",
-                f"the run would take {steps:,} steps",
+                f"the run would take {steps:,} steps of {environment.time_step / 1e9:g} s",
                 ("run", "duration"),
-                expected=f"at most {_MOST_STEPS:,} steps of {environment.time_step / 1e9:g} s",
+                expected=f"at most {_MOST_STEPS:,} steps",
             )
         return max(steps, 1)
 
@@ -255,11 +337,52 @@ class _Builder:
             raise ScenarioError(self._problems) from error
 
 
+class _Dumper(yaml.SafeDumper):
+    """Writes text so that it is read as text again: PyYAML leaves quotes out by the rules of YAML 1.1, not 1.2."""
+
+
+def _text(dumper: yaml.SafeDumper, text: str) -> yaml.Node:
+    style = None if isinstance(plain_scalar(text), str) else "'"
+    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style=style)
+
+
+_Dumper.add_representer(str, _text)
+
+
 def _resolved(data: Mapping[str, Any], document: Scenario) -> bytes:
     """Write the resolved document, in the order of the file, with the seed in force."""
     first = {"symaware": document.symaware, "name": document.name, "seed": document.seed}
     content = {**first, **{key: value for key, value in data.items() if key not in first}}
-    return yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=100).encode()
+    text = yaml.dump(_escaped(content), Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=100)
+    return text.encode()
+
+
+def _escaped(value: Any) -> Any:
+    """Return a value in which no text reads like a reference."""
+    if isinstance(value, Mapping):
+        return {key: _escaped(each) for key, each in value.items()}
+    if isinstance(value, list):
+        return [_escaped(each) for each in value]
+    return value.replace("${", "$${") if isinstance(value, str) else value
+
+
+def _fault_of(model: Model) -> str | None:
+    """Return what is wrong with what a model declares of itself, put as a predicate."""
+    for name in ("state", "control_input"):
+        declared = getattr(model, name, ())
+        if not declared or not all(isinstance(each, Quantity) for each in declared):
+            return f"declares no `{name}` as quantities"
+    indices = [*model.position, *(() if model.heading is None else (model.heading,))]
+    if not all(0 <= index < len(model.state) for index in indices):
+        return "places its position or heading outside its state"
+    return None
+
+
+def _is_numeric(group: AgentGroup, name: str) -> bool:
+    try:
+        return group.known(name).dtype == float
+    except (TypeError, ValueError):
+        return False
 
 
 def _mapping(value: Any) -> Mapping[str, Any]:

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import inspect
+import os
+import traceback
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from importlib import metadata
 from typing import Any
 
+from pydantic import BaseModel
+
 from symaware_cli.core import Component, Environment, GroupComponent, Model
-from symaware_cli.scenario.problem import nearest
+from symaware_cli.scenario.problem import nearest, quoted
 
 #: What a scenario can use, and the entry-point group where it is registered.
 GROUPS = {"component": "symaware.components", "environment": "symaware.environments", "model": "symaware.models"}
@@ -76,8 +80,8 @@ class Catalogue:
         kinds = {group: kind for kind, group in GROUPS.items()}
         for group, kind in kinds.items():
             for point in metadata.entry_points(group=group):
-                package, version = (point.dist.name, point.dist.version) if point.dist else ("unknown", "")
-                listing = Listing(kind, point.name, point.value, package, version)
+                package, version = (point.dist.name, point.dist.version) if point.dist else ("", "")
+                listing = Listing(kind, point.name, point.value, package or "unknown", version or "")
                 same = found[kind].setdefault(point.name, [])
                 # A package that is on the path twice, such as a checkout and its installation, counts once.
                 if all((each.package, each.target) != (listing.package, listing.target) for each, _ in same):
@@ -111,43 +115,71 @@ class Catalogue:
             )
         listing, point = same[0]
         origin = f"the {kind} `{name}` of {listing.package} {listing.version}".rstrip()
-        try:
-            loaded = point.load()
-        except ModuleNotFoundError as error:
-            extra = _EXTRAS.get((error.name or "").partition(".")[0])
-            if extra:
-                raise PluginError(
-                    "missing-extra",
-                    f"{origin} needs the module `{error.name}`, which is not installed",
-                    expected=f"the extra `{extra}`: pip install '{_DISTRIBUTION}[{extra}]'",
-                ) from error
-            raise PluginError("broken-plugin", f"{origin} cannot be imported: {error}") from error
-        except (Exception, SystemExit) as error:
-            text = " ".join(str(error).split())
-            raise PluginError(
-                "broken-plugin", f"{origin} cannot be imported: {type(error).__name__}: {text}"
-            ) from error
-        if not inspect.isclass(loaded) or not issubclass(loaded, _BASES[kind]):
-            bases = " or ".join(base.__name__ for base in _BASES[kind])
-            raise PluginError("broken-plugin", f"{origin} is not a subclass of {bases}")
-        if inspect.isabstract(loaded):
-            missing = ", ".join(sorted(getattr(loaded, "__abstractmethods__", ())))
-            raise PluginError("broken-plugin", f"{origin} does not implement {missing}")
+        loaded = _imported(point, origin)
+        fault = _fault(kind, loaded)
+        if fault:
+            raise PluginError("broken-plugin", f"{origin} {fault}")
         return loaded
 
     def _unknown(self, kind: str, name: str) -> PluginError:
+        everything = f"a name that `symaware list {kind}s` shows"
         for other in GROUPS:
             if other != kind and name in self._found[other]:
                 article = "an" if other[0] in "aeiou" else "a"
-                return PluginError("unknown-plugin", f"`{name}` is {article} {other}, not a {kind}")
+                return PluginError("unknown-plugin", f"`{name}` is {article} {other}, not a {kind}", everything)
         known = sorted(self._found[kind])
-        listed = ", ".join(known[:12]) + (f" and {len(known) - 12} more (symaware list)" if len(known) > 12 else "")
+        # Of a hundred names only the near ones help: those of the same family, which is what stands before the dot.
+        family = [each for each in known if each.rpartition(".")[0] == name.rpartition(".")[0]]
         return PluginError(
             "unknown-plugin",
-            f"no {kind} called `{name}` is installed",
-            expected=f"one of {listed}",
+            f"no {kind} called {quoted(name)} is installed",
+            expected=f"one of {', '.join(family)}" if 0 < len(family) <= 12 else everything,
             suggestion=nearest(name, known),
         )
+
+
+def _imported(point: metadata.EntryPoint, origin: str) -> Any:
+    """Import what an entry point names, or say why that fails."""
+    try:
+        return point.load()
+    except ModuleNotFoundError as error:
+        extra = _EXTRAS.get((error.name or "").partition(".")[0])
+        if extra:
+            raise PluginError(
+                "missing-extra",
+                f"{origin} needs the module `{error.name}`, which is not installed",
+                expected=f"the extra `{extra}`: pip install '{_DISTRIBUTION}[{extra}]'",
+            ) from error
+        raise PluginError("broken-plugin", f"{origin} cannot be imported: {error}{_where(error)}") from error
+    except (Exception, SystemExit) as error:
+        text = f"{type(error).__name__}: {' '.join(str(error).split())}".removesuffix(": ")
+        raise PluginError("broken-plugin", f"{origin} cannot be imported: {text}{_where(error)}") from error
+
+
+def _where(error: BaseException) -> str:
+    """Return the file and line where an import failed, unless the message says so itself or it was not in a file."""
+    frames = [
+        frame
+        for frame in traceback.extract_tb(error.__traceback__)
+        if not frame.filename.startswith("<") and "importlib" not in frame.filename and frame.filename != __file__
+    ]
+    if not frames or isinstance(error, SyntaxError):
+        return ""
+    return f" ({frames[-1].filename.replace(os.sep, '/').rpartition('/')[2]}, line {frames[-1].lineno})"
+
+
+def _fault(kind: str, loaded: Any) -> str | None:
+    """Return what keeps something that was imported from being a plugin, put as a predicate."""
+    bases = " or ".join(base.__name__ for base in _BASES[kind])
+    if not inspect.isclass(loaded) or not issubclass(loaded, _BASES[kind]):
+        return f"is not a subclass of {bases}"
+    if inspect.isabstract(loaded):
+        missing = ", ".join(sorted(getattr(loaded, "__abstractmethods__", ())))
+        return f"does not implement {missing}"
+    parameters = getattr(loaded, "Parameters", None)
+    if not inspect.isclass(parameters) or not issubclass(parameters, BaseModel):
+        return "has Parameters that are not a subclass of symaware_cli.Parameters"
+    return None
 
 
 def versions() -> dict[str, str]:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
+import re
 import types
 import typing
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
+from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from symaware_cli.scenario.compose import Composition
@@ -17,13 +20,18 @@ from symaware_cli.scenario.source import Path
 
 AnyModel = TypeVar("AnyModel", bound=BaseModel)
 
-_TYPES = {
+_NUMBERS = {
     "float_type": "a number",
-    "int_type": "a whole number",
-    "int_from_float": "a whole number",
     "float_parsing": "a number",
+    "int_type": "a whole number",
     "int_parsing": "a whole number",
+    "int_parsing_size": "a whole number",
+    "int_from_float": "a whole number",
+}
+_TYPES = {
+    **_NUMBERS,
     "bool_type": "true or false",
+    "bool_parsing": "true or false",
     "string_type": "text",
     "list_type": "a list",
     "tuple_type": "a list",
@@ -34,16 +42,28 @@ _TYPES = {
 }
 _BOUNDS = {
     "greater_than": ("gt", "greater than"),
-    "greater_than_equal": ("ge", "at least"),
+    "greater_than_equal": ("ge", "of at least"),
     "less_than": ("lt", "less than"),
-    "less_than_equal": ("le", "at most"),
+    "less_than_equal": ("le", "of at most"),
 }
+_NUMERAL = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
+_FLAGS = {"true": "true", "yes": "true", "on": "true", "false": "false", "no": "false", "off": "false"}
+_NAME_RULE = "a letter or _, then letters, digits, _ or -; at most 64 in all"
 
 
-def check(model: type[AnyModel], data: Any, composition: Composition, path: Path) -> AnyModel | list[Problem]:
+def check(
+    model: type[AnyModel], data: Any, composition: Composition, path: Path, others: Sequence[Path] = ()
+) -> AnyModel | list[Problem]:
     """Validate data that stand at a path of a document.
 
     Numbers are not made of text nor flags of numbers: what is of the wrong type is wrong.
+
+    Args:
+        model: What the data must fit.
+        data: Plain data.
+        composition: Knows the places.
+        path: Where the data stand.
+        others: Paths that are valid elsewhere in the document, to tell who put a key in the wrong place.
 
     Returns:
         The validated model, or every problem with the data.
@@ -52,153 +72,252 @@ def check(model: type[AnyModel], data: Any, composition: Composition, path: Path
         return model.model_validate_json(json.dumps(data), strict=True)
     except ValidationError as error:
         details = error.errors(include_url=False)
-    problems = [_problem(model, data, composition, path, each) for each in details]
-    # A union reports one error for each of its branches; the place counts once, and its first complaint is shown.
-    first = {
-        (problem.path, problem.code == "missing-field" and problem.message): problem for problem in reversed(problems)
-    }
-    return list(reversed(first.values()))
+    judge = _Judge(model, data, composition, path, others)
+    return _one_each(judge.problem(each) for each in details)
 
 
-def _problem(model: type[BaseModel], data: Any, composition: Composition, base: Path, error: ErrorDetails) -> Problem:
-    kind, context = error["type"], error.get("ctx", {})
-    inner = _existing(data, error["loc"])
-    path = (*base, *inner)
-    if kind == "missing":
-        name = str(error["loc"][-1])
-        parent = f" in {quoted(dotted(path))}" if path else ""
-        return composition.problem(
-            "missing-field",
-            f"the field {quoted(name)} is missing{parent}",
-            path,
-            key=True,
-            expected=_described(model, inner, name),
+def _one_each(problems: Iterable[Problem]) -> list[Problem]:
+    """Tell of each fault once: a union has pydantic report one error for each of its branches."""
+    first: dict[tuple[str, str], Problem] = {}
+    for problem in problems:
+        # Several fields can be missing in one place.
+        key = (problem.path, problem.message if problem.code == "missing-field" else "")
+        known = first.get(key)
+        if known is None:
+            first[key] = problem
+        elif known.code == problem.code == "wrong-type" and problem.expected not in (None, known.expected):
+            first[key] = replace(known, expected=f"{known.expected} or {problem.expected}")
+    # Where something inside a list is wrong, it is no news that the list is not what another branch wants.
+    inside = [problem.path for problem in first.values()]
+    return [
+        problem
+        for problem in first.values()
+        if problem.code != "wrong-type" or not any(path.startswith(problem.path + ".") for path in inside)
+    ]
+
+
+class _Judge:
+    """Puts errors with one piece of data into words."""
+
+    def __init__(
+        self, model: type[BaseModel], data: Any, composition: Composition, base: Path, others: Sequence[Path]
+    ) -> None:
+        self._model = model
+        self._data = data
+        self._composition = composition
+        self._base = base
+        self._others = others
+
+    def problem(self, error: ErrorDetails) -> Problem:
+        kind, context, value = error["type"], error.get("ctx", {}), error["input"]
+        inner = _existing(self._data, error["loc"])
+        path = (*self._base, *inner)
+        said = f"{_what(path)} is {said_of(value)}"
+        if kind == "missing":
+            return self._missing(inner, str(error["loc"][-1]))
+        if kind == "extra_forbidden":
+            return self._unknown(inner)
+        if error["loc"] and error["loc"][-1] == "[key]":
+            name = quoted(str(inner[-1]))
+            return self._composition.problem("bad-name", f"{name} is not a name", path, key=True, expected=_NAME_RULE)
+        if kind in _TYPES:
+            expected, suggestion = self._type(kind, inner, value)
+            return self._composition.problem("wrong-type", said, path, expected=expected, suggestion=suggestion)
+        if kind in _BOUNDS:
+            key, words = _BOUNDS[kind]
+            noun = "a whole number" if _is_whole(value) and _is_whole(context[key]) else "a number"
+            expected = f"{noun} {words} {_number(context[key])}{self._unit(inner)}"
+            return self._composition.problem("out-of-range", said, path, expected=expected)
+        if kind in ("too_short", "too_long"):
+            return self._length(path, value, context)
+        if kind in ("literal_error", "enum"):
+            return self._choice(path, value, str(context.get("expected", "")))
+        if kind == "string_pattern_mismatch" and context.get("pattern", "").startswith("^[A-Za-z_]"):
+            return self._composition.problem("bad-name", said, path, expected=_NAME_RULE)
+        message = error["msg"].removeprefix("Value error, ").removeprefix("Assertion failed, ")
+        message = f"{message[:1].lower()}{message[1:]}"
+        culprit = (*path, *_mentioned(message, value if isinstance(value, Mapping) else {}))
+        subject = said if culprit == path and not isinstance(value, Mapping | list) else _what(culprit)
+        return self._composition.problem("invalid-value", f"{subject}: {message}", culprit)
+
+    def _missing(self, inner: Path, name: str) -> Problem:
+        path = (*self._base, *inner)
+        parent = f" in {_what(path)}" if path else ""
+        field = _fields(_model_at(self._model, inner)).get(name)
+        expected = None
+        if field is not None and field.description:
+            text = re.split(r"\. |; ", field.description)[0].rstrip(".")
+            expected = text[:1].lower() + text[1:]
+            choices = typing.get_args(field.annotation) if typing.get_origin(field.annotation) is typing.Literal else ()
+            if len(choices) == 1:
+                expected = f"`{choices[0]}`, the {expected}"
+        message = f"the field {quoted(name)} is missing{parent}"
+        return self._composition.problem("missing-field", message, path, key=True, expected=expected)
+
+    def _unknown(self, inner: Path) -> Problem:
+        path, name = (*self._base, *inner), str(inner[-1])
+        known = sorted(_fields(_model_at(self._model, inner[:-1])))
+        suggestion = nearest(name, known)
+        home = self._home(path, name)
+        if home is not None and (suggestion is None or home[:-1] == (*path[:-1], "with")):
+            expected, suggestion = f"it under {quoted(dotted(home[:-1]))}" if home[:-1] else "it at the top level", None
+        elif known:
+            expected = f"one of {', '.join(known)}" if len(known) > 1 else quoted(known[0])
+        else:
+            expected = "no key here"
+        message = f"unknown key {quoted(name)}"
+        return self._composition.problem(
+            "unknown-key", message, path, key=True, expected=expected, suggestion=suggestion
         )
-    if kind == "extra_forbidden":
-        name = str(inner[-1])
-        known = _fields(model, inner[:-1])
-        return composition.problem(
-            "unknown-key",
-            f"unknown key {quoted(name)}",
-            path,
-            key=True,
-            expected=f"one of {', '.join(sorted(known))}" if known else "no key here",
-            suggestion=nearest(name, known),
-        )
-    said = said_of(error["input"])
-    if error["loc"] and error["loc"][-1] == "[key]":
-        return composition.problem(
-            "bad-name",
-            f"{quoted(str(inner[-1]))} is not a name",
-            path,
-            key=True,
-            expected="a letter or _, then letters, digits, _ or -; at most 64 in all",
-        )
-    if kind in _TYPES:
-        return composition.problem("wrong-type", f"{_what(path)} is {said}", path, expected=_TYPES[kind])
-    if kind in _BOUNDS:
-        key, words = _BOUNDS[kind]
-        return composition.problem(
-            "out-of-range", f"{_what(path)} is {said}", path, expected=f"a number {words} {context[key]}"
-        )
-    if kind in ("literal_error", "enum"):
-        if path == ("symaware",):
-            return composition.problem(
+
+    def _home(self, path: Path, name: str) -> Path | None:
+        """Return where else a key of the name would be valid; the place that has most in common with the path."""
+        homes = [other for other in self._others if other[-1] == name]
+        if not self._base:
+            homes += [home for pattern in _places(self._model) if (home := _located(pattern, path, name))]
+        # What stands deep down, such as the `name` of a group, was hardly meant for the top.
+        homes = [home for home in homes if len(home) > 1 or len(path) <= 2]
+        return max(homes, key=lambda home: _shared(home, path), default=None)
+
+    def _type(self, kind: str, inner: Path, value: Any) -> tuple[str, str | None]:
+        """Return what was expected instead of a value of the wrong type, and what was probably meant."""
+        expected = _TYPES[kind]
+        annotation = _annotation_at(self._model, inner)
+        owner = _model_in(annotation)
+        if kind in _NUMBERS:
+            expected = a_number(value, expected + self._unit(inner))
+        elif expected == "true or false" and isinstance(value, str):
+            meant = _FLAGS.get(value.strip().lower())
+            return (expected + ", without quotes", None) if value in ("true", "false") else (expected, meant)
+        elif expected == "text" and isinstance(value, bool | int | float):
+            expected += ", in quotes"
+        elif owner is not None and "use" in _fields(owner) and isinstance(value, str):
+            expected += f" such as {{use: {value}}}"
+        elif expected == "a mapping" and isinstance(value, list) and owner is None:
+            expected += " that gives each a name"
+        return expected, None
+
+    def _length(self, path: Path, value: Any, context: Mapping[str, Any]) -> Problem:
+        if isinstance(value, Mapping):
+            return self._composition.problem("out-of-range", f"{_what(path)} is empty", path, expected="at least one")
+        least, most = context.get("min_length"), context.get("max_length")
+        bound = f"at least {least}" if most is None else f"at most {most}"
+        said = f"{_what(path)} is {said_of(value)}"
+        return self._composition.problem("wrong-length", said, path, expected=f"a list of {bound}")
+
+    def _choice(self, path: Path, value: Any, expected: str) -> Problem:
+        choices = [part.strip().strip("'") for part in expected.replace(" or ", ", ").split(",") if part.strip()]
+        if path == ("symaware",) and _is_whole(value):
+            return self._composition.problem(
                 "wrong-version",
-                f"the scenario is written in format version {said}",
+                f"the scenario is written in version {value} of the format",
                 path,
-                expected="format version 1, the one this SymAware reads",
+                expected="version 1, the one that this SymAware reads",
             )
-        choices = _choices(str(context.get("expected", "")))
-        return composition.problem(
+        return self._composition.problem(
             "wrong-value",
-            f"{_what(path)} is {said}",
+            f"{_what(path)} is {said_of(value)}",
             path,
-            expected=f"one of {', '.join(choices)}",
-            suggestion=nearest(str(error["input"]), choices) if isinstance(error["input"], str) else None,
+            expected=f"one of {', '.join(choices)}" if len(choices) > 1 else quoted("".join(choices)),
+            suggestion=nearest(value, choices) if isinstance(value, str) else None,
         )
-    if kind == "string_pattern_mismatch":
-        return composition.problem(
-            "bad-name",
-            f"{_what(path)} is {said}",
-            path,
-            expected="a letter or _, then letters, digits, _ or -; at most 64 in all",
-        )
-    message = error["msg"].removeprefix("Value error, ")
-    return composition.problem("invalid-value", f"{_what(path)} is {said}: {message[:1].lower()}{message[1:]}", path)
+
+    def _unit(self, inner: Path) -> str:
+        """Return the unit that the description of a field states, as `` [m]``."""
+        field = None
+        for length in range(len(inner), 0, -1):
+            # An element of a list has the unit of the list.
+            if isinstance(inner[length - 1], str):
+                field = _fields(_model_at(self._model, inner[: length - 1])).get(str(inner[length - 1]))
+                break
+        found = re.search(r"\[[^\[\],]+\]", field.description or "") if field else None
+        return f" {found.group()}" if found else ""
 
 
 def said_of(value: Any) -> str:
     """Describe what a file says in a few words."""
     if value is None:
-        return "null"
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, int | float):
-        return f"{value:g}" if isinstance(value, float) else str(value)
+        return "empty (null)"
+    if isinstance(value, bool | int | float):
+        return _number(value)
     if isinstance(value, str):
-        return f"the text {quoted(value)}"
+        return f"the text {quoted(value)}" if value else "an empty text"
     if isinstance(value, Mapping):
         return "a mapping" if value else "an empty mapping"
     if isinstance(value, Sequence):
-        return f"a list of {len(value)}"
+        return f"a list of {len(value)}" if value else "an empty list"
     return type(value).__name__
+
+
+def a_number(value: Any, expected: str = "a number") -> str:
+    """Say that a number was expected in place of a value, and what to do about it if it is a number in quotes."""
+    is_quoted = isinstance(value, str) and _NUMERAL.fullmatch(value.strip())
+    return f"{expected}, without quotes" if is_quoted else expected
+
+
+def _number(value: Any) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, float) and value.is_integer() and abs(value) < 1e15:
+        return f"{value:.1f}"
+    return str(value)
+
+
+def _is_whole(value: Any) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool)
 
 
 def _what(path: Path) -> str:
     return quoted(dotted(path)) if path else "the document"
 
 
+def _mentioned(message: str, names: Iterable[Any]) -> Path:
+    """Return the first name that a message of a plugin's own validator mentions, so that the caret can stand there."""
+    found = [
+        (match.start(), name)
+        for name in names
+        if isinstance(name, str) and len(name) > 2 and (match := re.search(rf"\b{re.escape(name)}\b", message))
+    ]
+    return (min(found)[1],) if found else ()
+
+
 def _existing(data: Any, location: Sequence[str | int]) -> Path:
     """Leave out of a location what pydantic put in for itself, such as the branch of a union."""
     path: list[str | int] = []
     for part in location:
-        try:
-            data = data[part]
-        except (KeyError, IndexError, TypeError):
-            continue
-        path.append(part)
+        if isinstance(data, Mapping) if isinstance(part, str) else isinstance(data, list):
+            try:
+                data = data[part]
+            except (KeyError, IndexError):
+                continue
+            path.append(part)
     return tuple(path)
 
 
-def _choices(expected: str) -> list[str]:
-    """Take apart pydantic's "'a', 'b' or 'c'"."""
-    return [part.strip().strip("'") for part in expected.replace(" or ", ", ").split(",") if part.strip()]
-
-
-def _fields(model: type[BaseModel], path: Path) -> list[str]:
-    """The keys that are valid at a path, or none where that is not known."""
-    owner = _model_at(model, path)
-    if owner is None:
-        return []
-    return [field.alias or name for name, field in owner.model_fields.items()]
-
-
-def _described(model: type[BaseModel], path: Path, name: str) -> str | None:
-    owner = _model_at(model, path)
-    for field_name, field in owner.model_fields.items() if owner else ():
-        if name in (field.alias, field_name) and field.description:
-            text = field.description.split(". ")[0].rstrip(".")
-            return text[:1].lower() + text[1:]
-    return None
+def _fields(model: type[BaseModel] | None) -> dict[str, FieldInfo]:
+    """Return the fields of a model by the keys that they have in a file; none without a model."""
+    return {field.alias or name: field for name, field in model.model_fields.items()} if model else {}
 
 
 def _model_at(model: type[BaseModel], path: Path) -> type[BaseModel] | None:
-    """Follow a path from a model through fields, mappings and lists to the model that describes what is there."""
+    """Return the model that describes what is at a path, if there is one."""
+    return _model_in(_annotation_at(model, path))
+
+
+def _annotation_at(model: type[BaseModel], path: Path) -> Any:
+    """Follow a path from a model through fields, mappings and lists to the type of what is there."""
     annotation: Any = model
     for part in path:
         owner = _model_in(annotation)
         if owner is not None:
-            fields = {field.alias or name: field for name, field in owner.model_fields.items()}
-            if part not in fields:
-                return None
-            annotation = fields[str(part)].annotation
+            field = _fields(owner).get(str(part))
+            annotation = field.annotation if field else None
         else:
             arguments = [each for each in _branches(annotation) if typing.get_origin(each) in (dict, list, tuple)]
             if not arguments:
                 return None
             annotation = [each for each in typing.get_args(arguments[0]) if each is not Ellipsis][-1]
-    return _model_in(annotation)
+    return annotation
 
 
 def _branches(annotation: Any) -> list[Any]:
@@ -212,3 +331,31 @@ def _branches(annotation: Any) -> list[Any]:
 def _model_in(annotation: Any) -> type[BaseModel] | None:
     found = [each for each in _branches(annotation) if isinstance(each, type) and issubclass(each, BaseModel)]
     return found[0] if len(found) == 1 else None
+
+
+def _places(model: type[BaseModel], prefix: tuple[str | None, ...] = ()) -> Iterator[tuple[str | None, ...]]:
+    """Yield the path of every field of a document; None stands for a name that the author chooses."""
+    for name, field in _fields(model).items():
+        path = (*prefix, name)
+        yield path
+        for each in _branches(field.annotation):
+            arguments = typing.get_args(each) if typing.get_origin(each) is dict else ()
+            inner = _model_in(arguments[1]) if arguments else _model_in(each)
+            if inner is not None and len(path) < 10:
+                yield from _places(inner, (*path, None) if arguments else path)
+
+
+def _located(pattern: tuple[str | None, ...], path: Path, name: str) -> Path | None:
+    """Fill in the names that a pattern leaves open from a path, as far as the two agree."""
+    if pattern[-1] != name:
+        return None
+    home: list[str | int] = []
+    for depth, part in enumerate(pattern):
+        if part is None and (depth >= len(path) - 1 or tuple(home) != path[:depth]):
+            return None
+        home.append(path[depth] if part is None else part)
+    return tuple(home)
+
+
+def _shared(one: Path, other: Path) -> int:
+    return next((depth for depth, (a, b) in enumerate(zip(one, other, strict=False)) if a != b), len(one))

@@ -5,6 +5,8 @@ What an agent draws is keyed by the seed of the run and the agent's own path, so
 
 from __future__ import annotations
 
+import copy
+import difflib
 import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Annotated, Any, Literal, TypeVar
@@ -15,10 +17,10 @@ from pydantic import Field
 
 from symaware_cli.core import Model
 from symaware_cli.core.random import generator
-from symaware_cli.scenario.check import check, said_of
+from symaware_cli.scenario.check import a_number, check, said_of
 from symaware_cli.scenario.compose import Composition
 from symaware_cli.scenario.document import Part
-from symaware_cli.scenario.problem import Problem, nearest, quoted
+from symaware_cli.scenario.problem import Problem, dotted, nearest, quoted
 from symaware_cli.scenario.source import Path
 
 Array = NDArray[np.float64]
@@ -52,6 +54,9 @@ Placement = TypeVar("Placement", Grid, Ring)
 DISTRIBUTIONS = ("uniform", "normal", "grid", "circle")
 FORMS = (*DISTRIBUTIONS, "each", "all")
 
+#: Far from where arithmetic overflows, and farther than anybody goes.
+_LARGEST = 1e100
+
 
 class Sampler:
     """Gives each agent of one group its value.
@@ -69,7 +74,8 @@ class Sampler:
         self._ids = ids
         self._indexed = indexed
         self._model = model
-        self._placements: dict[Path, Any] = {}
+        # What each distribution says, checked once for all agents; None after a problem.
+        self._known: dict[Path, Any] = {}
 
     def states(self, value: Any, path: Path) -> Array:
         """The initial state of each agent; shape (n, nx), or (n, 0) after a problem."""
@@ -92,53 +98,63 @@ class Sampler:
         form = self._form(value, path, width)
         if form is None:
             return None
-        kind, content, inner = form
-        if kind == "all":
+        is_each, content, inner = form
+        if not is_each:
             return self._collect(lambda row: self._value(content, inner, row, width))
-        if kind == "each":
-            if not isinstance(content, list) or len(content) != count:
-                said = f"{len(content)} values" if isinstance(content, list) else said_of(content)
-                agents = "1 agent" if count == 1 else f"{count} agents"
-                self._report(
-                    "wrong-count",
-                    f"{quoted(_dotted(path))} gives {said} for {agents}",
-                    inner,
-                    expected=f"a list of {count}" + ("" if width else ", or {all: ...} for one value that all share"),
-                )
-                return None
-            return self._collect(lambda row: self._value(content[row], (*inner, row), row, width), tolerance=10)
-        return self._collect(lambda row: self._value(value, path, row, width))
+        if not isinstance(content, list) or len(content) != count:
+            said = f"{len(content)} values" if isinstance(content, list) else said_of(content)
+            said = "1 value" if said == "1 values" else said
+            agents = "1 agent" if count == 1 else f"{count} agents"
+            shared = "" if width is not None else ", or {all: ...} for one value that all share"
+            expected = f"a list of {count}{shared}"
+            self._report("wrong-count", f"{quoted(dotted(path))} gives {said} for {agents}", inner, expected=expected)
+            return None
+        return self._collect(lambda row: self._value(content[row], (*inner, row), row, width), tolerance=10)
 
-    def _form(self, value: Any, path: Path, width: int | None) -> tuple[str, Any, Path] | None:
-        """Tell one value for all from one for each."""
+    def _form(self, value: Any, path: Path, width: int | None) -> tuple[bool, Any, Path] | None:
+        """Tell one value for each from one for all; None after a problem."""
         if isinstance(value, Mapping):
-            names = [name for name in value if name in FORMS]
-            if names and len(value) == 1:
-                return (
-                    (names[0], value[names[0]], (*path, names[0]))
-                    if names[0] in ("each", "all")
-                    else ("drawn", value, path)
-                )
-            if names or width is not None:
-                name = next((name for name in value if name not in FORMS), "")
-                self._report(
-                    "bad-distribution",
-                    f"{quoted(_dotted(path))} is {said_of(value)} with {len(value)} keys"
-                    if names
-                    else f"unknown distribution {quoted(name)}",
-                    (*path, name) if name else path,
-                    key=bool(name),
-                    expected=f"exactly one of {', '.join(FORMS)}",
-                    suggestion=nearest(name, FORMS),
-                )
-                return None
-            return "all", value, path
+            if len(value) == 1 and next(iter(value)) in ("each", "all"):
+                form = next(iter(value))
+                return form == "each", value[form], (*path, form)
+            return None if self._is_misshapen(value, path, FORMS, width) else (False, value, path)
         nested = isinstance(value, list) and any(isinstance(one, list) for one in value)
-        if nested and (self._indexed or width is not None):
-            return "each", value, path
-        if isinstance(value, list) and any(isinstance(one, Mapping) for one in value):
-            return "drawn", value, path
-        return "all", value, path
+        return nested and (self._indexed or width is not None), value, path
+
+    def _is_misshapen(self, value: Mapping[str, Any], path: Path, forms: Sequence[str], width: int | None) -> bool:
+        """Report a mapping that was meant to be one of the forms; in knowledge, others are values like any other."""
+        known = [name for name in value if name in forms]
+        if known and len(value) == 1:
+            return False
+        others = [name for name in value if name not in forms]
+        expected = f"exactly one of {', '.join(forms)}"
+        if known:
+            beside = f"{quoted((others or known[1:])[0])} cannot stand beside {quoted(known[0])}"
+            culprit = (*path, (others or known[1:])[0])
+            self._report("bad-distribution", beside, culprit, key=True, expected=expected)
+            return True
+        suggestion = nearest(others[0], forms) if len(others) == 1 else None
+        if width is None and not (suggestion and _is_slip(others[0], suggestion)):
+            return False
+        if not others:
+            message = f"{quoted(dotted(path))} is an empty mapping"
+            self._report("bad-distribution", message, path, expected=expected)
+            return True
+        if width is None:
+            expected += ", or {all: {...}} for a value that has such a key"
+        model = self._model
+        if suggestion is None and model is not None and set(others) & {quantity.name for quantity in model.state}:
+            message = f"{quoted(dotted(path))} is a mapping"
+            self._report("wrong-type", message, path, expected=f"a list of {self._elements(model)}")
+            return True
+        message = (
+            f"{quoted(others[0])} gives a whole state, not one element"
+            if others[0] in FORMS
+            else f"unknown distribution {quoted(others[0])}"
+        )
+        culprit = (*path, others[0])
+        self._report("bad-distribution", message, culprit, key=True, expected=expected, suggestion=suggestion)
+        return True
 
     def _collect(self, value_of: Callable[[int], Any], tolerance: int = 0) -> list[Any] | None:
         """Gather the value of every agent, giving up after as many problems as are worth reading."""
@@ -151,90 +167,136 @@ class Sampler:
         return values if len(self.problems) == before else None
 
     def _value(self, value: Any, path: Path, row: int, width: int | None) -> Any:
-        """One agent's value."""
-        if isinstance(value, Mapping) and len(value) == 1 and next(iter(value)) in DISTRIBUTIONS:
-            drawn = self._draw(value, path, row, width)
-        elif isinstance(value, list) and any(isinstance(one, Mapping) for one in value):
-            drawn = [
-                self._draw(one, (*path, number), row, 1) if isinstance(one, Mapping) else one
-                for number, one in enumerate(value)
-            ]
-        else:
-            drawn = value
-        if width is None or drawn is None:
+        """One agent's value; what is returned after a problem means nothing."""
+        before = len(self.problems)
+        drawn = self._filled(value, path, row, width)
+        if width is None or len(self.problems) > before:
             return drawn
         return self._state(drawn, path)
+
+    def _filled(self, value: Any, path: Path, row: int, width: int | None) -> Any:
+        """Return a copy of a value with every distribution in it replaced by what an agent draws.
+
+        Args:
+            value: What the scenario says.
+            path: Where it stands.
+            row: The agent.
+            width: How many numbers a state has; 0 for a single element of one, None for knowledge.
+        """
+        if isinstance(value, list):
+            inner = None if width is None else 0
+            return [self._filled(one, (*path, number), row, inner) for number, one in enumerate(value)]
+        if not isinstance(value, Mapping):
+            return value
+        if path[-1] == "all" and width is None and not any(name in DISTRIBUTIONS for name in value):
+            return copy.deepcopy(value)
+        # One element of a state is a number; grid and circle give whole positions.
+        forms = ("uniform", "normal") if width == 0 else DISTRIBUTIONS
+        if self._is_misshapen(value, path, forms, width):
+            return None
+        if len(value) == 1 and next(iter(value)) in forms:
+            return self._draw(value, path, row, width)
+        return copy.deepcopy(value)
 
     def _state(self, value: Any, path: Path) -> Any:
         model = self._model
         assert model is not None
-        names = ", ".join(f"{quantity.name} [{quantity.unit}]" for quantity in model.state)
-        expected = f"{len(model.state)} numbers: {names}"
-        if not isinstance(value, list | np.ndarray):
-            self._report("wrong-type", f"the state is {said_of(value)}", path, expected=expected)
+        expected = self._elements(model)
+        if not isinstance(value, list):
+            self._report("wrong-type", f"the state is {said_of(value)}", path, expected=f"a list of {expected}")
             return None
         for number, one in enumerate(value):
-            if isinstance(one, bool) or not isinstance(one, int | float | np.floating):
+            if not _is_number(one):
+                name = f" ({model.state[number].name})" if number < len(model.state) else ""
                 self._report(
                     "wrong-type",
-                    f"element {number} of the state is {said_of(one)}",
+                    f"element {number}{name} of the state is {said_of(one)}",
                     (*path, number),
-                    expected="a number",
+                    expected=a_number(one),
                 )
                 return None
         if len(value) != len(model.state):
-            self._report("wrong-length", f"the state has {len(value)} elements", path, expected=expected)
+            elements = "1 element" if len(value) == 1 else f"{len(value)} elements"
+            self._report("wrong-length", f"the state has {elements}", path, expected=expected)
             return None
         return value
 
+    def _elements(self, model: Model) -> str:
+        names = ", ".join(f"{quantity.name} [{quantity.unit}]" for quantity in model.state)
+        return f"{len(model.state)} numbers: {names}"
+
     def _draw(self, value: Mapping[str, Any], path: Path, row: int, width: int | None) -> Any:
-        kind, content = next(iter(value.items())) if len(value) == 1 else ("", None)
+        kind, content = next(iter(value.items()))
         inner = (*path, kind)
         if kind in ("uniform", "normal"):
             return self._random(kind, content, inner, row, width)
-        if kind in ("grid", "circle"):
-            placed = self._grid(content, inner, row) if kind == "grid" else self._ring(content, inner, row)
-            return None if placed is None else self._place(*placed, width)
-        name = str(next(iter(value), ""))
-        self._report(
-            "bad-distribution",
-            f"unknown distribution {quoted(name)}",
-            (*path, name),
-            key=True,
-            expected=f"exactly one of {', '.join(DISTRIBUTIONS)}",
-            suggestion=nearest(name, DISTRIBUTIONS),
-        )
-        return None
+        placed = self._grid(content, inner, row) if kind == "grid" else self._ring(content, inner, row)
+        if placed is None:
+            return None
+        if not all(math.isfinite(coordinate) for coordinate in placed[0]):
+            self._report("out-of-range", f"{quoted(dotted(inner))} reaches beyond all numbers", inner)
+            return None
+        return self._place(*placed, width)
 
     def _random(self, kind: str, content: Any, path: Path, row: int, width: int | None) -> Any:
-        meaning = "[low, high]" if kind == "uniform" else "[mean, standard deviation]"
-        if not isinstance(content, list) or len(content) != 2 or not all(_is_number_or_vector(one) for one in content):
-            self._report(
-                "bad-distribution",
-                f"{quoted(_dotted(path))} is {said_of(content)}",
-                path,
-                expected=f"{meaning}, each a number or a list of numbers",
-            )
+        if path not in self._known:
+            self._known[path] = self._ends(kind, content, path)
+        if self._known[path] is None:
             return None
-        first, second = (np.array(one, float) for one in content)
-        if first.ndim and second.ndim and len(first) != len(second):
-            self._report(
-                "wrong-length", f"the two parts have {len(first)} and {len(second)} elements", path, expected="as many"
-            )
-            return None
-        if kind == "uniform" and (first > second).any():
-            self._report("out-of-range", "the low end lies above the high end", path, expected=meaning)
-            return None
-        if kind == "normal" and (second < 0).any():
-            self._report("out-of-range", "the standard deviation is negative", path, expected="at least 0")
-            return None
+        first, second = self._known[path]
         size = max(first.size if first.ndim else 0, second.size if second.ndim else 0)
         # A single number for a whole state means: of every element.
-        shape = size or (width if width and width > 1 else 0)
+        shape = size or width or 0
         source = generator(self._seed, f"agents.{self._ids[row]}.{'.'.join(str(part) for part in path[2:])}")
         unit = source.random(shape or 1) if kind == "uniform" else source.standard_normal(shape or 1)
         drawn = first + (second - first) * unit if kind == "uniform" else first + second * unit
         return drawn.tolist() if shape else float(drawn[0])
+
+    def _ends(self, kind: str, content: Any, path: Path) -> tuple[Array, Array] | None:
+        """Check the two parts of a distribution; None after a problem."""
+        meaning = "[low, high]" if kind == "uniform" else "[mean, standard deviation]"
+        if not isinstance(content, list) or len(content) != 2:
+            message = f"{quoted(dotted(path))} is {said_of(content)}"
+            expected = f"{meaning}, each a number or a list of numbers"
+            self._report("bad-distribution", message, path, expected=expected)
+            return None
+        before = len(self.problems)
+        for part, one in enumerate(content):
+            if isinstance(one, list) and one:
+                for number, element in enumerate(one):
+                    self._expect_number(element, (*path, part, number), "a number")
+            else:
+                self._expect_number(one, (*path, part), f"{meaning}, each a number or a list of numbers")
+        if len(self.problems) > before:
+            return None
+        first, second = (np.array(one, float) for one in content)
+        if first.ndim and second.ndim and len(first) != len(second):
+            message = f"the two parts of {quoted(dotted(path))} have {len(first)} and {len(second)} elements"
+            self._report("wrong-length", message, path, expected="as many in both")
+            return None
+        low, high = np.broadcast_arrays(first, second)
+        for one, other in zip(low.ravel().tolist(), high.ravel().tolist(), strict=True):
+            if kind == "uniform" and one > other:
+                message = f"the low end {said_of(one)} lies above the high end {said_of(other)}"
+                self._report("out-of-range", message, path, expected=meaning)
+                return None
+            if kind == "normal" and other < 0:
+                message = f"the standard deviation is {said_of(other)}"
+                self._report("out-of-range", message, (*path, 1), expected="at least 0")
+                return None
+            if max(abs(one), abs(other)) > _LARGEST:
+                self._report("out-of-range", "the distribution is too wide", path, expected=f"less than {_LARGEST:g}")
+                return None
+        return first, second
+
+    def _expect_number(self, value: Any, path: Path, expected: str) -> None:
+        if not _is_number(value):
+            self._report(
+                "bad-distribution",
+                f"{quoted(dotted(path))} is {said_of(value)}",
+                path,
+                expected=a_number(value) if isinstance(value, str) or expected == "a number" else expected,
+            )
 
     def _grid(self, content: Any, path: Path, row: int) -> tuple[list[float], float] | None:
         """The position and heading of an agent on a grid."""
@@ -263,12 +325,12 @@ class Sampler:
 
     def _checked(self, kind: type[Placement], content: Any, path: Path) -> Placement | None:
         """Validate what is said of a placement, once for all agents."""
-        if path not in self._placements:
+        if path not in self._known:
             checked = check(kind, content, self._composition, path)
             if isinstance(checked, list):
                 self.problems += checked
-            self._placements[path] = None if isinstance(checked, list) else checked
-        placement: Placement | None = self._placements[path]
+            self._known[path] = None if isinstance(checked, list) else checked
+        placement: Placement | None = self._known[path]
         return placement
 
     def _place(self, position: list[float], heading: float, width: int | None) -> list[float]:
@@ -298,14 +360,11 @@ class Sampler:
             self.problems.append(problem)
 
 
-def _dotted(path: Path) -> str:
-    return ".".join(str(part) for part in path)
-
-
-def _is_number_or_vector(value: Any) -> bool:
-    if isinstance(value, list):
-        return bool(value) and all(_is_number(one) for one in value)
-    return _is_number(value)
+def _is_slip(written: str, meant: str) -> bool:
+    """Whether a key is so near the name of a form that nobody uses it for a value of their own."""
+    if written[:1].lower() != meant[:1]:
+        return False
+    return sorted(written) == sorted(meant) or difflib.SequenceMatcher(None, written, meant).ratio() > 0.8
 
 
 def _is_number(value: Any) -> bool:
