@@ -1,6 +1,9 @@
 """The command line: one module for each verb, which parses, calls, prints and exits."""
 
+import errno
+import os
 import sys
+from typing import NoReturn
 
 
 def main() -> None:
@@ -13,4 +16,19 @@ def main() -> None:
         return
     from symaware_cli.cli.application import application
 
-    application()
+    try:
+        application()
+    except OSError as error:
+        _refuse_output(error)
+
+
+def _refuse_output(error: OSError) -> NoReturn:
+    """Say that what was printed could not be; whatever else went wrong is raised again."""
+    if error.filename is not None or error.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO):
+        raise error
+    from symaware_cli.recording.error import reason
+
+    # What is left in the buffer would fail once more when the interpreter ends.
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    print(f"symaware: cannot write the output: {reason(error)}", file=sys.stderr)
+    raise SystemExit(1)

@@ -13,6 +13,7 @@ import typer
 from symaware_cli.cli.terminal import (
     FAILED,
     INTERRUPTED,
+    WRONG_INPUT,
     Json,
     Overrides,
     ScenarioPath,
@@ -48,6 +49,8 @@ def run(
     from symaware_cli.recording.error import LogError
     from symaware_cli.scenario.execution import execute, unused_path
 
+    if output and output.exists() and output.samefile(scenario):
+        fail(f"{output} is the scenario; the log needs a file of its own", WRONG_INPUT, as_json)
     log = None if no_record else output or unused_path(built.document.name)
     duration = built.steps * built.simulation.environment.time_step
     shown = sys.stderr.isatty() and not quiet and not as_json

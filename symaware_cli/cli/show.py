@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -48,7 +49,8 @@ def _text(description: Description) -> str:
         lines += ["", "Parameters"]
         width = max(len(parameter.name) for parameter in description.parameters)
         for parameter in description.parameters:
-            default = "required" if parameter.required else f"default {parameter.default}"
+            # As it is written in a scenario.
+            default = "required" if parameter.required else f"default {json.dumps(parameter.default)}"
             lines.append(f"  {parameter.name:<{width}}  {parameter.type}, {default}")
             if parameter.description:
                 lines.append(f"  {'':<{width}}  {parameter.description}")

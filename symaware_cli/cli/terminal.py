@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -28,7 +29,18 @@ Json = Annotated[bool, typer.Option("--json", help="Print JSON for scripts.")]
 
 def print_json(content: Any) -> None:
     """Print what a script reads."""
-    typer.echo(json.dumps(content, indent=2, allow_nan=False, default=str))
+    typer.echo(json.dumps(_finite(content), indent=2, allow_nan=False, default=str))
+
+
+def _finite(content: Any) -> Any:
+    """Put into words the numbers that JSON does not have, such as an infinite risk."""
+    if isinstance(content, float):
+        return content if math.isfinite(content) else str(content)
+    if isinstance(content, dict):
+        return {key: _finite(value) for key, value in content.items()}
+    if isinstance(content, list | tuple):
+        return [_finite(value) for value in content]
+    return content
 
 
 def fail(message: str, status: int, as_json: bool = False) -> NoReturn:

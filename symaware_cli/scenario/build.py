@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path as FilePath
 from typing import Any
-
-import yaml
 
 from symaware_cli.core import (
     AgentGroup,
@@ -23,17 +22,20 @@ from symaware_cli.core import (
 )
 from symaware_cli.runtime.faults import RunError
 from symaware_cli.runtime.simulation import Simulation, Slot
-from symaware_cli.scenario.catalogue import Catalogue, PluginError
+from symaware_cli.scenario.catalogue import Catalogue, PluginError, place_of
 from symaware_cli.scenario.check import check
 from symaware_cli.scenario.compose import Composition, compose
 from symaware_cli.scenario.document import Scenario
 from symaware_cli.scenario.problem import Problem, ScenarioError, dotted, nearest, quoted
+from symaware_cli.scenario.resolved import resolved
 from symaware_cli.scenario.sampling import Sampler
 from symaware_cli.scenario.source import Path
-from symaware_cli.scenario.yaml_source import plain_scalar
 
 #: More steps than this are a slip of the pen: at a million steps a second they would take a quarter of an hour.
 _MOST_STEPS = 10**9
+
+
+_REFERENCES = {"bad-reference", "cyclic-parameter", "undefined-parameter"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,18 +124,21 @@ class _Builder:
         if self._problems or self._found or isinstance(document, list) or environment is None:
             raise ScenarioError([*self._found, *filter(self._is_news, self._problems)])
         simulation = self._simulation(document, environment, groups, slots)
-        return Built(document, simulation, steps, _resolved(data, document), self._composition.files, self._uses)
+        return Built(document, simulation, steps, resolved(data, document), self._composition.files, self._uses)
 
     def _is_news(self, problem: Problem) -> bool:
         """Whether a problem is more than a consequence of a value that was found wrong already and is a hole now."""
-        path = f"{problem.path}."
-        return not any(
-            problem.span == known.span
-            or f"{known.path}.".startswith(path)
-            and known.path
-            or path.startswith(f"{known.path}.")
-            for known in self._found
-        )
+        if any(problem.span == known.span for known in self._found):
+            return False
+        return not any(f"{problem.path}.".startswith(f"{hole}.") for hole in self._holes)
+
+    @cached_property
+    def _holes(self) -> set[str]:
+        """The paths of values that could not be read, and of text in which a reference could not be resolved."""
+        holes = {known.path for known in self._found}
+        if any(known.code in _REFERENCES for known in self._found):
+            holes |= {dotted(path) for path in _unresolved(self._composition.data, ())}
+        return holes
 
     def _report(self, code: str, message: str, path: Path, **hints: Any) -> None:
         self._problems.append(self._composition.problem(code, message, path, **hints))
@@ -191,9 +196,11 @@ class _Builder:
                 plugin(parameters.model_copy(deep=True))
                 for _ in range(1 if issubclass(plugin, GroupComponent) else count)
             ]
-        except (Exception, SystemExit) as error:
+        except ValueError as error:
             self._report("invalid-value", f"{quoted(use)} refuses its parameters: {_words(error)}", where)
-            return []
+        except (Exception, SystemExit) as error:
+            self._report("broken-plugin", f"{quoted(use)} cannot be made: {_words(error)}", (*path, "use"))
+        return []
 
     def _environment(self, entry: Mapping[str, Any]) -> Environment | None:
         made = self._make(entry, ("environment",))
@@ -226,14 +233,17 @@ class _Builder:
         sound = isinstance(count, int) and not isinstance(count, bool) and 1 <= count <= 100_000
         indexed = count is not None
         ids = [f"{name}.{row}" for row in range(count)] if sound and count else [name]
-        sampler = Sampler(self._composition, seed, ids, indexed, model)
+        # Where the model has bad parameters its class still tells what a state is.
+        kind = self._plugins.get((*path, "model"))
+        described = model or (kind if kind is not None and _fault_of(kind) is None else None)
+        sampler = Sampler(self._composition, seed, ids, indexed, described)
         states, knowledge = None, []
         if sound or not indexed:
             states = sampler.states(entry.get("state"), (*path, "state"))
             knowledge = self._knowledge(sampler, entry, path, len(ids))
             self._problems += sampler.problems
         components = _mapping(entry.get("components"))
-        uses = {component: _mapping(content).get("use") for component, content in components.items()}
+        uses = {component: str(_mapping(content).get("use")) for component, content in components.items()}
         self._uses[name] = {"model": _mapping(entry.get("model")).get("use"), "components": uses}
         instances = {
             component: self._make(_mapping(content), (*path, "components", component), len(ids))
@@ -337,40 +347,22 @@ class _Builder:
             raise ScenarioError(self._problems) from error
 
 
-class _Dumper(yaml.SafeDumper):
-    """Writes text so that it is read as text again: PyYAML leaves quotes out by the rules of YAML 1.1, not 1.2."""
+def _unresolved(value: Any, path: Path) -> Iterator[Path]:
+    """Yield the path of each text that still has a reference in it."""
+    if isinstance(value, str):
+        if "${" in value:
+            yield path
+        return
+    items = value.items() if isinstance(value, Mapping) else enumerate(value) if isinstance(value, list) else ()
+    for key, each in items:
+        yield from _unresolved(each, (*path, key))
 
 
-def _text(dumper: yaml.SafeDumper, text: str) -> yaml.Node:
-    style = None if isinstance(plain_scalar(text), str) else "'"
-    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style=style)
-
-
-_Dumper.add_representer(str, _text)
-
-
-def _resolved(data: Mapping[str, Any], document: Scenario) -> bytes:
-    """Write the resolved document, in the order of the file, with the seed in force."""
-    first = {"symaware": document.symaware, "name": document.name, "seed": document.seed}
-    content = {**first, **{key: value for key, value in data.items() if key not in first}}
-    text = yaml.dump(_escaped(content), Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=100)
-    return text.encode()
-
-
-def _escaped(value: Any) -> Any:
-    """Return a value in which no text reads like a reference."""
-    if isinstance(value, Mapping):
-        return {key: _escaped(each) for key, each in value.items()}
-    if isinstance(value, list):
-        return [_escaped(each) for each in value]
-    return value.replace("${", "$${") if isinstance(value, str) else value
-
-
-def _fault_of(model: Model) -> str | None:
+def _fault_of(model: Model | type[Model]) -> str | None:
     """Return what is wrong with what a model declares of itself, put as a predicate."""
     for name in ("state", "control_input"):
         declared = getattr(model, name, ())
-        if not declared or not all(isinstance(each, Quantity) for each in declared):
+        if not isinstance(declared, Sequence) or not declared or not all(isinstance(x, Quantity) for x in declared):
             return f"declares no `{name}` as quantities"
     indices = [*model.position, *(() if model.heading is None else (model.heading,))]
     if not all(0 <= index < len(model.state) for index in indices):
@@ -390,5 +382,8 @@ def _mapping(value: Any) -> Mapping[str, Any]:
 
 
 def _words(error: BaseException) -> str:
+    """Return what an error says: a refusal in its own words, anything else with its type and place."""
     text = " ".join(str(error).split())
-    return text if isinstance(error, ValueError | NotImplementedError) and text else f"{type(error).__name__}: {text}"
+    if isinstance(error, ValueError | NotImplementedError) and text:
+        return text
+    return f"{type(error).__name__}: {text}".removesuffix(": ") + place_of(error)

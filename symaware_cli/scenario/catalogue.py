@@ -128,14 +128,11 @@ class Catalogue:
                 article = "an" if other[0] in "aeiou" else "a"
                 return PluginError("unknown-plugin", f"`{name}` is {article} {other}, not a {kind}", everything)
         known = sorted(self._found[kind])
+        suggestion = nearest(name, known)
         # Of a hundred names only the near ones help: those of the same family, which is what stands before the dot.
         family = [each for each in known if each.rpartition(".")[0] == name.rpartition(".")[0]]
-        return PluginError(
-            "unknown-plugin",
-            f"no {kind} called {quoted(name)} is installed",
-            expected=f"one of {', '.join(family)}" if 0 < len(family) <= 12 else everything,
-            suggestion=nearest(name, known),
-        )
+        listed = f"one of {', '.join(family)}" if family and len(family) <= 12 and not suggestion else everything
+        return PluginError("unknown-plugin", f"no {kind} called {quoted(name)} is installed", listed, suggestion)
 
 
 def _imported(point: metadata.EntryPoint, origin: str) -> Any:
@@ -150,14 +147,14 @@ def _imported(point: metadata.EntryPoint, origin: str) -> Any:
                 f"{origin} needs the module `{error.name}`, which is not installed",
                 expected=f"the extra `{extra}`: pip install '{_DISTRIBUTION}[{extra}]'",
             ) from error
-        raise PluginError("broken-plugin", f"{origin} cannot be imported: {error}{_where(error)}") from error
+        raise PluginError("broken-plugin", f"{origin} cannot be imported: {error}{place_of(error)}") from error
     except (Exception, SystemExit) as error:
         text = f"{type(error).__name__}: {' '.join(str(error).split())}".removesuffix(": ")
-        raise PluginError("broken-plugin", f"{origin} cannot be imported: {text}{_where(error)}") from error
+        raise PluginError("broken-plugin", f"{origin} cannot be imported: {text}{place_of(error)}") from error
 
 
-def _where(error: BaseException) -> str:
-    """Return the file and line where an import failed, unless the message says so itself or it was not in a file."""
+def place_of(error: BaseException) -> str:
+    """Return where in a plugin's code an error arose, as `` (module.py, line 3)``; nothing where that is not known."""
     frames = [
         frame
         for frame in traceback.extract_tb(error.__traceback__)

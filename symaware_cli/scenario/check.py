@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import json
 import re
 import types
@@ -73,7 +74,8 @@ def check(
     except ValidationError as error:
         details = error.errors(include_url=False)
     judge = _Judge(model, data, composition, path, others)
-    return _one_each(judge.problem(each) for each in details)
+    problems = [judge.problem(each) for each in details]
+    return _one_each(problem for problem in problems if judge.missing.get(problem) not in judge.meant)
 
 
 def _one_each(problems: Iterable[Problem]) -> list[Problem]:
@@ -97,7 +99,12 @@ def _one_each(problems: Iterable[Problem]) -> list[Problem]:
 
 
 class _Judge:
-    """Puts errors with one piece of data into words."""
+    """Puts errors with one piece of data into words.
+
+    Attributes:
+        missing: The path of the field that each problem says is missing.
+        meant: The fields that unknown keys were probably meant to be, and that are not missing therefore.
+    """
 
     def __init__(
         self, model: type[BaseModel], data: Any, composition: Composition, base: Path, others: Sequence[Path]
@@ -107,6 +114,8 @@ class _Judge:
         self._composition = composition
         self._base = base
         self._others = others
+        self.missing: dict[Problem, Path] = {}
+        self.meant: set[Path | None] = set()
 
     def problem(self, error: ErrorDetails) -> Problem:
         kind, context, value = error["type"], error.get("ctx", {}), error["input"]
@@ -126,7 +135,7 @@ class _Judge:
         if kind in _BOUNDS:
             key, words = _BOUNDS[kind]
             noun = "a whole number" if _is_whole(value) and _is_whole(context[key]) else "a number"
-            expected = f"{noun} {words} {_number(context[key])}{self._unit(inner)}"
+            expected = f"{noun} {words} {_bound(context[key])}{self._unit(inner)}"
             return self._composition.problem("out-of-range", said, path, expected=expected)
         if kind in ("too_short", "too_long"):
             return self._length(path, value, context)
@@ -136,9 +145,13 @@ class _Judge:
             return self._composition.problem("bad-name", said, path, expected=_NAME_RULE)
         message = error["msg"].removeprefix("Value error, ").removeprefix("Assertion failed, ")
         message = f"{message[:1].lower()}{message[1:]}"
-        culprit = (*path, *_mentioned(message, value if isinstance(value, Mapping) else {}))
+        given = value if isinstance(value, Mapping) else {}
+        culprit = (*path, *_mentioned(message, given))
         subject = said if culprit == path and not isinstance(value, Mapping | list) else _what(culprit)
-        return self._composition.problem("invalid-value", f"{subject}: {message}", culprit)
+        # A mapping that is wrong as a whole is shown by its name: in a block, it starts with one of its keys.
+        return self._composition.problem(
+            "invalid-value", f"{subject}: {message}", culprit, key=culprit == path and bool(given)
+        )
 
     def _missing(self, inner: Path, name: str) -> Problem:
         path = (*self._base, *inner)
@@ -152,19 +165,24 @@ class _Judge:
             if len(choices) == 1:
                 expected = f"`{choices[0]}`, the {expected}"
         message = f"the field {quoted(name)} is missing{parent}"
-        return self._composition.problem("missing-field", message, path, key=True, expected=expected)
+        problem = self._composition.problem("missing-field", message, path, key=True, expected=expected)
+        self.missing[problem] = (*path, name)
+        return problem
 
     def _unknown(self, inner: Path) -> Problem:
         path, name = (*self._base, *inner), str(inner[-1])
         known = sorted(_fields(_model_at(self._model, inner[:-1])))
         suggestion = nearest(name, known)
         home = self._home(path, name)
-        if home is not None and (suggestion is None or home[:-1] == (*path[:-1], "with")):
-            expected, suggestion = f"it under {quoted(dotted(home[:-1]))}" if home[:-1] else "it at the top level", None
-        elif known:
-            expected = f"one of {', '.join(known)}" if len(known) > 1 else quoted(known[0])
+        # A name that is valid elsewhere beats one that is only a little like it.
+        alike = difflib.SequenceMatcher(None, name, suggestion).ratio() if suggestion else 0.0
+        if home is not None and (alike < 0.8 or home[:-1] == (*path[:-1], "with")):
+            expected = f"it under {quoted(dotted(home[:-1]))}" if home[:-1] else "it at the top level"
+            meant, suggestion = home, None
         else:
-            expected = "no key here"
+            expected = f"one of {', '.join(known)}" if len(known) > 1 else quoted(known[0]) if known else "no key here"
+            meant = (*path[:-1], suggestion or name)
+        self.meant.add(meant)
         message = f"unknown key {quoted(name)}"
         return self._composition.problem(
             "unknown-key", message, path, key=True, expected=expected, suggestion=suggestion
@@ -191,9 +209,13 @@ class _Judge:
             return (expected + ", without quotes", None) if value in ("true", "false") else (expected, meant)
         elif expected == "text" and isinstance(value, bool | int | float):
             expected += ", in quotes"
-        elif owner is not None and "use" in _fields(owner) and isinstance(value, str):
-            expected += f" such as {{use: {value}}}"
-        elif expected == "a mapping" and isinstance(value, list) and owner is None:
+        elif owner is not None:
+            required = [quoted(key) for key, field in _fields(owner).items() if field.is_required()]
+            if required == ["`use`"] and isinstance(value, str):
+                expected += f" such as {{use: {value}}}"
+            elif required:
+                expected += f" with {' and '.join(required)}"
+        elif expected == "a mapping" and isinstance(value, list) and _element(annotation) is not None:
             expected += " that gives each a name"
         return expected, None
 
@@ -206,7 +228,13 @@ class _Judge:
         return self._composition.problem("wrong-length", said, path, expected=f"a list of {bound}")
 
     def _choice(self, path: Path, value: Any, expected: str) -> Problem:
-        choices = [part.strip().strip("'") for part in expected.replace(" or ", ", ").split(",") if part.strip()]
+        written = [part.strip() for part in expected.replace(" or ", ", ").split(",") if part.strip()]
+        choices = [part.strip("'") for part in written]
+        # pydantic puts text between quotes, and numbers not.
+        if isinstance(value, str) and value in written:
+            return self._composition.problem(
+                "wrong-type", f"{_what(path)} is {said_of(value)}", path, expected=f"{quoted(value)}, without quotes"
+            )
         if path == ("symaware",) and _is_whole(value):
             return self._composition.problem(
                 "wrong-version",
@@ -219,7 +247,7 @@ class _Judge:
             f"{_what(path)} is {said_of(value)}",
             path,
             expected=f"one of {', '.join(choices)}" if len(choices) > 1 else quoted("".join(choices)),
-            suggestion=nearest(value, choices) if isinstance(value, str) else None,
+            suggestion=nearest(value, choices) if isinstance(value, str) and len(choices) > 1 else None,
         )
 
     def _unit(self, inner: Path) -> str:
@@ -263,6 +291,10 @@ def _number(value: Any) -> str:
     return str(value)
 
 
+def _bound(value: Any) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
 def _is_whole(value: Any) -> bool:
     return isinstance(value, int) and not isinstance(value, bool)
 
@@ -272,13 +304,9 @@ def _what(path: Path) -> str:
 
 
 def _mentioned(message: str, names: Iterable[Any]) -> Path:
-    """Return the first name that a message of a plugin's own validator mentions, so that the caret can stand there."""
-    found = [
-        (match.start(), name)
-        for name in names
-        if isinstance(name, str) and len(name) > 2 and (match := re.search(rf"\b{re.escape(name)}\b", message))
-    ]
-    return (min(found)[1],) if found else ()
+    """Return the one name that a message of a validator mentions, so that the caret can stand there."""
+    found = [name for name in names if isinstance(name, str) and re.search(rf"\b{re.escape(name)}\b", message)]
+    return (found[0],) if len(found) == 1 and len(found[0]) > 2 else ()
 
 
 def _existing(data: Any, location: Sequence[str | int]) -> Path:
@@ -333,6 +361,12 @@ def _model_in(annotation: Any) -> type[BaseModel] | None:
     return found[0] if len(found) == 1 else None
 
 
+def _element(annotation: Any) -> type[BaseModel] | None:
+    """Return the model of the values of a mapping, if a model describes them."""
+    arguments = typing.get_args(annotation) if typing.get_origin(annotation) is dict else ()
+    return _model_in(arguments[1]) if arguments else None
+
+
 def _places(model: type[BaseModel], prefix: tuple[str | None, ...] = ()) -> Iterator[tuple[str | None, ...]]:
     """Yield the path of every field of a document; None stands for a name that the author chooses."""
     for name, field in _fields(model).items():
@@ -340,7 +374,7 @@ def _places(model: type[BaseModel], prefix: tuple[str | None, ...] = ()) -> Iter
         yield path
         for each in _branches(field.annotation):
             arguments = typing.get_args(each) if typing.get_origin(each) is dict else ()
-            inner = _model_in(arguments[1]) if arguments else _model_in(each)
+            inner = _element(each) if arguments else _model_in(each)
             if inner is not None and len(path) < 10:
                 yield from _places(inner, (*path, None) if arguments else path)
 

@@ -211,10 +211,16 @@ class _Files:
                     value.span,
                     path,
                     expected=problem.expected,
-                    suggestion=nearest_file(file) if problem.code == "missing-file" else problem.suggestion,
+                    suggestion=_nearest_base(file, written) if problem.code == "missing-file" else problem.suggestion,
                 )
             return None
         return self._compose(relative, base)
+
+
+def _nearest_base(file: FilePath, written: str) -> str | None:
+    """Returns the base that was probably meant, written the way the missing one is."""
+    found = nearest_file(file)
+    return (PurePosixPath(written).parent / found).as_posix() if found else None
 
 
 def _extended(source: Source, root: Node) -> list[tuple[Node, Path]]:

@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from pydantic_core import to_jsonable_python
+
 from symaware_cli.core import Model
 from symaware_cli.scenario.catalogue import GROUPS, Catalogue, Listing, PluginError
 from symaware_cli.scenario.problem import nearest
@@ -81,12 +83,18 @@ def describe(name: str, catalogue: Catalogue | None = None) -> list[Description]
 def _describe(listing: Listing, plugin: Any) -> Description:
     schema = plugin.Parameters.model_json_schema()
     required = schema.get("required", [])
+    # The schema leaves out defaults that are made anew each time, such as lists.
+    defaults = {
+        field.alias or name: to_jsonable_python(field.get_default(call_default_factory=True))
+        for name, field in plugin.Parameters.model_fields.items()
+        if not field.is_required()
+    }
     parameters = tuple(
         Parameter(
             name,
             in_words(entry, schema.get("$defs", {})),
             name in required,
-            entry.get("default"),
+            defaults.get(name),
             entry.get("description", ""),
         )
         for name, entry in schema.get("properties", {}).items()

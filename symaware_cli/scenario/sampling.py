@@ -66,7 +66,7 @@ class Sampler:
     """
 
     def __init__(
-        self, composition: Composition, seed: int, ids: Sequence[str], indexed: bool, model: Model | None
+        self, composition: Composition, seed: int, ids: Sequence[str], indexed: bool, model: Model | type[Model] | None
     ) -> None:
         self.problems: list[Problem] = []
         self._composition = composition
@@ -221,7 +221,7 @@ class Sampler:
             return None
         return value
 
-    def _elements(self, model: Model) -> str:
+    def _elements(self, model: Model | type[Model]) -> str:
         names = ", ".join(f"{quantity.name} [{quantity.unit}]" for quantity in model.state)
         return f"{len(model.state)} numbers: {names}"
 

@@ -45,7 +45,7 @@ def scenario_schema(
         use["properties"]["use"]["anyOf"] = names
         use["allOf"] = branches
     _describe_values(schema)
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}, broken
+    return _with_bases(schema), broken
 
 
 def _branch(name: str, kind: str, plugin: Any, definitions: dict[str, Any]) -> dict[str, Any]:
@@ -95,17 +95,56 @@ def _describe_values(schema: dict[str, Any]) -> None:
     }
     agents = definitions["Agents"]["properties"]
     agents["state"]["$ref"] = "#/$defs/PerAgent"
-    agents["knowledge"]["additionalProperties"] = {"$ref": "#/$defs/PerAgent"}
+    for pattern in agents["knowledge"]["patternProperties"]:
+        agents["knowledge"]["patternProperties"][pattern] = {"$ref": "#/$defs/PerAgent"}
     schema["properties"]["extends"] = {
         "description": "A file, or a list of files, below this one's folder that this one changes.",
         "anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}}],
     }
-    # A file that extends another may leave anything out.
-    required = schema.pop("required")
-    schema["if"] = {"not": {"required": ["extends"]}}
-    schema["then"] = {"required": required}
     for definition in [schema, *definitions.values()]:
         _allow_references(definition)
+        for entry in definition.get("properties", {}).values():
+            if "patternProperties" in entry:
+                # pydantic describes the names that are right, and leaves the others alone.
+                entry["additionalProperties"] = False
+
+
+def _with_bases(schema: dict[str, Any]) -> dict[str, Any]:
+    """Let a file that extends another leave anything out, and take away with null what it inherits."""
+    definitions = schema.pop("$defs")
+    partial = {f"partial:{name}": _partial(each) for name, each in definitions.items() if name not in _WHOLE}
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": schema["title"],
+        "description": schema["description"],
+        "if": {"required": ["extends"]},
+        "then": {"$ref": "#/$defs/partial:Scenario"},
+        "else": {"$ref": "#/$defs/Scenario"},
+        "$defs": {**definitions, "Scenario": schema, **partial, "partial:Scenario": _partial(schema)},
+    }
+
+
+#: Definitions of values that a file replaces as a whole.
+_WHOLE = ("PerAgent", "Grid", "Ring")
+_NULL = {"type": "null"}
+
+
+def _partial(node: dict[str, Any]) -> dict[str, Any]:
+    """Return a schema without its required fields, in which every value may be null."""
+    changed: dict[str, Any] = {}
+    for key, value in node.items():
+        if key == "$ref":
+            name = value.rpartition("/")[2]
+            changed[key] = value if name in _WHOLE else f"#/$defs/partial:{name}"
+        elif key in ("properties", "patternProperties"):
+            changed[key] = {name: {"anyOf": [_partial(each), _NULL]} for name, each in value.items()}
+        elif key in ("anyOf", "allOf", "oneOf"):
+            changed[key] = [_partial(each) for each in value]
+        elif key in ("then", "items", "additionalProperties") and isinstance(value, dict):
+            changed[key] = _partial(value)
+        elif key != "required":
+            changed[key] = value
+    return changed
 
 
 def _allow_references(node: Any) -> None:

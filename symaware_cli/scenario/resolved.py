@@ -1,0 +1,40 @@
+"""The one document that a scenario's files and overrides amount to, written so that it reads back the same."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import yaml
+
+from symaware_cli.scenario.document import Scenario
+from symaware_cli.scenario.yaml_source import plain_scalar
+
+
+class _Dumper(yaml.SafeDumper):
+    """Writes text so that it is read as text again: PyYAML leaves quotes out by the rules of YAML 1.1, not 1.2."""
+
+
+def _text(dumper: yaml.SafeDumper, text: str) -> yaml.Node:
+    style = None if isinstance(plain_scalar(text), str) else "'"
+    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style=style)
+
+
+_Dumper.add_representer(str, _text)
+
+
+def resolved(data: Mapping[str, Any], document: Scenario) -> bytes:
+    """Write the resolved document, in the order of the file, with the seed in force."""
+    first = {"symaware": document.symaware, "name": document.name, "seed": document.seed}
+    content = {**first, **{key: value for key, value in data.items() if key not in first}}
+    text = yaml.dump(_escaped(content), Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=100)
+    return text.encode()
+
+
+def _escaped(value: Any) -> Any:
+    """Return a value in which no text reads like a reference."""
+    if isinstance(value, Mapping):
+        return {key: _escaped(each) for key, each in value.items()}
+    if isinstance(value, list):
+        return [_escaped(each) for each in value]
+    return value.replace("${", "$${") if isinstance(value, str) else value

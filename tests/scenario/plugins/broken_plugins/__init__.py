@@ -1,0 +1,1 @@
+"""Packages that fail in every way a plugin can."""

@@ -1,0 +1,139 @@
+"""Can be imported, but is of no use."""
+
+from typing import Any
+
+from pydantic import Field, field_validator
+
+from symaware_cli import AgentGroup, Component, Environment, GroupComponent, Model, Parameters, Quantity
+
+
+def function() -> None:
+    """Not a class."""
+
+
+class Stranger:
+    """Not a component."""
+
+
+class Abstract(Component):
+    """Lacks `_update`."""
+
+    def _compute(self) -> Any:
+        return None
+
+
+class _Idle(GroupComponent):
+    def _compute(self) -> Any:
+        return None
+
+    def _update(self, value: Any) -> None:
+        pass
+
+
+class BadParameters(_Idle):
+    """Has parameters that are not pydantic's."""
+
+    class Parameters:
+        """A plain class."""
+
+        speed = 1.0
+
+
+class RaisingParameters(_Idle):
+    """Has a validator that fails in a way pydantic does not expect."""
+
+    class Parameters(Parameters):
+        """One parameter."""
+
+        speed: float = Field(1.0, description="Speed [m/s].")
+
+        @field_validator("speed")
+        @classmethod
+        def _look_up(cls, speed: float) -> float:
+            return {1.0: 1.0}[speed]
+
+
+class Refuses(_Idle):
+    """Refuses a combination of parameters, with reason."""
+
+    class Parameters(Parameters):
+        """Two parameters."""
+
+        low: float = Field(0.0, description="Low end [m].")
+        high: float = Field(1.0, description="High end [m].")
+
+    def __init__(self, parameters: Any = None) -> None:
+        super().__init__(parameters)
+        if self.parameters.low > self.parameters.high:
+            raise ValueError("low must not lie above high")
+
+
+class Crashes(_Idle):
+    """Raises what its author did not think of."""
+
+    def __init__(self) -> None:
+        raise IndexError("list index out of range")
+
+
+class Leaves(_Idle):
+    """Leaves the interpreter."""
+
+    def __init__(self) -> None:
+        raise SystemExit(3)
+
+
+class CrashingCheck(_Idle):
+    """Cannot even check."""
+
+    def check(self, group: AgentGroup) -> None:
+        """Fail."""
+        raise ZeroDivisionError("division by zero")
+
+
+class Stateless(Model):
+    """Forgot to say what its state is."""
+
+    def derivative(self, state: Any, control_input: Any, math: Any) -> Any:
+        """Nothing changes."""
+        return ()
+
+
+class Misplaced(Model):
+    """Has no element 1, where the position should be."""
+
+    state = (Quantity("x", "m"),)
+    control_input = (Quantity("velocity", "m/s"),)
+
+    def derivative(self, state: Any, control_input: Any, math: Any) -> Any:
+        """X' = u."""
+        return (control_input[0],)
+
+
+class Untimed(Environment):
+    """Overrides __init__ and forgets the rest."""
+
+    def __init__(self, parameters: Any = None) -> None:
+        pass
+
+    def step(self) -> None:
+        """Nothing."""
+
+    def state(self, group: AgentGroup) -> Any:
+        """Nothing."""
+
+    def applied_input(self, group: AgentGroup) -> Any:
+        """Nothing."""
+
+    def snapshot(self) -> Any:
+        """Nothing."""
+
+
+class BrokenSetup(Untimed):
+    """Fails when everybody is put in place."""
+
+    def __init__(self, parameters: Any = None) -> None:
+        Environment.__init__(self, parameters)
+
+    def initialise(self, groups: Any, obstacles: Any, seed: int) -> None:
+        """Fail."""
+        raise OSError("no display")

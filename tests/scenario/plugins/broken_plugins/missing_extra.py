@@ -1,0 +1,3 @@
+"""Cannot be imported without the extra `pybullet`."""
+
+import pybullet  # noqa: F401

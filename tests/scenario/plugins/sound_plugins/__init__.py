@@ -1,0 +1,1 @@
+"""Plugins with nothing wrong, for the scenarios that misuse them."""
