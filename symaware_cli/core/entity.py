@@ -1,33 +1,175 @@
-"""Bodies: the shape and mass of an agent or an obstacle."""
+"""Bodies: the shape and mass of an agent or an obstacle, and where an obstacle is at a time."""
 
 from __future__ import annotations
 
-from typing import Annotated
+import math
+from bisect import bisect_right
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Annotated, Any, Literal, NamedTuple
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    SerializerFunctionWrapHandler,
+    WithJsonSchema,
+    field_validator,
+    model_serializer,
+    model_validator,
+)
 
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+#: [m] and [s]: far from where arithmetic overflows, and farther and longer than anybody goes.
+_LARGEST = 1e9
+
+Length = Annotated[float, Field(gt=0, le=_LARGEST)]
+Number = Annotated[float, Field(ge=-_LARGEST, le=_LARGEST)]
+
+
+def _coordinates(*counts: int) -> tuple[AfterValidator, WithJsonSchema]:
+    """What says how many coordinates a tuple has; unlike `Field`, it is silent where they are no numbers."""
+
+    def check(values: tuple[float, ...]) -> tuple[float, ...]:
+        if len(values) not in counts:
+            raise ValueError(f"{' or '.join(map(str, counts))} coordinates are needed, not {len(values)}")
+        return values
+
+    number = {"type": "number", "minimum": -_LARGEST, "maximum": _LARGEST}
+    numbers = {"type": "array", "items": number, "minItems": min(counts), "maxItems": max(counts)}
+    return AfterValidator(check), WithJsonSchema(numbers)
+
+
+Point = Annotated[tuple[Number, ...], *_coordinates(2)]
+Position = Annotated[tuple[Number, ...], *_coordinates(2, 3)]
+
+#: Relative to the extent of a polygon: what is straighter, nearer or thinner than this is so by rounding.
+_TOLERANCE = 1e-9
 
 
 class _Part(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 class Circle(_Part):
-    """A disc around the entity's position."""
+    """A disc around the entity's position; a ball for agents that move in space."""
 
-    radius: Positive = Field(description="Radius [m].")
+    radius: Length = Field(description="Radius [m].")
+
+
+class Box(_Part):
+    """A rectangle around the entity's position that turns with its heading."""
+
+    length: Length = Field(description="Extent along the heading [m].")
+    width: Length = Field(description="Extent across the heading [m].")
+    height: Length | None = Field(None, description="Extent upwards [m]; worlds of a plane leave it out of account.")
+
+
+class Polygon(_Part):
+    """A convex polygon that turns with the entity's heading.
+
+    Vertices that run clockwise are turned round, so that `vertices` always run counter-clockwise.
+    """
+
+    vertices: tuple[Point, ...] = Field(
+        json_schema_extra={"minItems": 3},
+        description="Corners in order [m], relative to the entity's position, x along its heading; convex.",
+    )
+
+    @field_validator("vertices")
+    @classmethod
+    def _is_convex(cls, vertices: tuple[Point, ...]) -> tuple[Point, ...]:
+        if len(vertices) < 3:
+            raise ValueError(f"a polygon has at least 3 corners, not {len(vertices)}")
+        farthest = max(vertices, key=lambda vertex: math.dist(vertex, vertices[0]))
+        extent = math.dist(farthest, vertices[0])
+        for number, (one, other) in enumerate(pairwise([*vertices, vertices[0]])):
+            if math.dist(one, other) <= _TOLERANCE * extent:
+                raise ValueError(
+                    f"corners {number} and {(number + 1) % len(vertices)} are the same point"
+                    " (a polygon closes by itself)"
+                )
+        if all(abs(_area((vertices[0], farthest, vertex))) <= _TOLERANCE * extent**2 for vertex in vertices):
+            raise ValueError("the corners lie on a line")
+        if _area(vertices) < 0:
+            vertices = vertices[::-1]
+        if not _turns_left_once(vertices):
+            raise ValueError("the polygon is not convex; put it together from convex ones")
+        return vertices
+
+
+class Wall(_Part):
+    """A chain of straight segments with a thickness, rounded at its ends and corners; scenery only."""
+
+    points: tuple[Point, ...] = Field(
+        json_schema_extra={"minItems": 2},
+        description="Points that the middle line of the wall joins in order [m], relative to the entity's position.",
+    )
+    thickness: Length = Field(0.1, description="Thickness, half of it to either side of the middle line [m].")
+
+    @field_validator("points")
+    @classmethod
+    def _goes_somewhere(cls, points: tuple[Point, ...]) -> tuple[Point, ...]:
+        if len(points) < 2:
+            raise ValueError(f"a wall goes through at least 2 points, not {len(points)}")
+        for number, (one, other) in enumerate(pairwise(points)):
+            if one == other:
+                raise ValueError(f"points {number} and {number + 1} are the same")
+        return points
+
+
+Kind = Literal["circle", "box", "polygon", "wall"]
+KINDS: tuple[Kind, ...] = ("circle", "box", "polygon", "wall")
 
 
 class Shape(_Part):
     """The outline of an entity; exactly one kind."""
 
-    circle: Circle = Field(description="A disc.")
+    model_config = ConfigDict(json_schema_extra={"minProperties": 1, "maxProperties": 1})
+
+    circle: Circle | None = Field(None, description="A disc.")
+    box: Box | None = Field(None, description="A rectangle that turns with the heading.")
+    polygon: Polygon | None = Field(None, description="A convex polygon that turns with the heading.")
+    wall: Wall | None = Field(None, description="A chain of segments with a thickness; for entities of the world only.")
+
+    @model_validator(mode="after")
+    def _exactly_one_kind(self) -> Shape:
+        given = [kind for kind in KINDS if getattr(self, kind) is not None]
+        if len(given) != 1:
+            said = f"{', '.join(given[:-1])} and {given[-1]}" if given else "none"
+            raise ValueError(f"a shape has exactly one kind of {', '.join(KINDS)}; this one has {said}")
+        return self
+
+    @model_serializer(mode="wrap")
+    def _without_the_other_kinds(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        return {kind: content for kind, content in dump(self).items() if content is not None}
+
+    @property
+    def kind(self) -> Kind:
+        """Which of the kinds it is."""
+        return next(kind for kind in KINDS if getattr(self, kind) is not None)
 
     @property
     def radius(self) -> float:
         """The radius of the smallest circle around the position that holds the shape [m]."""
-        return self.circle.radius
+        return max(math.hypot(*point) + rounding for piece, rounding in self.pieces for point in piece)
+
+    @property
+    def pieces(self) -> Sequence[tuple[Sequence[Point], float]]:
+        """The convex pieces that the shape consists of, relative to the position, x along the heading.
+
+        Each is a core, one point, two or a convex polygon (counter-clockwise), and the radius by which the core is
+        rounded, both in metres: a disc is a rounded point, a segment of a wall a rounded line.
+        """
+        if self.circle:
+            return [([(0.0, 0.0)], self.circle.radius)]
+        if self.box:
+            x, y = 0.5 * self.box.length, 0.5 * self.box.width
+            return [([(-x, -y), (x, -y), (x, y), (-x, y)], 0.0)]
+        if self.polygon:
+            return [(self.polygon.vertices, 0.0)]
+        assert self.wall
+        return [(segment, 0.5 * self.wall.thickness) for segment in pairwise(self.wall.points)]
 
 
 class Entity(_Part):
@@ -36,7 +178,14 @@ class Entity(_Part):
     shape: Shape | None = Field(
         None, description="The outline; without one the entity is a point that touches nothing."
     )
-    mass: Positive = Field(1.0, description="Mass [kg].")
+    mass: float = Field(1.0, gt=0, description="Mass [kg].")
+
+    @field_validator("shape")
+    @classmethod
+    def _suits(cls, shape: Shape | None) -> Shape | None:
+        if shape and shape.wall:
+            raise ValueError("an agent cannot be a wall; walls are entities of the environment")
+        return shape
 
     @property
     def radius(self) -> float:
@@ -44,14 +193,138 @@ class Entity(_Part):
         return self.shape.radius if self.shape else 0.0
 
 
-class Obstacle(Entity):
-    """A body that is part of the environment and stays where it is."""
+class Pose(NamedTuple):
+    """Where a body is and how it moves.
 
-    shape: Shape = Field(description="The outline.")
-    position: tuple[float, ...] = Field(description="Where it stands: [x, y] or [x, y, z] [m].")
+    Attributes:
+        position: Coordinates [m]; 2 or 3 of them.
+        heading: Heading [rad].
+        velocity: Velocity of the position [m/s], as many coordinates.
+        turn_rate: Rate of the heading [rad/s].
+    """
+
+    position: tuple[float, ...]
+    heading: float = 0.0
+    velocity: tuple[float, ...] = (0.0, 0.0)
+    turn_rate: float = 0.0
+
+
+class ScriptedPath(_Part):
+    """Where a moving obstacle is at which time; straight and even in between.
+
+    Before the first time it rests at the first position. After the last it rests at the last, or begins anew.
+    """
+
+    times: tuple[Number, ...] = Field(
+        json_schema_extra={"minItems": 2}, description="Simulated times, ascending [s]; at least 2."
+    )
+    positions: tuple[Position, ...] = Field(
+        json_schema_extra={"minItems": 2}, description="The position at each time: [x, y] or [x, y, z] [m]."
+    )
+    headings: tuple[Number, ...] | None = Field(
+        None, description="The heading at each time [rad]; without them the obstacle keeps its `heading`."
+    )
+    repeat: bool = Field(
+        False,
+        description="Begin anew at the last time, for ever; where the last position is not the first, it jumps there.",
+    )
 
     @model_validator(mode="after")
-    def _two_or_three_dimensions(self) -> Obstacle:
-        if len(self.position) not in (2, 3):
-            raise ValueError(f"a position has 2 or 3 coordinates, not {len(self.position)}")
+    def _fits_together(self) -> ScriptedPath:
+        if len(self.times) < 2:
+            raise ValueError(f"a path has at least 2 times, not {len(self.times)}")
+        for one, other in pairwise(self.times):
+            if other - one < 1e-9:
+                raise ValueError(f"the times do not ascend: {other:.10g} s follows {one:.10g} s")
+        for name, values in (("positions", self.positions), ("headings", self.headings)):
+            if values is not None and len(values) != len(self.times):
+                raise ValueError(f"there are {len(values)} {name} for {len(self.times)} times")
+        if len({len(position) for position in self.positions}) > 1:
+            raise ValueError("some positions have 2 coordinates, others 3")
         return self
+
+    def pose(self, time: float, heading: float = 0.0) -> Pose:
+        """Return where the obstacle is, and how it moves from there on.
+
+        Args:
+            time: Simulated time [s].
+            heading: Its heading if the path states none [rad].
+        """
+        times, positions, headings = self.times, self.positions, self.headings
+        if self.repeat and time > times[-1]:
+            time = times[0] + (time - times[0]) % (times[-1] - times[0])
+        elif self.repeat and time == times[-1]:
+            time = times[0]
+        after = bisect_right(times, time)
+        if after in (0, len(times)):
+            end = 0 if after == 0 else -1
+            still = (0.0,) * len(positions[end])
+            return Pose(positions[end], headings[end] if headings else heading, still)
+        before, span = after - 1, times[after] - times[after - 1]
+        share = (time - times[before]) / span
+        change = [other - one for one, other in zip(positions[before], positions[after], strict=True)]
+        position = tuple(one + share * by for one, by in zip(positions[before], change, strict=True))
+        velocity = tuple(by / span for by in change)
+        if headings is None:
+            return Pose(position, heading, velocity)
+        turn = headings[after] - headings[before]
+        return Pose(position, headings[before] + share * turn, velocity, turn / span)
+
+
+class Obstacle(Entity):
+    """A body that is part of the environment: it stays where it is, or moves along a path that nothing diverts."""
+
+    shape: Shape = Field(description="The outline.")
+    position: Position | None = Field(
+        None,
+        description="Where it stands: [x, y] or [x, y, z] [m]. A wall may leave it out: its points then are positions "
+        "in the world. Something that moves has a path in its place.",
+    )
+    heading: Number = Field(0.0, description="Where its x axis points [rad], counter-clockwise from that of the world.")
+    path: ScriptedPath | None = Field(None, description="Where it is at which time; without one it does not move.")
+
+    @field_validator("shape")
+    @classmethod
+    def _suits(cls, shape: Shape) -> Shape:  # type: ignore[override]
+        return shape
+
+    @model_validator(mode="after")
+    def _is_somewhere(self) -> Obstacle:
+        if self.position and self.path:
+            raise ValueError("the path says where it is; leave position out")
+        if self.position is None and self.path is None and self.shape.wall is None:
+            raise ValueError("it needs a position, or a path if it moves")
+        return self
+
+    def pose(self, time: float = 0.0) -> Pose:
+        """Return where it is, and how it moves from there on.
+
+        Args:
+            time: Simulated time [s].
+        """
+        if self.path:
+            return self.path.pose(time, self.heading)
+        position = self.position or (0.0, 0.0)
+        return Pose(position, self.heading, (0.0,) * len(position))
+
+
+def _area(vertices: Sequence[Point]) -> float:
+    """The area of a polygon, negative if it runs clockwise [m^2]; relative to its first vertex, for precision."""
+    (x, y), *_ = vertices
+    return 0.5 * sum(
+        (one[0] - x) * (other[1] - y) - (other[0] - x) * (one[1] - y)
+        for one, other in pairwise([*vertices, vertices[0]])
+    )
+
+
+def _turns_left_once(vertices: Sequence[Point]) -> bool:
+    """Whether a polygon is convex and runs counter-clockwise: no corner turns right, and it goes round once."""
+    around = [*vertices, vertices[0], vertices[1]]
+    turned = 0.0
+    for (x0, y0), (x1, y1), (x2, y2) in zip(around, around[1:], around[2:], strict=False):
+        ahead, aside = (x1 - x0, y1 - y0), (x2 - x1, y2 - y1)
+        turn = math.atan2(ahead[0] * aside[1] - ahead[1] * aside[0], ahead[0] * aside[0] + ahead[1] * aside[1])
+        if turn < -_TOLERANCE or turn > math.pi - _TOLERANCE:
+            return False
+        turned += turn
+    return turned < 3 * math.pi

@@ -2,78 +2,189 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core import Contact, Obstacle
-from symaware_cli.core.proximity import Proximity
+from symaware_cli.core import AgentGroup, Contact, Scenery, Snapshot
+from symaware_cli.core.geometry import Pieces, Separation, separation
+from symaware_cli.core.proximity import Pairs, Proximity
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
 
 
 class ContactDetector:
     """Tells when two bodies begin and cease to touch.
 
-    Two agents touch, or an agent and an obstacle; obstacles among themselves do not count.
+    Two agents touch, or an agent and an obstacle; obstacles among themselves do not count, and an agent without a
+    shape touches nothing. Bodies touch where they overlap: whoever only grazes another does not.
+
+    Round agents are balls. Boxes and polygons turn with the element of the state that the model calls its heading, or
+    do not turn at all; in space they count as seen from above once the balls that hold them meet. Obstacles are seen
+    from above, too, as high as the world.
     """
 
-    def __init__(
-        self, ids: Sequence[str], radii: Sequence[float], obstacles: Mapping[str, Obstacle], proximity: Proximity
-    ) -> None:
-        self._agents = len(ids)
-        self._names = [*ids, *obstacles]
-        self._radii = np.array([*radii, *(obstacle.radius for obstacle in obstacles.values())])
-        self._obstacles = [obstacle.position for obstacle in obstacles.values()]
-        self._proximity = Proximity() if obstacles else proximity
-        #: The farthest apart that two bodies can touch; points touch nothing.
-        largest = float(self._radii[: self._agents].max(initial=0.0))
-        self._reach = largest + float(self._radii.max(initial=0.0)) if largest else 0.0
-        self._touching: dict[tuple[int, int], Contact] = {}
-
-    def update(self, positions: Array) -> Sequence[Contact]:
-        """Return the contacts that begin or end where the agents are now.
+    def __init__(self, groups: Sequence[AgentGroup], scenery: Scenery, proximity: Proximity) -> None:
+        """Look at who there is.
 
         Args:
-            positions: One row for each agent [m]; shape (n, d).
+            groups: The groups in the roster's order.
+            scenery: The obstacles.
+            proximity: Which agents are near each other.
+        """
+        ids = [id for group in groups for id in group.ids]
+        counts = [len(group.ids) for group in groups]
+        shapes = [group.entity.shape for group in groups]
+        self._agents = len(ids)
+        self._names = [*ids, *scenery.names]
+        #: A body without a shape is so small that not even its centre touches anything.
+        self._radii = np.repeat([shape.radius if shape else -np.inf for shape in shapes], counts)
+        self._cornered = np.repeat([bool(shape and not shape.circle) for shape in shapes], counts)
+        self._any_cornered = bool(self._cornered.any())
+        self._shape = np.repeat(np.arange(len(groups)), counts)
+        self._shapes = Pieces.of(shape.pieces[0] if shape else ([(0.0, 0.0)], -np.inf) for shape in shapes)
+        self._headings = [group.model.heading for group in groups]
+        #: The farthest apart that two agents can touch.
+        self._reach = max(0.0, 2.0 * float(self._radii.max(initial=0.0)))
+        self._alike = bool((self._radii == self._radii[0]).all())
+        self._proximity = proximity
+        self._among_agents = _Ledger(self._names)
+        self._with_obstacles = _Ledger(self._names)
+
+    def update(self, snapshot: Snapshot, scenery: Scenery) -> Sequence[Contact]:
+        """Return the contacts that begin or end, sorted by the names of the bodies.
+
+        Args:
+            snapshot: Where the agents are now.
+            scenery: Where the obstacles are now.
         """
         if not self._reach:
             return ()
-        bodies = positions
-        if self._obstacles:
-            dimensions = positions.shape[1]
-            fixed = [(*position, 0.0)[:dimensions] for position in self._obstacles]
-            bodies = np.concatenate([positions, np.array(fixed)])
-        pairs = self._proximity.pairs(bodies, self._reach)
-        if pairs.least > self._reach and not self._touching:
-            return ()
-        depth = self._radii[pairs.first] + self._radii[pairs.second] - pairs.distance
-        near = np.flatnonzero(depth > 0.0)
-        return self._compare(bodies, pairs.first[near], pairs.second[near], depth[near])
+        positions = snapshot.positions
+        pairs = self._proximity.pairs(positions, self._reach)
+        changes: list[Contact] = []
+        if pairs.least < self._reach or self._among_agents.touching:
+            changes = self._look_at_agents(snapshot, positions, pairs)
+        if scenery.names:
+            changes += self._look_at_obstacles(snapshot, positions, scenery)
+        if len(changes) > 1:
+            changes.sort(key=lambda contact: (contact.first, contact.second))
+        return changes
 
-    def _compare(
-        self, bodies: Array, first: NDArray[np.intp], second: NDArray[np.intp], depth: Array
-    ) -> Sequence[Contact]:
-        now: dict[tuple[int, int], Contact] = {}
-        for one, other, overlap in zip(first.tolist(), second.tolist(), depth.tolist(), strict=True):
-            if one >= self._agents or not (self._radii[one] and self._radii[other]):
-                continue
-            present = self._touching.get((one, other))
-            now[one, other] = present or self._contact(bodies, one, other, overlap)
-        began = [contact for pair, contact in now.items() if pair not in self._touching]
-        ended = [
-            Contact(contact.first, contact.second, contact.point, 0.0, begins=False)
-            for pair, contact in self._touching.items()
-            if pair not in now
-        ]
-        self._touching = now
-        return sorted([*began, *ended], key=lambda contact: (contact.first, contact.second))
+    def _look_at_agents(self, snapshot: Snapshot, positions: Array, pairs: Pairs) -> list[Contact]:
+        if self._alike:
+            near = np.flatnonzero(pairs.distance < self._reach)
+        else:
+            near = np.flatnonzero(pairs.distance < self._radii.take(pairs.first) + self._radii.take(pairs.second))
+        first, second = pairs.first.take(near), pairs.second.take(near)
+        number = np.full(len(near), -1)
+        cornered = (
+            np.flatnonzero(self._cornered.take(first) | self._cornered.take(second)) if self._any_cornered else ()
+        )
+        if len(cornered):
+            ones, others = first.take(cornered), second.take(cornered)
+            bodies = self._placed(snapshot, positions, np.concatenate([ones, others]))
+            half = np.arange(len(cornered))
+            exact = separation(bodies.take(half), bodies.take(half + len(cornered)))
+            number[cornered] = half
+            touch = number < 0
+            touch[cornered] = exact.distance < 0.0
+            first, second, number = first[touch], second[touch], number[touch]
 
-    def _contact(self, bodies: Array, one: int, other: int, overlap: float) -> Contact:
-        towards = bodies[other] - bodies[one]
+        def where(row: int) -> tuple[float, Array]:
+            one, other = positions[first[row]], positions[second[row]]
+            if number[row] < 0:
+                return self._between(first[row], second[row], one, other)
+            return _middle(exact, number[row], 0.5 * (one + other))
+
+        return self._among_agents.changes(first, second, where)
+
+    def _between(self, first: int, second: int, one: Array, other: Array) -> tuple[float, Array]:
+        """How deep two balls at two positions overlap, and the middle of it on the line of their centres."""
+        towards = other - one
         distance = float(np.sqrt(towards @ towards))
-        share = (self._radii[one] - 0.5 * overlap) / distance if distance else 0.0
-        point = bodies[one] + share * towards
-        first, second = sorted((self._names[one], self._names[other]))
-        return Contact(first, second, tuple(point.tolist()), overlap)
+        depth = float(self._radii[first] + self._radii[second]) - distance
+        share = (self._radii[first] - 0.5 * depth) / distance if distance else 0.0
+        return depth, one + share * towards
+
+    def _look_at_obstacles(self, snapshot: Snapshot, positions: Array, scenery: Scenery) -> list[Contact]:
+        agent, piece = scenery.candidates(positions, self._radii)
+        if not len(agent):
+            return self._with_obstacles.changes(agent, piece, _nowhere)
+        found = separation(self._placed(snapshot, positions, agent), scenery.pieces.take(piece))
+        obstacle = scenery.owner.take(piece)
+        overlapping = np.flatnonzero(found.distance < 0.0)
+        # Of the pieces of an obstacle, the one that is overlapped most comes first, and is kept.
+        order = np.lexsort((found.distance[overlapping], obstacle[overlapping], agent[overlapping]))
+        chosen = overlapping[order]
+        changing = np.diff(agent[chosen], prepend=-1) | np.diff(obstacle[chosen], prepend=-1)
+        chosen = chosen[changing != 0]
+
+        def where(row: int) -> tuple[float, Array]:
+            return _middle(found, chosen[row], positions[agent[chosen[row]]])
+
+        return self._with_obstacles.changes(agent[chosen], self._agents + obstacle[chosen], where)
+
+    def _placed(self, snapshot: Snapshot, positions: Array, agents: Indices) -> Pieces:
+        """The outlines of agents, where they are."""
+        places = positions[:, :2].take(agents, 0)
+        if not self._any_cornered:
+            return Pieces.points(places, self._radii.take(agents))
+        headings = np.concatenate(
+            [
+                np.zeros(len(states)) if heading is None else states[:, heading]
+                for heading, states in zip(self._headings, snapshot.states, strict=True)
+            ]
+        )
+        return self._shapes.take(self._shape.take(agents)).placed(places, headings.take(agents))
+
+
+class _Ledger:
+    """Keeps which pairs of bodies touch.
+
+    Attributes:
+        touching: The contact of each pair that touches, as it began.
+    """
+
+    def __init__(self, names: Sequence[str]) -> None:
+        self.touching: dict[int, Contact] = {}
+        self._names = names
+        self._seen = b""
+
+    def changes(self, first: Indices, second: Indices, where: Callable[[int], tuple[float, Array]]) -> list[Contact]:
+        """Return the contacts that begin or end.
+
+        Args:
+            first: One body of each pair that touches now, by index; shape (m,). Pairs come in a fixed order.
+            second: The other; shape (m,).
+            where: Tells the depth and the point of a row, for those that are new.
+        """
+        keys = first * len(self._names) + second
+        seen = keys.tobytes()
+        if seen == self._seen:
+            return []
+        self._seen = seen
+        before, self.touching, changes = self.touching, {}, []
+        for row, key in enumerate(keys.tolist()):
+            contact = before.pop(key, None)
+            if contact is None:
+                names = sorted((self._names[first[row]], self._names[second[row]]))
+                depth, point = where(row)
+                contact = Contact(names[0], names[1], tuple(point.tolist()), depth)
+                changes.append(contact)
+            self.touching[key] = contact
+        # Who is left does not touch any more.
+        changes += [Contact(was.first, was.second, was.point, 0.0, begins=False) for was in before.values()]
+        return changes
+
+
+def _middle(found: Separation, row: int, height: Array) -> tuple[float, Array]:
+    """How deep two bodies overlap, and the middle of it; at the height of a position, in space."""
+    middle = 0.5 * (found.first[row] + found.second[row])
+    return -float(found.distance[row]), np.concatenate([middle, height[2:]])
+
+
+def _nowhere(row: int) -> tuple[float, Array]:
+    raise AssertionError(f"no pair touches, and so not pair {row}")

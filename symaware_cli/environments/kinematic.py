@@ -9,72 +9,95 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from symaware_cli.core import AgentGroup, Contact, Environment, EnvironmentParameters, Model, Obstacle, Snapshot
+from symaware_cli.core import (
+    AgentGroup,
+    Contact,
+    Environment,
+    EnvironmentParameters,
+    Model,
+    Obstacle,
+    Snapshot,
+    nanoseconds,
+)
+from symaware_cli.core.integration import euler, rk4
 from symaware_cli.environments.contact import ContactDetector
+from symaware_cli.environments.noise import ProcessNoise
 
 Array = NDArray[np.float64]
 
-
-def _derivative(model: Model, state: Array, control_input: Array) -> Array:
-    rates = np.empty_like(state)
-    for column, rate in enumerate(model.derivative(state.T, control_input.T, np)):
-        rates[:, column] = rate
-    return rates
-
-
-def euler(model: Model, state: Array, control_input: Array, step: float) -> Array:
-    """One step of the explicit Euler method; error O(step) over a fixed time."""
-    return state + step * _derivative(model, state, control_input)
-
-
-def rk4(model: Model, state: Array, control_input: Array, step: float) -> Array:
-    """One step of the classical Runge-Kutta method; error O(step^4) over a fixed time."""
-    first = _derivative(model, state, control_input)
-    second = _derivative(model, state + (0.5 * step) * first, control_input)
-    third = _derivative(model, state + (0.5 * step) * second, control_input)
-    fourth = _derivative(model, state + step * third, control_input)
-    return state + (step / 6.0) * (first + 2.0 * (second + third) + fourth)
-
-
-_INTEGRATORS: Mapping[str, Callable[[Model, Array, Array, float], Array]] = {"euler": euler, "rk4": rk4}
+_INTEGRATORS: Mapping[str, Callable[[Model, Array, Array, float], Array]] = {"exact": rk4, "rk4": rk4, "euler": euler}
 
 
 class KinematicEnvironment(Environment):
-    """Moves every group by its own model; bodies pass through each other, and their contacts are reported."""
+    """Moves every group by its own model; bodies pass through each other, and their contacts are reported.
+
+    Requested control inputs are saturated to what the model allows and held over the step. The model's process noise is
+    added after it.
+    """
 
     class Parameters(EnvironmentParameters):
         """How the kinematic world moves."""
 
-        integrator: Literal["euler", "rk4"] = Field(
-            "rk4", description="How the dynamics are integrated: explicit Euler, or Runge-Kutta of order 4."
+        integrator: Literal["exact", "rk4", "euler"] = Field(
+            "exact",
+            description="How the dynamics are integrated: in closed form where the model has one, else as by rk4; "
+            "by Runge-Kutta of order 4; by the explicit Euler method. Models in discrete time are not integrated.",
+        )
+        substeps: int = Field(
+            1, ge=1, le=1000, description="Into how many parts a time step is divided where rk4 or euler integrate it."
         )
 
     def initialise(self, groups: Sequence[AgentGroup], obstacles: Mapping[str, Obstacle], seed: int) -> None:
-        """Put everybody in place."""
+        """Put everybody in place.
+
+        Raises:
+            ValueError: A model is a map over another time step than that of the environment.
+        """
         super().initialise(groups, obstacles, seed)
-        self._integrate = _INTEGRATORS[self.parameters.integrator]
+        for group in self.groups:
+            own = group.model.time_step
+            if own is not None and nanoseconds(own) != self.time_step:
+                raise ValueError(
+                    f"the model of `{group.name}` is a map over {own:g} s, and the environment steps by "
+                    f"{self.time_step / 1e9:g} s: both need the same `time_step`"
+                )
         self._number = {group.name: number for number, group in enumerate(self.groups)}
         self._states = [group.initial_state for group in self.groups]
-        self._applied = [group.control_input for group in self.groups]
+        self._applied = [group.model.limit(group.control_input) for group in self.groups]
+        self._noises = [self._noise(group, seed) for group in self.groups]
         self._models = [group.model for group in self.groups]
         self._time = 0
         self._snapshot: Snapshot | None = None
-        radii = [group.entity.radius for group in self.groups for _ in group.ids]
-        self._detector = ContactDetector(self.roster.ids, radii, self.obstacles, self.proximity)
-        self._contacts: Sequence[Contact] = self._detector.update(self.snapshot().positions)
+        self._detector = ContactDetector(self.groups, self.scenery, self.proximity)
+        self._contacts: Sequence[Contact] | None = None
 
     def step(self) -> None:
         """Advance every group by its model under its saturated control input."""
-        step = self.parameters.time_step
-        for number, group in enumerate(self.groups):
+        for number, (group, noise) in enumerate(zip(self.groups, self._noises, strict=True)):
             applied = group.model.limit(group.control_input)
-            state = self._integrate(group.model, self._states[number], applied, step)
+            state = self._advance(group.model, self._states[number], applied)
+            if noise:
+                state = state + noise.draw()
             applied.flags.writeable = False
             state.flags.writeable = False
             self._applied[number], self._states[number] = applied, state
         self._time += self.time_step
-        self._snapshot = None
-        self._contacts = self._detector.update(self.snapshot().positions)
+        self._snapshot = self._contacts = None
+
+    def _noise(self, group: AgentGroup, seed: int) -> ProcessNoise | None:
+        covariance = group.model.noise_covariance(self.parameters.time_step)
+        return None if covariance is None else ProcessNoise(group, covariance, seed)
+
+    def _advance(self, model: Model, state: Array, control_input: Array) -> Array:
+        """The states after one time step, without noise; shape (n, nx)."""
+        step, integrator, parts = self.parameters.time_step, self.parameters.integrator, self.parameters.substeps
+        if integrator == "exact" or model.time_step is not None:
+            after = model.exact_step(state, control_input, step)
+            if after is not None:
+                return after
+        for _ in range(parts):
+            state = _INTEGRATORS[integrator](model, state, control_input, step / parts)
+        return state
 
     def state(self, group: AgentGroup) -> Array:
         """The true states of a group, read-only; shape (n, nx)."""
@@ -92,4 +115,7 @@ class KinematicEnvironment(Environment):
 
     def contacts(self) -> Sequence[Contact]:
         """The contacts that began or ended with the last step."""
+        if self._contacts is None:
+            # Not within the step: who asks has made sure by then that all states are finite.
+            self._contacts = self._detector.update(self.snapshot(), self.scenery)
         return self._contacts

@@ -1,0 +1,419 @@
+"""Geometry of the plane: how far shapes are apart, how deep they overlap, and what stands in the way.
+
+Everything consists of convex *pieces*: a core of one point, two points or a convex polygon, rounded by a radius. A
+disc is a rounded point, a segment of a wall a rounded line, a box a polygon rounded by nothing. The signed distance of
+two pieces is then that of their cores less both radii, whether they overlap or not.
+
+Positions in space are seen from above: only their first two coordinates count.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from copy import copy
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from symaware_cli.core.entity import Obstacle
+from symaware_cli.core.time import seconds
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+#: [m] What is nearer than this is so by rounding.
+_TINY = 1e-12
+
+#: [m] What overlaps by more than this does so without doubt.
+_CERTAIN = 1e-9
+
+#: How many pairs of a point or line and a piece are looked at together, to bound memory.
+_TOGETHER = 1 << 19
+
+
+class Pieces:
+    """Convex pieces, as many as there are rows, padded to the same number of vertices.
+
+    Attributes:
+        vertices: The core of each, counter-clockwise [m]; shape (m, k, 2). Repeats of the last pad it.
+        normals: The unit normal of the edge from each vertex to the next, outwards; shape (m, k, 2). Zero where there
+            is no edge.
+        offsets: How far along its normal each edge lies [m]; shape (m, k). Infinite where there is no edge.
+        rounding: The radius that rounds each core [m]; shape (m,).
+    """
+
+    __slots__ = ("normals", "offsets", "rounding", "vertices")
+
+    def __init__(self, vertices: Array, normals: Array, offsets: Array, rounding: Array) -> None:
+        self.vertices = vertices
+        self.normals = normals
+        self.offsets = offsets
+        self.rounding = rounding
+
+    @classmethod
+    def of(cls, pieces: Iterable[tuple[Sequence[Sequence[float]], float]]) -> Pieces:
+        """Make them of cores and radii, such as `Shape.pieces`."""
+        listed = list(pieces)
+        width = max((len(core) for core, _ in listed), default=1)
+        vertices = np.zeros((len(listed), width, 2))
+        for row, (core, _) in enumerate(listed):
+            vertices[row] = [*core, *[core[-1]] * (width - len(core))]
+        edges = np.roll(vertices, -1, axis=1) - vertices
+        length = np.sqrt(edges[..., 0] ** 2 + edges[..., 1] ** 2)
+        real = length > 0.0
+        normals = np.stack([edges[..., 1], -edges[..., 0]], axis=-1) / np.where(real, length, 1.0)[..., None]
+        offsets = np.where(real, (normals * vertices).sum(axis=2), np.inf)
+        for row, (core, _) in enumerate(listed):
+            if len(core) == 2:
+                # Exactly opposite, so that no point seems to be on the inner side of both.
+                back = int(np.flatnonzero(real[row])[1])
+                normals[row, back], offsets[row, back] = -normals[row, 0], -offsets[row, 0]
+        return cls(vertices, normals, offsets, np.array([rounding for _, rounding in listed], float))
+
+    @classmethod
+    def points(cls, positions: Array, rounding: ArrayLike = 0.0) -> Pieces:
+        """Discs at positions (m, 2), by default mere points."""
+        count = len(positions)
+        radii: Array = np.broadcast_to(np.asarray(rounding, float), (count,))
+        return cls(positions[:, None, :], np.zeros((count, 1, 2)), np.full((count, 1), np.inf), radii)
+
+    @classmethod
+    def lines(cls, origins: Array, targets: Array) -> Pieces:
+        """Straight lines from origins to targets, (m, 2) each, without thickness."""
+        along = targets - origins
+        length = np.sqrt(along[:, 0] ** 2 + along[:, 1] ** 2)
+        real = length > 0.0
+        normal = np.stack([along[:, 1], -along[:, 0]], axis=1) / np.where(real, length, 1.0)[:, None]
+        offset = np.where(real, (normal * origins).sum(axis=1), np.inf)
+        opposite = np.where(real, -offset, np.inf)
+        return cls(
+            np.stack([origins, targets], axis=1),
+            np.stack([normal, -normal], axis=1),
+            np.stack([offset, opposite], axis=1),
+            np.zeros(len(origins)),
+        )
+
+    def __len__(self) -> int:
+        return len(self.vertices)
+
+    def take(self, rows: Indices) -> Pieces:
+        """Pick rows, as often as they are given."""
+        return Pieces(
+            self.vertices.take(rows, 0),
+            self.normals.take(rows, 0),
+            self.offsets.take(rows, 0),
+            self.rounding.take(rows),
+        )
+
+    def placed(self, positions: Array, headings: Array) -> Pieces:
+        """Turn each about the origin by a heading [rad], shape (m,), and move it to a position [m], shape (m, 2)."""
+        cosine, sine = np.cos(headings), np.sin(headings)
+        vertices = _turned(self.vertices, cosine, sine) + positions[:, None, :]
+        normals = _turned(self.normals, cosine, sine)
+        offsets = self.offsets + (normals * positions[:, None, :]).sum(axis=2)
+        return Pieces(vertices, normals, offsets, self.rounding)
+
+    def bounds(self) -> tuple[Array, Array]:
+        """The least and the greatest coordinates of each [m]; both of shape (m, 2)."""
+        rounding = self.rounding[:, None]
+        return self.vertices.min(axis=1) - rounding, self.vertices.max(axis=1) + rounding
+
+
+def _turned(vectors: Array, cosine: Array, sine: Array) -> Array:
+    """Turn vectors (m, k, 2) counter-clockwise, each row by its angle."""
+    x, y = vectors[..., 0], vectors[..., 1]
+    cosine, sine = cosine[:, None], sine[:, None]
+    return np.stack([cosine * x - sine * y, sine * x + cosine * y], axis=-1)
+
+
+class Separation(NamedTuple):
+    """How far pairs of pieces are apart.
+
+    Attributes:
+        distance: The distance of each pair, or how deep it overlaps, negative: the least that one has to move for
+            the two to part [m]; shape (m,).
+        first: The point on the outline of the first that is nearest to the second, or deepest in it [m]; shape (m, 2).
+        second: The same of the second [m]; shape (m, 2).
+    """
+
+    distance: Array
+    first: Array
+    second: Array
+
+
+def separation(first: Pieces, second: Pieces) -> Separation:
+    """Measure pairs of pieces, row by row.
+
+    Whether cores overlap, and by how much, is found by separating axes: the gap along the best normal of an edge
+    (C. Ericson, Real-Time Collision Detection, 2005, 5.2.1). Cores that overlap are moved apart along it; what is left
+    is the distance of a vertex of one from an edge of the other (5.1.2). Where several are equally near, as with edges
+    that are parallel, the point in the middle is taken.
+
+    Args:
+        first: One piece of each pair.
+        second: The other; as many.
+    """
+    if first.vertices.shape[1] == 1:
+        return _from_points(first.vertices[:, 0], first.rounding, second)
+    gap, axis = _widest_gap(first, second)
+    overlaps = (gap <= 0.0) & np.isfinite(gap)
+    shift = np.where(overlaps, -gap, 0.0)[:, None] * axis
+    one, other = _closest(first.vertices, second.vertices + shift[:, None, :])
+    towards = other - one
+    apart = np.sqrt(towards[:, 0] ** 2 + towards[:, 1] ** 2)
+    direction = np.where((apart > _TINY)[:, None], towards / np.maximum(apart, _TINY)[:, None], axis)
+    # Cores on a common line seem to overlap by nothing along its normal, though they may be far apart on it.
+    core = np.where(overlaps, gap, 0.0) + apart
+    distance = core - first.rounding - second.rounding
+    one = one + first.rounding[:, None] * direction
+    other = other - shift - second.rounding[:, None] * direction
+    return Separation(distance, one, other)
+
+
+def _from_points(points: Array, rounding: Array, pieces: Pieces) -> Separation:
+    """Do what `separation` does for pieces whose cores are points (m, 2), in fewer operations."""
+    vertices = pieces.vertices
+    count, width, _ = vertices.shape
+    x, y = points[:, 0, None] - vertices[..., 0], points[:, 1, None] - vertices[..., 1]
+    if width > 1:
+        edges = np.concatenate([vertices[:, 1:], vertices[:, :1]], axis=1) - vertices
+        edge_x, edge_y = edges[..., 0], edges[..., 1]
+        length = edge_x * edge_x + edge_y * edge_y
+        share = (x * edge_x + y * edge_y) / np.maximum(length, np.finfo(float).tiny)
+        share = np.minimum(np.maximum(share, 0.0), 1.0)
+        x, y = x - share * edge_x, y - share * edge_y
+    squared = x * x + y * y
+    best = squared.argmin(axis=1) + width * np.arange(count)
+    away = np.stack([x.take(best), y.take(best)], axis=1)
+    apart = np.sqrt(squared.take(best))
+    normals = pieces.normals.reshape(-1, 2)
+    sign: Array | float = 1.0
+    if width > 1:
+        sides = pieces.normals[..., 0] * points[:, 0, None] + pieces.normals[..., 1] * points[:, 1, None]
+        sign = np.where((sides - pieces.offsets).max(axis=1) >= 0.0, 1.0, -1.0)
+        sign[np.isinf(pieces.offsets).all(axis=1)] = 1.0
+    core = sign * apart
+    if apart.min(initial=1.0) > _TINY:
+        outwards = away / core[:, None]
+    else:
+        some = apart > _TINY
+        outwards = np.where(some[:, None], away / np.where(some, core, 1.0)[:, None], normals.take(best, 0))
+        outwards[~some & (np.abs(outwards).max(axis=1) == 0.0)] = (1.0, 0.0)
+    return Separation(
+        core - rounding - pieces.rounding,
+        points - rounding[:, None] * outwards,
+        points - away + pieces.rounding[:, None] * outwards,
+    )
+
+
+def _widest_gap(first: Pieces, second: Pieces) -> tuple[Array, Array]:
+    """The widest gap between two cores along the normal of an edge, and that normal, from first to second.
+
+    Where neither has an edge the gap is minus infinity, and the normal is the x axis.
+    """
+    one = _products(first.normals, second.vertices).min(axis=2) - first.offsets
+    other = _products(second.normals, first.vertices).min(axis=2) - second.offsets
+    gaps = np.concatenate([one, other], axis=1)
+    normals = np.concatenate([first.normals, -second.normals], axis=1)
+    rows, best = np.arange(len(gaps)), gaps.argmax(axis=1)
+    gap, axis = gaps[rows, best], normals[rows, best]
+    axis[np.isneginf(gap)] = (1.0, 0.0)
+    return gap, axis
+
+
+def _products(ones: Array, others: Array) -> Array:
+    """The scalar product of each of the ones with each of the others: (m, a, 2) and (m, b, 2) to (m, a, b)."""
+    product: Array = ones[:, :, None, 0] * others[:, None, :, 0] + ones[:, :, None, 1] * others[:, None, :, 1]
+    return product
+
+
+def _closest(first: Array, second: Array) -> tuple[Array, Array]:
+    """The closest points of cores that do not overlap, (m, a, 2) and (m, b, 2); two arrays of shape (m, 2)."""
+    on_second, on_first = _on_edges(first, second), _on_edges(second, first)
+    shape = (len(first), first.shape[1] * second.shape[1], 2)
+    corners_of_first = np.broadcast_to(first[:, :, None, :], on_second.shape)
+    corners_of_second = np.broadcast_to(second[:, :, None, :], on_first.shape)
+    ones = np.concatenate([corners_of_first.reshape(shape), on_first.reshape(shape)], axis=1)
+    others = np.concatenate([on_second.reshape(shape), corners_of_second.reshape(shape)], axis=1)
+    difference = others - ones
+    distance = np.sqrt(difference[..., 0] ** 2 + difference[..., 1] ** 2)
+    nearest = distance <= distance.min(axis=1, keepdims=True) + _TINY
+    weights = (nearest / nearest.sum(axis=1, keepdims=True))[..., None]
+    return (weights * ones).sum(axis=1), (weights * others).sum(axis=1)
+
+
+def _on_edges(points: Array, vertices: Array) -> Array:
+    """The point of each edge that is nearest to each point: (m, p, 2) and (m, k, 2) to (m, p, k, 2)."""
+    edges = np.roll(vertices, -1, axis=1) - vertices
+    length = np.maximum((edges * edges).sum(axis=2), np.finfo(float).tiny)
+    along = _products(points, edges) - (vertices * edges).sum(axis=2)[:, None, :]
+    share = np.clip(along / length[:, None, :], 0.0, 1.0)
+    on_edges: Array = vertices[:, None, :, :] + share[..., None] * edges[:, None, :, :]
+    return on_edges
+
+
+def crosses(lines: Pieces, pieces: Pieces) -> NDArray[np.bool_]:
+    """Tell whether straight lines go through the inside of pieces, row by row; shape (m,)."""
+    gap, _ = _widest_gap(lines, pieces)
+    # The gap is never wider than the distance, so most rows need nothing more.
+    through = (gap < -_CERTAIN) & np.isfinite(gap)
+    unclear = np.flatnonzero(~through & (gap < pieces.rounding))
+    if len(unclear):
+        through[unclear] = separation(lines.take(unclear), pieces.take(unclear)).distance < -_TINY
+    return through
+
+
+class Nearby(NamedTuple):
+    """What of the scenery is near points: an entry for each point and each convex piece within reach, by row.
+
+    Attributes:
+        row: The row of the point, ascending; shape (m,).
+        obstacle: The index of the obstacle, in the order of `Scenery.names`; shape (m,).
+        point: The point on its surface that is nearest [m]; shape (m, 2).
+        distance: How far that is; negative inside of the obstacle [m]; shape (m,).
+        velocity: The velocity of the obstacle at that point [m/s]; shape (m, 2).
+    """
+
+    row: Indices
+    obstacle: Indices
+    point: Array
+    distance: Array
+    velocity: Array
+
+
+class Scenery:
+    """All obstacles of an environment at one time.
+
+    Attributes:
+        names: The names of the obstacles; the position of one in this order is its index.
+        moves: Whether any of them ever moves.
+        pieces: The convex pieces they consist of.
+        owner: The index of the obstacle that each piece belongs to, ascending; shape (p,).
+        time: The time, in nanoseconds.
+    """
+
+    def __init__(self, obstacles: Mapping[str, Obstacle], time: int = 0) -> None:
+        """Put obstacles in place.
+
+        Args:
+            obstacles: By name.
+            time: Simulated time in nanoseconds.
+        """
+        self.names = tuple(obstacles)
+        self.time = time
+        every = tuple(obstacles.values())
+        self._movers = [(index, obstacle) for index, obstacle in enumerate(every) if obstacle.path]
+        self.moves = bool(self._movers)
+        parts = [(index, piece) for index, each in enumerate(every) for piece in each.shape.pieces]
+        self.owner: Indices = np.array([index for index, _ in parts], np.intp)
+        self._shapes = Pieces.of(piece for _, piece in parts)
+        self._positions = np.zeros((len(every), 2))
+        self._velocities = np.zeros((len(every), 2))
+        self._headings = np.zeros(len(every))
+        self._turn_rates = np.zeros(len(every))
+        self._set_out(enumerate(every))
+
+    def at(self, time: int) -> Scenery:
+        """Return the scenery at another time, in nanoseconds; the same one if nothing moves."""
+        if not self.moves or time == self.time:
+            return self
+        other = copy(self)
+        other.time = time
+        for name in ("_positions", "_velocities", "_headings", "_turn_rates"):
+            setattr(other, name, getattr(self, name).copy())
+        other._set_out(self._movers)
+        return other
+
+    def _set_out(self, movers: Iterable[tuple[int, Obstacle]]) -> None:
+        """Put some obstacles where they are at the time."""
+        now = seconds(self.time)
+        for index, obstacle in movers:
+            pose = obstacle.pose(now)
+            self._positions[index] = pose.position[:2]
+            self._velocities[index] = pose.velocity[:2]
+            self._headings[index] = pose.heading
+            self._turn_rates[index] = pose.turn_rate
+        self.pieces = self._shapes.placed(self._positions[self.owner], self._headings[self.owner])
+        self._low, self._high = self.pieces.bounds()
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def nearest(self, points: Array, reach: Array | float) -> Nearby:
+        """Find what is within reach of points.
+
+        Args:
+            points: Positions [m]; shape (n, 2), further columns are not looked at.
+            reach: The greatest distance to the surface of an obstacle [m], for all or for each; scalar or shape (n,).
+        """
+        row, piece = self.candidates(points, reach)
+        if not len(row):
+            return Nearby(row, piece, np.empty((0, 2)), np.empty(0), np.empty((0, 2)))
+        nothing = np.zeros(len(row))
+        found = _from_points(points[:, :2].take(row, 0), nothing, self.pieces.take(piece))
+        near = np.flatnonzero(found.distance <= np.broadcast_to(np.asarray(reach, float), (len(points),)).take(row))
+        row, obstacle, point = row.take(near), self.owner.take(piece.take(near)), found.second.take(near, 0)
+        return Nearby(row, obstacle, point, found.distance.take(near), self.velocity(obstacle, point))
+
+    def velocity(self, obstacle: Indices, point: Array) -> Array:
+        """Return how fast obstacles, by index (m,), move at points of theirs (m, 2) [m/s]; shape (m, 2)."""
+        if not self.moves:
+            return np.zeros((len(obstacle), 2))
+        arm = point - self._positions.take(obstacle, 0)
+        around = np.stack([-arm[:, 1], arm[:, 0]], axis=1)
+        velocity: Array = self._velocities.take(obstacle, 0) + self._turn_rates.take(obstacle)[:, None] * around
+        return velocity
+
+    def candidates(self, points: Array, reach: Array | float) -> tuple[Indices, Indices]:
+        """Return at least all pairs of a point and a piece that is within its reach.
+
+        Args:
+            points: Positions [m]; shape (n, 2), further columns are not looked at.
+            reach: The distance [m], for all or for each point; scalar or shape (n,).
+
+        Returns:
+            Rows of points, ascending, and rows of `pieces`, ascending for each point.
+        """
+        points = points[:, :2]
+        margin = np.broadcast_to(np.asarray(reach, float), (len(points),))[:, None]
+        return self._overlapping(points - margin, points + margin)
+
+    def _overlapping(self, low: Array, high: Array) -> tuple[Indices, Indices]:
+        """Pairs of a rectangle along the axes, (n, 2) each, and a piece whose own such rectangle meets it."""
+        count = len(self.pieces)
+        rows = max(1, _TOGETHER // max(count, 1))
+        parts = []
+        for start in range(0, len(low) if count else 0, rows):
+            some = slice(start, start + rows)
+            meets = (low[some, None, 0] <= self._high[:, 0]) & (high[some, None, 0] >= self._low[:, 0])
+            meets &= (low[some, None, 1] <= self._high[:, 1]) & (high[some, None, 1] >= self._low[:, 1])
+            row, piece = np.nonzero(meets)
+            parts.append((row + start, piece))
+        if len(parts) == 1:
+            return parts[0]
+        nobody = np.empty(0, np.intp)
+        return (
+            np.concatenate([nobody, *(row for row, _ in parts)]),
+            np.concatenate([nobody, *(piece for _, piece in parts)]),
+        )
+
+    def blocks(self, origins: Array, targets: Array) -> NDArray[np.bool_]:
+        """Tell whether an obstacle interrupts the straight line between two points.
+
+        A line that only grazes an obstacle is free; one that begins or ends inside of an obstacle is not.
+
+        Args:
+            origins: Where lines begin [m]; shape (m, 2), further columns are not looked at.
+            targets: Where they end [m]; shape (m, 2).
+
+        Returns:
+            Shape (m,).
+        """
+        origins, targets = origins[:, :2], targets[:, :2]
+        blocked = np.zeros(len(origins), bool)
+        line, piece = self._overlapping(np.minimum(origins, targets), np.maximum(origins, targets))
+        if len(line):
+            lines = Pieces.lines(origins.take(line, 0), targets.take(line, 0))
+            blocked[line[crosses(lines, self.pieces.take(piece))]] = True
+        return blocked

@@ -1,0 +1,52 @@
+"""Process noise: the part of the motion that is chance."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symaware_cli.core import AgentGroup
+from symaware_cli.core.random import RowGenerators
+
+Array = NDArray[np.float64]
+
+
+class ProcessNoise:
+    """Draws the noise that a group's model adds to the states of its agents in each step.
+
+    Each agent draws from a generator of its own, keyed by ``environment/<agent id>``, so that adding an agent changes
+    nobody's noise.
+    """
+
+    def __init__(self, group: AgentGroup, covariance: Array, seed: int) -> None:
+        self._generators = RowGenerators(seed, [f"environment/{id}" for id in group.ids])
+        self._deviation = np.sqrt(np.diag(covariance))
+        self._factor = None if _is_diagonal(covariance) else cholesky(covariance)
+
+    def draw(self) -> Array:
+        """The noise of one step; shape (n, nx)."""
+        numbers = self._generators.standard_normal(len(self._deviation))
+        if self._factor is None:
+            return numbers * self._deviation
+        noise = np.zeros_like(numbers)
+        for row, column in zip(*np.nonzero(self._factor), strict=True):
+            noise[:, row] += self._factor[row, column] * numbers[:, column]
+        return noise
+
+
+def cholesky(covariance: Array) -> Array:
+    """Return the lower triangular L with L L' = covariance; unlike NumPy's, for singular ones too.
+
+    Source: G. H. Golub and C. F. Van Loan, Matrix Computations, section 4.2.8: a pivot of zero has a column of zeros.
+    """
+    count = len(covariance)
+    factor = np.zeros((count, count))
+    for column in range(count):
+        rest = covariance[column:, column] - factor[column:, :column] @ factor[column, :column]
+        if rest[0] > 1e-12 * covariance[column, column]:
+            factor[column:, column] = rest / np.sqrt(rest[0])
+    return factor
+
+
+def _is_diagonal(matrix: Array) -> bool:
+    return not np.any(matrix - np.diag(np.diag(matrix)))

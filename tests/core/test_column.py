@@ -1,0 +1,179 @@
+"""Columns hold one quantity of a whole group, and know which rows changed."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from symaware_cli import TimeSeries
+from symaware_cli.core.column import Column, SeriesColumn, is_finite
+
+operations = st.lists(
+    st.one_of(
+        st.tuples(st.just("row"), st.integers(0, 3), st.floats(-9, 9)),
+        st.tuples(st.just("all"), st.just(0), st.floats(-9, 9)),
+        st.tuples(st.just("read"), st.just(0), st.just(0.0)),
+        st.tuples(st.just("take"), st.just(0), st.just(0.0)),
+    ),
+    max_size=30,
+)
+
+
+@given(operations)
+def test_a_column_behaves_like_a_list_of_vectors_whose_readers_keep_what_they_read(steps):
+    column, model, changed = Column(np.zeros((4, 2))), [[0.0, 0.0]] * 4, set(range(4))
+    held = []
+    for what, row, value in steps:
+        if what == "row":
+            column.set_row(row, [value, -value])
+            model = [*model[:row], [value, -value], *model[row + 1 :]]
+            changed.add(row)
+        elif what == "all":
+            column.values = np.full((4, 2), value)
+            model, changed = [[value, value]] * 4, set(range(4))
+        elif what == "read":
+            held.append((column.values, [list(each) for each in model]))
+        else:
+            taken = column.take_changes()
+            assert (list(range(4)) if taken is None else taken) == sorted(changed)
+            changed = set()
+    assert column.values.tolist() == model
+    for array, as_read in held:
+        assert array.tolist() == as_read
+
+
+def test_a_row_that_was_read_is_a_copy_that_may_be_written():
+    column = Column([[1.0, 2.0]])
+    row = column.row(0)
+    row[:] = 9
+    assert column.values.tolist() == [[1.0, 2.0]]
+
+
+def test_a_column_that_was_read_cannot_be_written():
+    column = Column([[1.0, 2.0]])
+    column.set_row(0, [3, 4])
+    with pytest.raises(ValueError, match="read-only"):
+        column.values[0, 0] = 9
+
+
+def test_a_column_does_not_follow_the_array_it_was_given():
+    given_array = np.zeros((2, 1))
+    column = Column(given_array)
+    given_array[:] = 5
+    assert column.values.tolist() == [[0.0], [0.0]]
+    column.values = given_array
+    given_array[:] = 6
+    assert column.values.tolist() == [[5.0], [5.0]]
+
+
+def test_a_read_only_view_of_somebody_elses_array_is_copied():
+    owner = np.zeros((2, 1))
+    view = owner[:]
+    view.flags.writeable = False
+    column = Column(view)
+    owner[:] = 5
+    assert column.values.tolist() == [[0.0], [0.0]]
+
+
+def test_a_vector_of_another_length_is_refused():
+    column = Column(np.zeros((2, 2)))
+    for wrong in ([1.0], [1.0, 2.0, 3.0], 1.0, [[1.0, 2.0]]):
+        with pytest.raises(ValueError, match="expected a vector"):
+            column.set_row(0, wrong)
+    with pytest.raises(ValueError, match="expected an array"):
+        column.values = np.zeros((3, 2))
+
+
+def test_rows_with_nan_or_infinity_are_found():
+    column = Column([[1.0, 2.0], [np.nan, 0.0], [0.0, -np.inf], [1e200, 1e200]])
+    assert column.non_finite_rows() == [1, 2]
+
+
+@given(st.lists(st.floats(allow_nan=True, allow_infinity=True), min_size=1, max_size=9))
+def test_a_finite_array_is_told_from_others_even_where_its_squares_overflow(values):
+    with np.errstate(over="ignore", invalid="ignore"):
+        assert is_finite(np.array([values])) == bool(np.isfinite(values).all())
+
+
+def test_every_agent_starts_with_an_empty_series_which_is_no_change():
+    column = SeriesColumn(3)
+    assert column.row(2) == TimeSeries()
+    column.set_row(1, TimeSeries())
+    assert column.take_changes() == []
+
+
+def test_series_of_a_whole_group_share_their_instants():
+    column = SeriesColumn(2)
+    column.set([0, 10], [[1.0, 2.0], [3.0, 4.0]])
+    assert column.take_changes() is None
+    assert column.row(1) == TimeSeries.sampled([0, 10], [3.0, 4.0])
+    assert column.shared is not None
+
+
+def test_an_agents_own_series_wins_until_the_group_writes_again():
+    column = SeriesColumn(2)
+    column.set(0, [1.0, 2.0])
+    column.set_row(1, TimeSeries({0.0: 9.0}))
+    assert column.row(1)[0.0].tolist() == [9.0]
+    assert column.shared is None
+    column.set(0, [3.0, 4.0])
+    assert column.row(1)[0.0].tolist() == [4.0]
+
+
+def test_taking_a_groups_changes_takes_those_of_its_rows_as_well():
+    column = SeriesColumn(2)
+    column.set_row(0, TimeSeries({0.0: 1.0}))
+    column.set(0, [3.0, 4.0])
+    assert column.take_changes() is None
+    assert column.take_changes() == []
+
+
+@pytest.mark.parametrize(("times", "values"), [(0, [1.0]), ([0, 1], [1.0, 2.0]), ([0], [[1.0, 2.0], [3.0, 4.0]])])
+def test_series_that_do_not_fit_the_group_are_refused(times, values):
+    with pytest.raises(ValueError, match="expected values for 2 agents"):
+        SeriesColumn(2).set(times, values)
+
+
+def test_series_of_a_group_ascend_in_time():
+    for times in ([0, 0], [5, 3]):
+        with pytest.raises(ValueError, match="ascend"):
+            SeriesColumn(1).set(times, [[1.0, 2.0]])
+
+
+def test_only_a_series_is_a_series():
+    with pytest.raises(TypeError, match="expected a TimeSeries, not dict"):
+        SeriesColumn(1).set_row(0, {0.0: 1.0})
+
+
+def test_vectors_in_the_series_of_a_group_have_one_length():
+    column = SeriesColumn(2)
+    column.set_row(0, TimeSeries({0.0: [1.0, 2.0]}))
+    with pytest.raises(ValueError, match="vectors of 2"):
+        column.set_row(1, TimeSeries({0.0: [1.0]}))
+
+
+def test_the_series_of_a_group_do_not_follow_the_array_they_were_given():
+    column, values = SeriesColumn(1), np.array([[1.0]])
+    column.set(0, values)
+    values[:] = 5
+    assert column.row(0)[0.0].tolist() == [1.0]
+
+
+@given(
+    st.lists(st.floats(-9, 9), min_size=3, max_size=3),
+    st.dictionaries(st.integers(0, 2), st.floats(-9, 9) | st.none(), max_size=3),
+)
+def test_the_maximum_is_the_largest_value_in_force(shared, own):
+    column = SeriesColumn(3)
+    column.set(0, shared)
+    values = dict(enumerate(shared))
+    for row, value in own.items():
+        column.set_row(row, TimeSeries() if value is None else TimeSeries({0.0: value}))
+        values[row] = value
+    present = {row: value for row, value in values.items() if value is not None}
+    found = column.maximum()
+    if not present:
+        assert found is None
+    else:
+        assert found[0] == max(present.values())
+        assert present[found[1]] == found[0]

@@ -1,0 +1,140 @@
+"""Events reach whoever subscribed, also when subscribers come, go and fail while one fires."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from symaware_cli import Event
+from symaware_cli.core import EventBus, SubscriberError
+
+
+def arrived(source="agents.robot.0.steer", name="arrived"):
+    return Event(name, source, 0)
+
+
+def test_subscribers_are_told_in_the_order_in_which_they_subscribed():
+    bus, told = EventBus(), []
+    for number, name in enumerate(["arrived", "*", "arrived", "*", "arrived"]):
+        bus.subscribe(name, lambda event, number=number: told.append(number))
+    bus.fire(arrived())
+    assert told == [0, 1, 2, 3, 4]
+
+
+def test_what_a_subscriber_causes_is_told_after_its_cause_to_those_who_subscribed_before():
+    bus, told = EventBus(), []
+    bus.subscribe("*", lambda event: told.append(event.name))
+    bus.subscribe("arrived", lambda event: bus.fire(arrived(name="celebrated")))
+    bus.fire(arrived())
+    assert told == ["arrived", "celebrated"]
+
+
+def test_a_subscriber_added_while_an_event_fires_hears_from_the_next_one_on():
+    bus, told = EventBus(), []
+
+    def add(event):
+        bus.subscribe("arrived", lambda event: told.append("added"))
+
+    first = bus.subscribe("arrived", add)
+    bus.fire(arrived())
+    assert told == []
+    first.cancel()
+    bus.fire(arrived())
+    assert told == ["added"]
+
+
+def test_a_subscriber_cancelled_while_an_event_fires_hears_no_more_at_once():
+    bus, told = EventBus(), []
+    bus.subscribe("arrived", lambda event: second.cancel())
+    second = bus.subscribe("arrived", lambda event: told.append("second"))
+    bus.fire(arrived())
+    bus.fire(arrived())
+    assert told == []
+
+
+def test_a_subscriber_may_cancel_itself_and_cancel_twice():
+    bus, told = EventBus(), []
+
+    def once(event):
+        told.append(event.name)
+        subscription.cancel()
+        subscription.cancel()
+
+    subscription = bus.subscribe("arrived", once)
+    bus.fire(arrived())
+    bus.fire(arrived())
+    assert told == ["arrived"]
+
+
+def test_a_subscriber_that_raises_keeps_nobody_else_from_being_told():
+    bus, told = EventBus(), []
+
+    def broken(event):
+        raise ZeroDivisionError("no")
+
+    bus.subscribe("arrived", broken)
+    bus.subscribe("arrived", lambda event: told.append("second"))
+    with pytest.raises(SubscriberError, match=r"broken.*arrived.*agents\.robot\.0\.steer") as caught:
+        bus.fire(arrived())
+    assert told == ["second"]
+    assert isinstance(caught.value.__cause__, ZeroDivisionError)
+    assert caught.value.event.name == "arrived"
+
+
+@pytest.mark.parametrize(
+    ("pattern", "heard"),
+    [
+        ("*", True),
+        ("agents.robot.0.steer", True),
+        ("agents.robot.*", True),
+        ("agents.*.steer", True),
+        ("agents.robot.0", False),
+        ("agents.robot.1.*", False),
+        ("AGENTS.*", False),
+    ],
+)
+def test_a_source_pattern_picks_whose_events_are_heard(pattern, heard):
+    bus, told = EventBus(), []
+    bus.subscribe("arrived", told.append, pattern)
+    bus.fire(arrived())
+    assert bool(told) == heard
+
+
+def test_a_star_stands_for_every_event_but_those_that_recur():
+    bus, told = EventBus(), []
+    bus.subscribe("*", lambda event: told.append(event.name))
+    for name in ("arrived", "computed", "stepping", "sent", "failed", "anything"):
+        bus.fire(arrived(name=name))
+    assert told == ["arrived", "failed", "anything"]
+
+
+def test_nobody_has_to_listen():
+    EventBus().fire(arrived())
+
+
+def test_hot_paths_can_see_who_listens():
+    bus = EventBus()
+    assert not bus.wanted
+    assert not bus.turns_wanted
+    bus.subscribe("arrived", print)
+    assert "arrived" in bus.wanted
+    assert not bus.turns_wanted
+    bus.subscribe("computed", print)
+    assert bus.turns_wanted
+
+
+@given(st.lists(st.tuples(st.sampled_from("sfcx"), st.integers(0, 9)), max_size=40))
+def test_any_sequence_of_subscribing_cancelling_and_firing_tells_exactly_the_active(steps):
+    bus, subscriptions, told, active = EventBus(), [], [], []
+    for what, number in steps:
+        if what == "s":
+            mine = len(subscriptions)
+            subscriptions.append(bus.subscribe("arrived", lambda event, mine=mine: told.append(mine)))
+            active.append(mine)
+        elif what in "cx" and subscriptions:
+            mine = number % len(subscriptions)
+            subscriptions[mine].cancel()
+            active = [each for each in active if each != mine]
+        elif what == "f":
+            told.clear()
+            bus.fire(arrived())
+            assert told == active

@@ -1,0 +1,82 @@
+"""Near pairs, against looking at all of them."""
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from symaware_cli.core.proximity import Proximity
+
+
+def near(positions, reach):
+    """All pairs within reach, by brute force."""
+    distance = np.sqrt(((positions[:, None] - positions[None]) ** 2).sum(axis=2))
+    return {(i, j) for i, j in itertools.combinations(range(len(positions)), 2) if distance[i, j] <= reach}
+
+
+walks = st.fixed_dictionaries(
+    {
+        "seed": st.integers(0, 2**32 - 1),
+        "count": st.integers(2, 200),
+        "dimensions": st.sampled_from([2, 3]),
+        "extent": st.sampled_from([0.0, 1.0, 10.0, 1000.0]),
+        "stride": st.sampled_from([0.0, 0.001, 0.1, 3.0, 200.0]),
+        "reaches": st.lists(st.floats(0.0, 5.0), min_size=1, max_size=4),
+        "steps": st.integers(1, 25),
+    }
+)
+
+
+@settings(max_examples=60)
+@given(walks)
+def test_every_pair_within_reach_is_found_whatever_was_asked_before(walk):
+    random = np.random.default_rng(walk["seed"])
+    proximity = Proximity()
+    positions = random.uniform(-walk["extent"], walk["extent"], (walk["count"], walk["dimensions"]))
+    for step in range(walk["steps"]):
+        if step % 5 != 4:  # now and then the same array again
+            positions = positions + random.normal(scale=walk["stride"], size=positions.shape)
+        reach = walk["reaches"][step % len(walk["reaches"])]
+        pairs = proximity.pairs(positions, reach)
+        found = list(zip(pairs.first.tolist(), pairs.second.tolist(), strict=True))
+        assert found == sorted(set(found)), "each pair comes once, in order"
+        assert all(first < second for first, second in found)
+        within = {pair for pair, distance in zip(found, pairs.distance.tolist(), strict=True) if distance <= reach}
+        assert within == near(positions, reach)
+        difference = positions[pairs.first] - positions[pairs.second]
+        assert np.allclose(pairs.distance, np.linalg.norm(difference, axis=1), rtol=1e-14, atol=0)
+
+
+@settings(max_examples=30)
+@given(walks)
+def test_the_nearest_two_are_as_near_as_the_nearest_of_all_pairs(walk):
+    random = np.random.default_rng(walk["seed"])
+    positions = random.uniform(-walk["extent"], walk["extent"], (walk["count"], walk["dimensions"]))
+    first, second = np.triu_indices(len(positions), 1)
+    expected = np.linalg.norm(positions[first] - positions[second], axis=1).min()
+    assert Proximity().nearest(positions) == pytest.approx(expected, rel=1e-12)
+
+
+def test_two_bodies_in_one_place_are_near_at_reach_zero():
+    positions = np.zeros((100, 2))
+    assert len(Proximity().pairs(positions, 0.0).first) == 100 * 99 // 2
+
+
+@pytest.mark.parametrize("count", [0, 1])
+def test_fewer_than_two_bodies_have_no_pairs(count):
+    positions = np.zeros((count, 2))
+    assert len(Proximity().pairs(positions, 1.0).first) == 0
+    assert Proximity().nearest(positions) == np.inf
+
+
+def test_a_crowd_that_shrinks_or_grows_is_looked_at_anew():
+    proximity, random = Proximity(), np.random.default_rng(1)
+    for count in (100, 150, 70, 10, 200):
+        positions = random.uniform(-5, 5, (count, 2))
+        pairs = proximity.pairs(positions, 1.0)
+        chosen = pairs.distance <= 1.0
+        assert set(zip(pairs.first[chosen].tolist(), pairs.second[chosen].tolist(), strict=True)) == near(
+            positions, 1.0
+        )

@@ -1,0 +1,49 @@
+"""Who is who, and where everybody is."""
+
+import numpy as np
+import pytest
+
+from symaware_cli import Roster, Snapshot
+from symaware_cli.models.integrator import SingleIntegrator
+from symaware_cli.models.unicycle import Unicycle
+
+MEMBERS = {"robot": ["robot.0", "robot.1"], "car": ["car"]}
+
+
+def test_the_roster_does_not_depend_on_the_order_of_the_groups():
+    one, other = Roster(MEMBERS), Roster(dict(reversed(MEMBERS.items())))
+    assert one.ids == other.ids == ("car", "robot.0", "robot.1")
+    assert one.groups == ("car", "robot")
+    assert one.starts == (0, 1)
+    assert one.counts == (1, 2)
+    assert len(one) == 3
+
+
+def test_eleven_agents_stand_in_the_order_of_their_index_not_of_their_names():
+    ids = [f"robot.{row}" for row in range(11)]
+    assert Roster({"robot": ids}).ids == tuple(ids)
+
+
+def test_the_roster_tells_where_an_agent_stands():
+    roster = Roster(MEMBERS)
+    assert roster.place("robot.1") == (1, 1)
+    assert "car" in roster
+    assert "bus" not in roster
+    with pytest.raises(KeyError):
+        roster.place("bus")
+
+
+def test_a_snapshot_joins_groups_of_different_models_by_index():
+    snapshot = Snapshot(
+        0,
+        Roster(MEMBERS),
+        [Unicycle(), SingleIntegrator()],
+        [np.array([[1.0, 2.0, np.pi / 2]]), np.array([[3.0, 4.0], [5.0, 6.0]])],
+        [np.array([[2.0, 0.0]]), np.array([[0.5, 0.0], [0.0, 0.5]])],
+    )
+    assert snapshot.positions.tolist() == [[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]]
+    assert np.allclose(snapshot.velocities, [[0.0, 2.0], [0.5, 0.0], [0.0, 0.5]])
+    assert snapshot.state("robot.1").tolist() == [5.0, 6.0]
+    assert snapshot.positions is snapshot.positions
+    with pytest.raises(KeyError):
+        snapshot.state("bus")
