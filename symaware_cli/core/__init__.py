@@ -12,9 +12,10 @@ from symaware_cli.core.component import (
     RiskEstimator,
     UncertaintyEstimator,
 )
-from symaware_cli.core.entity import Circle, Entity, Obstacle, Shape
+from symaware_cli.core.entity import Box, Circle, Entity, Obstacle, Polygon, ScriptedPath, Shape, Wall
 from symaware_cli.core.environment import Environment, EnvironmentParameters
 from symaware_cli.core.event import Event, EventBus, Level, SubscriberError, Subscription
+from symaware_cli.core.geometry import Scenery
 from symaware_cli.core.knowledge import KnowledgeDatabase
 from symaware_cli.core.message import Exchange, Message
 from symaware_cli.core.model import Model, Quantity
@@ -28,6 +29,7 @@ __all__ = [
     "AgentGroup",
     "AwarenessDatabase",
     "AwarenessVector",
+    "Box",
     "Circle",
     "Clock",
     "CommunicationReceiver",
@@ -52,9 +54,12 @@ __all__ = [
     "Parameters",
     "PerceptionSystem",
     "Plugin",
+    "Polygon",
     "Quantity",
     "RiskEstimator",
     "Roster",
+    "Scenery",
+    "ScriptedPath",
     "Shape",
     "Snapshot",
     "SubscriberError",
@@ -63,6 +68,7 @@ __all__ = [
     "TimeSeries",
     "Tracks",
     "UncertaintyEstimator",
+    "Wall",
     "nanoseconds",
     "seconds",
 ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from copy import deepcopy
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -74,7 +75,7 @@ class AgentGroup:
         self.entity = entity
         self.awareness = GroupAwareness(np.array(initial_state, float))
         self.initial_state = self.awareness.state
-        self.knowledge = tuple(KnowledgeDatabase(each) for each in knowledge or ({} for _ in ids))
+        self.knowledge = tuple(KnowledgeDatabase(deepcopy(dict(each))) for each in knowledge or ({} for _ in ids))
         self.control_column = Column(np.zeros((len(self.ids), len(model.control_input))))
         self.surroundings: Surroundings
 
@@ -97,7 +98,10 @@ class AgentGroup:
             KeyError: An agent does not know it.
             ValueError: The values are not numbers of one shape.
         """
-        return np.array([knowledge[name] for knowledge in self.knowledge], float)
+        try:
+            return np.array([knowledge[name] for knowledge in self.knowledge], float)
+        except (TypeError, ValueError):
+            raise ValueError(f"the knowledge `{name}` of the agents must be numbers of one shape") from None
 
     def others(self, reach: float) -> Tracks:
         """What each agent believes of the others within reach of where it believes to be itself.
@@ -111,7 +115,8 @@ class AgentGroup:
         awareness, now = self.awareness, self.surroundings.clock.now
         if awareness.tracks is not None:
             tracks = awareness.tracks
-            apart = tracks.positions - self.model.positions(awareness.state)[tracks.observers]
+            own, apart = self.model.positions(awareness.state), tracks.positions.copy()
+            apart[:, : own.shape[1]] -= own[tracks.observers]  # who moves in the plane stands at height 0
             return tracks.select(np.einsum("ij,ij->i", apart, apart) <= reach * reach)
         world = awareness.world
         if world is None:

@@ -18,10 +18,15 @@ Array = NDArray[np.float64]
 
 
 def frozen(values: ArrayLike) -> Array:
-    """Return the values as an array nobody can write to; copied unless it is one already."""
-    if isinstance(values, np.ndarray) and not values.flags.writeable and values.base is None and values.dtype == float:
-        return values
-    array = np.array(values, float)
+    """Return the values as an array nobody can write to; copied unless it is one already.
+
+    It is laid out row by row, because some of NumPy's functions give other last bits for other layouts.
+    """
+    if isinstance(values, np.ndarray) and values.base is None and values.dtype == float:
+        flags = values.flags
+        if flags.c_contiguous and not flags.writeable:
+            return values
+    array = np.array(values, float, order="C")
     array.flags.writeable = False
     return array
 

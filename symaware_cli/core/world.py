@@ -125,12 +125,16 @@ class Snapshot:
 
 def _stacked(parts: Sequence[Array]) -> Array:
     """Join the rows of all groups; a group of a plane among groups of space stands at height 0."""
+    if len(parts) == 1:
+        (whole,) = parts
+        whole.flags.writeable = False
+        return whole
     dimensions = max(part.shape[1] for part in parts)
     parts = [
         np.pad(part, ((0, 0), (0, dimensions - part.shape[1]))) if part.shape[1] < dimensions else part
         for part in parts
     ]
-    whole = parts[0] if len(parts) == 1 else np.concatenate(parts)
+    whole = np.concatenate(parts)
     whole.flags.writeable = False
     return whole
 

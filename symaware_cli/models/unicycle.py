@@ -7,15 +7,20 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
+from pydantic import Field, model_validator
 
-from symaware_cli.core import Model, Parameters, Quantity
+from symaware_cli.core import Parameters, Quantity
+from symaware_cli.models.heading import HeadingModel
+from symaware_cli.models.noise import Deviation
 
 Array = NDArray[np.float64]
 
 
-class Unicycle(Model):
-    """A vehicle with a speed v and a turn rate w: x' = v cos(heading), y' = v sin(heading), heading' = w."""
+class Unicycle(HeadingModel):
+    """A vehicle with a speed v and a turn rate w: x' = v cos(heading), y' = v sin(heading), heading' = w.
+
+    In closed form, an arc.
+    """
 
     state = (Quantity("x", "m"), Quantity("y", "m"), Quantity("heading", "rad"))
     control_input = (Quantity("speed", "m/s"), Quantity("turn_rate", "rad/s"))
@@ -31,12 +36,17 @@ class Unicycle(Model):
         steering_gain: float = Field(
             4.0, gt=0, description="Turn rate for each radian between the heading and the wanted direction [1/s]."
         )
+        process_noise: Deviation = None
 
-    def derivative(self, state: Any, control_input: Any, math: Any) -> Sequence[Any]:
-        """X' = v cos(heading), y' = v sin(heading), heading' = w."""
-        heading = state[2]
-        speed, turn_rate = control_input[0], control_input[1]
-        return (speed * math.cos(heading), speed * math.sin(heading), turn_rate)
+        @model_validator(mode="after")
+        def _speeds_in_order(self) -> Unicycle.Parameters:
+            if self.min_speed > self.max_speed:
+                raise ValueError(f"`min_speed` {self.min_speed:g} lies above `max_speed` {self.max_speed:g}")
+            return self
+
+    def motion(self, control_input: Any, math: Any) -> tuple[Any, Any]:
+        """The control input itself."""
+        return control_input[0], control_input[1]
 
     def input_bounds(self) -> tuple[Sequence[float], Sequence[float]]:
         """Speed within its limits; turn rate within its limit to either side."""
@@ -45,10 +55,8 @@ class Unicycle(Model):
 
     def follow_velocity(self, state: Array, velocity: Array) -> Array:
         """Turn towards the wanted direction, and roll at the part of the speed that already points there."""
-        direction = np.arctan2(velocity[:, 1], velocity[:, 0])
-        speed = np.sqrt(np.einsum("ij,ij->i", velocity, velocity))
-        error = np.remainder(direction - state[:, 2] + np.pi, 2 * np.pi) - np.pi
+        speed, error = self.aim(state, velocity)
         followed = np.empty((len(state), 2))
         followed[:, 0] = speed * np.maximum(np.cos(error), 0.0)
-        followed[:, 1] = np.where(speed > 1e-9, self.parameters.steering_gain * error, 0.0)
+        followed[:, 1] = self.parameters.steering_gain * error
         return followed

@@ -86,6 +86,11 @@ def _copied(value: Any) -> Any:
         return AwarenessVector(value.id, value.state, value.intent, value.uncertainty, value.risk)
     if isinstance(value, Mapping):
         return {name: _copied(each) for name, each in value.items()}
-    if isinstance(value, list | tuple):
-        return type(value)(_copied(each) for each in value)
+    if isinstance(value, list):
+        return [_copied(each) for each in value]
+    if isinstance(value, tuple):
+        copies = [_copied(each) for each in value]
+        return value._make(copies) if hasattr(value, "_make") else tuple(copies)
+    if isinstance(value, set | frozenset):
+        return frozenset(value)
     return value

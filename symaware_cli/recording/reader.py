@@ -212,7 +212,8 @@ class Log:
 
         Returns:
             For a group every instant at which any of its agents was recorded, (k, n, columns), where the others keep
-            their value (NaN before the first); for an agent the instants at which it was recorded, (k, columns).
+            their value (NaN before the first); for an agent or an entity the instants at which it was recorded,
+            (k, columns). Of entities only those that move were recorded.
 
         Raises:
             LogError: There is no such name or field.
@@ -264,6 +265,8 @@ class Log:
                 return group, agents.index(name), len(agents)
         if name in groups:
             return name, None, len(groups[name].get("agents", []))
+        if name in self.manifest.get("entities", {}):
+            return name, 0, 1
         if any(template.format(name) in self.channels for template in _SERIES.values()):
             return name, None, 0
         known = [*groups, *self.manifest.get("entities", {})]

@@ -17,8 +17,10 @@ from symaware_cli.core import (
     Event,
     Level,
     Message,
+    Obstacle,
     Quantity,
     Tracks,
+    seconds,
 )
 from symaware_cli.core.column import Column, SeriesColumn
 from symaware_cli.recording import symaware_v1_pb2 as v1
@@ -76,6 +78,11 @@ class Recorder:
         self._groups = [
             _GroupChannels(writer, environment, group, omit) for group in sorted(groups, key=lambda group: group.name)
         ]
+        self._movers = [
+            _MoverChannel(writer, name, obstacle)
+            for name, obstacle in environment.obstacles.items()
+            if obstacle.path and "world" not in omit
+        ]
         self._rank = {id: rank for rank, id in enumerate(environment.roster.ids)}
 
     def record(self, now: int, steps: int) -> None:
@@ -89,6 +96,8 @@ class Recorder:
             self._due = now + self._interval
             for group in self._groups:
                 self.updates += group.record(now)
+            for mover in self._movers:
+                mover.record(now)
         monotonic = time.monotonic()
         if monotonic >= self._timing_due:
             self._timing_due = monotonic + 1.0
@@ -134,6 +143,27 @@ class Recorder:
             cpu_time=time.process_time() - self._cpu_started,
             steps=steps,
         )
+
+
+class _MoverChannel:
+    """The channel of an obstacle that moves."""
+
+    def __init__(self, writer: LogWriter, name: str, obstacle: Obstacle) -> None:
+        self._writer = writer
+        self._obstacle = obstacle
+        self._last: list[float] | None = None
+        columns = [*"xyz"[: len(obstacle.pose().position)], "heading"]
+        units = ["m"] * (len(columns) - 1) + ["rad"]
+        metadata = {"columns": ",".join(columns), "units": ",".join(units)}
+        self._channel = writer.channel(f"/world/{name}/state", "Rows", metadata)
+
+    def record(self, now: int) -> None:
+        """Record where the obstacle is, unless it rests."""
+        pose = self._obstacle.pose(seconds(now))
+        values = [*pose.position, pose.heading]
+        if values != self._last:
+            self._last = values
+            self._writer.add(self._channel, now, wire.encode_rows([values]))
 
 
 class _GroupChannels:
@@ -347,10 +377,16 @@ def manifest(
             }
             for group in sorted(groups, key=lambda group: group.name)
         },
-        "entities": {name: entity.model_dump(mode="json") for name, entity in environment.obstacles.items()},
+        "entities": {name: _entity(obstacle) for name, obstacle in environment.obstacles.items()},
         "roster": [*environment.roster.ids, *environment.obstacles],
     }
     return json.dumps(content, indent=1).encode()
+
+
+def _entity(obstacle: Obstacle) -> dict[str, Any]:
+    """Describe an obstacle, with the pose that it has at the beginning."""
+    pose = obstacle.pose()
+    return {**obstacle.model_dump(mode="json"), "position": list(pose.position), "heading": pose.heading}
 
 
 def plain(value: Any) -> Any:

@@ -21,12 +21,12 @@ class RunError(Exception):
     """
 
     def __init__(self, source: str, plugin: str, time: int, problem: str, cause: BaseException | None = None) -> None:
-        super().__init__(f"{source} ({plugin}) failed at {seconds(time):g} s: {problem}")
+        super().__init__(_recordable(f"{source} ({plugin}) failed at {seconds(time):g} s: {problem}"))
         self.source = source
         self.plugin = plugin
         self.time = time
-        self.problem = problem
-        self.trace = "".join(traceback.format_exception(cause)) if cause is not None else ""
+        self.problem = _recordable(problem)
+        self.trace = _recordable("".join(traceback.format_exception(cause))) if cause is not None else ""
 
     @property
     def data(self) -> Mapping[str, Any]:
@@ -46,5 +46,13 @@ class RunError(Exception):
 
 def describe(error: BaseException) -> str:
     """Put an exception into one line."""
-    text = " ".join(str(error).split())
+    try:
+        text = " ".join(str(error).split())
+    except Exception:  # an exception of a plugin may be as broken as the plugin
+        text = ""
     return f"{type(error).__name__}: {text}" if text else type(error).__name__
+
+
+def _recordable(text: str) -> str:
+    """Spell out what UTF-8 cannot hold, such as the halves of a character in a file name."""
+    return text.encode("utf-8", "backslashreplace").decode()

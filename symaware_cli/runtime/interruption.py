@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import signal
 import threading
+from collections.abc import Callable
 from types import FrameType, TracebackType
+from typing import Any
+
+from symaware_cli.core import Event
 
 
 class Interrupted(BaseException):
@@ -42,14 +46,29 @@ class Interruption:
 
     def _handle(self, number: int, frame: FrameType | None) -> None:
         self._count += 1
+        if self._count > 3:
+            # Whatever we raised was caught by somebody who catches everything.
+            signal.signal(number, signal.SIG_DFL)
+            signal.raise_signal(number)
         if self._count > 2:
             raise KeyboardInterrupt
-        if self._shielded:
-            self._pending = number
-        elif self._count == 1:
-            raise Interrupted(number)
-        else:
-            raise KeyboardInterrupt
+        # Also where it is raised at once: a component that swallows it is interrupted after its turn.
+        self._pending = number
+        if not self._shielded:
+            raise Interrupted(number) if self._count == 1 else KeyboardInterrupt
+
+    def shielded(self, call: Callable[[Event], Any]) -> Callable[[Event], None]:
+        """Make a subscriber that holds signals back while it works, and delivers them afterwards."""
+
+        def work(event: Event) -> None:
+            before, self._shielded = self._shielded, True
+            try:
+                call(event)
+            finally:
+                if not before:
+                    self.unshield()
+
+        return work
 
     def shield(self) -> None:
         """Hold signals back."""

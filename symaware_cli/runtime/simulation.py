@@ -15,11 +15,13 @@ from symaware_cli.core import (
     Level,
     Message,
     Obstacle,
+    SubscriberError,
     Surroundings,
 )
 from symaware_cli.core.event import RECURRING
 from symaware_cli.network.exchange import MemoryExchange
 from symaware_cli.runtime.faults import RunError, describe
+from symaware_cli.runtime.interruption import Interrupted
 
 
 class Slot:
@@ -63,7 +65,9 @@ class Slot:
                 else:
                     agent = self.group.agents[row]
                     component.initialise_component(agent, agent.awareness_database, agent.knowledge_database)
-            except Exception as error:
+            except (SubscriberError, Interrupted, KeyboardInterrupt):
+                raise
+            except BaseException as error:
                 raise RunError(component.path, self.use, 0, describe(error), error) from error
 
 

@@ -110,7 +110,8 @@ class Observer:
         positions = self._environment.snapshot().positions
         proximity = self._environment.proximity
         if math.isinf(self._separation):
-            self._separation = proximity.nearest(positions) * (1 + 1e-12)
+            # A little more, so that the nearest pair counts, be it at distance 0.
+            self._separation = float(np.nextafter(proximity.nearest(positions) * (1 + 1e-12), np.inf))
         pairs = proximity.pairs(positions, self._separation)
         if pairs.least < self._separation:
             self._separation = pairs.least

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import NoReturn
+from typing import Any, NoReturn
 
-from symaware_cli.core import Event, Level, SubscriberError
+from symaware_cli.core import Component, Event, GroupComponent, Level, SubscriberError
 from symaware_cli.core.column import Column, is_finite
+from symaware_cli.recording.error import LogError
 from symaware_cli.recording.recorder import Recorder
 from symaware_cli.runtime.faults import RunError, describe
 from symaware_cli.runtime.interruption import Interrupted, Interruption
@@ -58,10 +59,14 @@ class _Run:
         self._interruption = Interruption()
         if recorder:
             events, clock = simulation.events, simulation.clock
-            events.subscribe("*", recorder.event)
-            events.subscribe("contact", lambda event: recorder.contact(event.subject, event.time))
-            events.subscribe("sent", lambda event: recorder.message(event.subject, clock.now, delivered=False))
-            events.subscribe("received", lambda event: recorder.message(event.subject, clock.now, delivered=True))
+            for name, record in (
+                ("*", recorder.event),
+                ("contact", lambda event: recorder.contact(event.subject, event.time)),
+                ("sent", lambda event: recorder.message(event.subject, clock.now, delivered=False)),
+                ("received", lambda event: recorder.message(event.subject, clock.now, delivered=True)),
+            ):
+                # Events fire within turns, too, where signals are let through.
+                events.subscribe(name, self._interruption.shielded(record))
 
     def execute(self) -> Summary:
         simulation = self._simulation
@@ -70,64 +75,74 @@ class _Run:
         with self._interruption as interruption:
             interruption.shield()
             try:
-                self._begin()
-                self._loop()
-                simulation.announce("finished", "run", f"{self._done} steps made")
+                self._begin_to_end()
             except Interrupted as signal:
                 status = "interrupted"
                 interruption.shield()
-                simulation.announce("interrupted", "run", f"ended by {signal}", level=Level.WARNING)
+                self._announce_end("interrupted", "run", f"ended by {signal}", level=Level.WARNING)
             except RunError as error:
                 status, failure = "failed", error
                 interruption.shield()
-                self._announce_failure(error)
+                self._announce_end("failed", error.source, str(error), level=Level.ERROR, **error.data)
             if self._recorder:
                 outcome = {"status": status, "steps": self._done, "time": simulation.clock.now}
                 self._recorder.finish(simulation.clock.now, self._done, outcome)
         return self._summary(status, failure, time.monotonic() - started)
 
-    def _begin(self) -> None:
+    def _begin_to_end(self) -> None:
+        """Make the whole run.
+
+        Raises:
+            RunError: Something went wrong, whatever it was.
+            Interrupted: Somebody ended it.
+            LogError: The log cannot be written.
+        """
         simulation = self._simulation
-        simulation.announce("started", "run", f"{simulation.agent_count} agents, seed {simulation.seed}")
         try:
+            simulation.announce("started", "run", f"{simulation.agent_count} agents, seed {simulation.seed}")
+            self._interruption.unshield()
             simulation.initialise()
+            self._interruption.shield()
             self._announce_contacts()
+            self._loop()
+            simulation.announce("finished", "run", f"{self._done} steps made")
         except SubscriberError as error:
             self._blame_subscriber(error)
+        except (RunError, LogError):
+            raise
+        except Exception as error:
+            raise RunError("run", "symaware", simulation.clock.now, describe(error), error) from error
 
     def _loop(self) -> None:
         simulation, recorder, interruption = self._simulation, self._recorder, self._interruption
         environment, clock, exchange = simulation.environment, simulation.clock, simulation.exchange
         observer, time_step = self._observer, environment.time_step
         turns = [(slot, slot.group.control_column, slot.group.awareness.state_column) for slot in simulation.slots]
-        try:
-            while self._done < self._steps:
-                simulation.announce("iterating", "run")
-                exchange.deliver(clock.now)
-                for slot, control, state in turns:
-                    self._take_turns(slot)
-                    if control.fresh:
-                        self._check(slot, control, "control input")
-                    if state.fresh:
-                        self._check(slot, state, "state")
-                observer.look(clock.now)
-                if recorder:
-                    recorder.record(clock.now, self._done)
-                simulation.announce("iterated", "run")
-                simulation.announce("stepping", "environment")
-                self._step_world()
-                clock.now += time_step
-                self._done += 1
-                self._check_world()
-                self._announce_contacts()
-                simulation.announce("stepped", "environment")
-                if self._on_progress:
-                    self._progress(clock.now)
+        while self._done < self._steps:
+            simulation.announce("iterating", "run")
+            exchange.deliver(clock.now)
+            for slot, control, state in turns:
+                self._take_turns(slot)
+                if control.fresh:
+                    self._check(slot, control, "control input")
+                if state.fresh:
+                    self._check(slot, state, "state")
             observer.look(clock.now)
             if recorder:
                 recorder.record(clock.now, self._done)
-        except SubscriberError as error:
-            self._blame_subscriber(error)
+            simulation.announce("iterated", "run")
+            simulation.announce("stepping", "environment")
+            self._step_world()
+            clock.now += time_step
+            self._done += 1
+            self._check_world()
+            self._announce_contacts()
+            simulation.announce("stepped", "environment")
+            if self._on_progress:
+                self._progress(clock.now)
+        observer.look(clock.now)
+        if recorder:
+            recorder.record(clock.now, self._done)
         interruption.unshield()
         interruption.shield()
 
@@ -137,9 +152,9 @@ class _Run:
         try:
             for component in slot.components:
                 component.compute_and_update()
-        except SubscriberError:
+        except (SubscriberError, Interrupted, KeyboardInterrupt):
             raise
-        except Exception as error:
+        except BaseException as error:
             raise RunError(component.path, slot.use, self._simulation.clock.now, describe(error), error) from error
         finally:
             self._interruption.shield()
@@ -149,10 +164,10 @@ class _Run:
         self._interruption.unshield()
         try:
             simulation.environment.step()
-        except Exception as error:
-            raise RunError(
-                "environment", simulation.environment_use, simulation.clock.now, describe(error), error
-            ) from error
+        except (Interrupted, KeyboardInterrupt):
+            raise
+        except BaseException as error:
+            self._blame_world(error)
         finally:
             self._interruption.shield()
 
@@ -166,7 +181,10 @@ class _Run:
     def _check_world(self) -> None:
         simulation = self._simulation
         for group in simulation.groups:
-            truth = simulation.environment.state(group)
+            try:
+                truth = simulation.environment.state(group)
+            except Exception as error:
+                self._blame_world(error)
             if not is_finite(truth):
                 row = next(row for row, state in enumerate(truth) if not is_finite(state))
                 source = "environment"
@@ -179,25 +197,38 @@ class _Run:
         problem = f"{what} is not finite: {value}{others}"
         raise RunError(source, plugin, self._simulation.clock.now, problem)
 
+    def _blame_world(self, error: BaseException) -> NoReturn:
+        use, now = self._simulation.environment_use, self._simulation.clock.now
+        raise RunError("environment", use, now, describe(error), error) from error
+
     def _blame_subscriber(self, error: SubscriberError) -> NoReturn:
         cause = error.__cause__ or error
         problem = f"{error}: {describe(cause)}"
-        raise RunError(error.event.source, "subscriber", self._simulation.clock.now, problem, cause) from error
+        owner = getattr(error.subscriber, "__self__", None)
+        source, plugin = error.event.source, "subscriber"
+        if isinstance(owner, Component | GroupComponent):
+            source, plugin = owner.path, owner.use
+        raise RunError(source, plugin, self._simulation.clock.now, problem, cause) from error
 
     def _announce_contacts(self) -> None:
         now = self._simulation.clock.now
-        for contact in self._simulation.environment.contacts():
+        try:
+            contacts = self._simulation.environment.contacts()
+        except Exception as error:
+            self._blame_world(error)
+        for contact in contacts:
             verb = "touch" if contact.begins else "part"
             text = f"{contact.first} and {contact.second} {verb}"
             data = {"first": contact.first, "second": contact.second, "begins": contact.begins}
             event = Event("contact", "environment", now, Level.WARNING, text, data, contact)
             self._simulation.events.fire(event)
 
-    def _announce_failure(self, error: RunError) -> None:
+    def _announce_end(self, name: str, source: str, text: str, level: Level, **data: Any) -> None:
         try:
-            self._simulation.announce("failed", error.source, str(error), level=Level.ERROR, **error.data)
+            self._simulation.announce(name, source, text, level=level, **data)
         except SubscriberError:
-            # The subscriber that failed the run fails again; the recorder, which subscribed as well, was told.
+            # The run is over, and one subscriber that raises does not keep the others, the recorder among them,
+            # from being told.
             return
 
     def _progress(self, now: int) -> None:

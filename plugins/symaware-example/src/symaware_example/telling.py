@@ -1,0 +1,43 @@
+"""Agents that tell each other where they are."""
+
+from collections.abc import Iterable, Sequence
+
+from pydantic import Field
+
+from symaware_cli import (
+    AwarenessVector,
+    CommunicationReceiver,
+    CommunicationSender,
+    Message,
+    Parameters,
+    nanoseconds,
+)
+
+
+class Tell(CommunicationSender):
+    """Tells every other agent the state it believes to be in, and its intent."""
+
+    class Parameters(Parameters):
+        """How often."""
+
+        period: float = Field(0.5, ge=0, description="Simulated time between two messages to the same agent [s].")
+
+    _due = 0
+
+    def _compute(self) -> Iterable[Message]:
+        if self.now < self._due:
+            return ()
+        self._due = self.now + nanoseconds(self.parameters.period)
+        me = self.agent.self_awareness
+        others = (id for id in self.environment.roster.ids if id != me.id)
+        belief = AwarenessVector(me.id, me.state, me.intent)
+        return [Message(me.id, other, {"awareness": belief}, kind="position") for other in others]
+
+
+class Listen(CommunicationReceiver):
+    """Believes what others tell of themselves."""
+
+    def _update(self, value: Sequence[Message]) -> None:
+        for message in value:
+            if message.kind == "position":
+                self.agent.awareness_database[message.sender] = message.payload["awareness"]

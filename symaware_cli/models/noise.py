@@ -1,0 +1,53 @@
+"""Process noise: what every model that ships with SymAware can be told of it."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, Field
+
+from symaware_cli.core import Model, Parameters
+
+Array = NDArray[np.float64]
+_NotNegative = Annotated[float, Field(ge=0)]
+
+#: The parameter ``process_noise`` of every model that ships with SymAware, but for those that have a covariance.
+Deviation = Annotated[
+    _NotNegative | list[_NotNegative] | None,
+    Field(
+        description="Standard deviation of the process noise of each element of the state after one second [its "
+        "unit/sqrt(s)]; one number for all, or a list in the order of the state."
+    ),
+]
+
+
+class NoisyModel(Model):
+    """A model whose state takes a random walk on top of its motion.
+
+    The noise is added once for each step of the world, its elements independent of each other. Its variance is in
+    proportion to the step, so that the spread after a second does not depend on the step. What an increment does within
+    its own step is neglected.
+    """
+
+    class Parameters(Parameters):
+        """How much chance there is in the motion; models with parameters of their own repeat it."""
+
+        process_noise: Deviation = None
+
+    def __init__(self, parameters: BaseModel | None = None) -> None:
+        super().__init__(parameters)
+        self._declare()
+        given, count = self.parameters.process_noise, len(self.state)
+        deviations = given if isinstance(given, list) else [given or 0.0] * count
+        if len(deviations) != count:
+            raise ValueError(f"`process_noise` has {len(deviations)} numbers, and the state has {count}")
+        self._deviation = np.array(deviations) if any(deviations) else None
+
+    def _declare(self) -> None:
+        """Set the quantities that depend on the parameters, for models that have such."""
+
+    def noise_deviation(self, step: float) -> Array | None:
+        """Return the standard deviation over a step [s]; it grows with the root of the step."""
+        return None if self._deviation is None else self._deviation * np.sqrt(step)

@@ -1,0 +1,122 @@
+"""The conformance kit: what authors of plugins call in their own tests.
+
+A test of a plugin's determinism is one line in any test framework::
+
+    from symaware_cli.testing import assert_repeatable
+
+    def test_my_scenario_can_be_repeated():
+        assert_repeatable("scenarios/mine.yaml", overrides=["run.duration=2"])
+"""
+
+from __future__ import annotations
+
+import itertools
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+from symaware_cli.recording.digest import Digest, digest
+from symaware_cli.recording.error import LogError
+from symaware_cli.recording.reader import Log, LogMessage, open_log
+
+__all__ = ["assert_repeatable"]
+
+#: What differs between the two processes besides time and memory: the hashes of strings, which order sets, and where
+#: objects lie in memory, which is what `id()` returns.
+_SURROUNDINGS = ({"PYTHONHASHSEED": "1"}, {"PYTHONHASHSEED": "2", "PYTHONMALLOC": "malloc"})
+
+
+def assert_repeatable(
+    scenario: str | os.PathLike[str],
+    overrides: Sequence[str] = (),
+    *,
+    seed: int | None = None,
+    timeout: float | None = None,
+) -> Digest:
+    """Run a scenario twice, in two fresh processes, and compare what they recorded.
+
+    Everything but /timing must be equal to the byte. Plugins that depend on wall-clock time, on the global random
+    state, on the order of a set or on the address of an object are found out; draw from ``self.random`` and sort
+    instead.
+
+    Args:
+        scenario: A scenario file, or a log to take it from.
+        overrides: What ``--set`` would be given, as ``path=value``; a shorter ``run.duration`` makes a quicker test.
+        seed: A seed that wins over the scenario's.
+        timeout: Wall time that each run may take [s]; None for as long as it likes.
+
+    Returns:
+        The digest that both runs share.
+
+    Raises:
+        AssertionError: The runs differ: names each channel that does, and the first message. Or one did not finish.
+        subprocess.TimeoutExpired: A run took too long.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        logs = [Path(folder) / f"run-{number}.mcap" for number in (1, 2)]
+        # At the same time: there are two processor cores nearly everywhere.
+        with ThreadPoolExecutor() as pool:
+            runs = [
+                pool.submit(_run, scenario, overrides, seed, log, surroundings, timeout)
+                for log, surroundings in zip(logs, _SURROUNDINGS, strict=True)
+            ]
+        for run in runs:
+            run.result()
+        first, second = (open_log(log) for log in logs)
+        result = digest(first)
+        differing = result.differences(digest(second))
+        if differing:
+            where = _first_difference(first, second, differing)
+            raise AssertionError(f"two runs of {os.fspath(scenario)} differ in {', '.join(differing)}{where}")
+        return result
+
+
+def _run(
+    scenario: str | os.PathLike[str],
+    overrides: Sequence[str],
+    seed: int | None,
+    log: Path,
+    surroundings: dict[str, str],
+    timeout: float | None,
+) -> None:
+    line = [sys.executable, "-P", "-m", "symaware_cli", "run", os.fspath(scenario), "--quiet", "--output", str(log)]
+    line += [word for override in overrides for word in ("--set", override)]
+    line += [] if seed is None else ["--seed", str(seed)]
+    done = subprocess.run(
+        line, env=os.environ | surroundings, stdin=subprocess.DEVNULL, capture_output=True, timeout=timeout, check=False
+    )
+    if done.returncode:
+        said = done.stderr.decode(errors="replace").strip()
+        raise AssertionError(f"{os.fspath(scenario)} did not finish, but exited with {done.returncode}: {said}")
+
+
+def _first_difference(first: Log, second: Log, topics: Sequence[str]) -> str:
+    """Describe the first message in which two logs differ on some topics; empty if no message does."""
+    for one, other in itertools.zip_longest(first.messages(topics), second.messages(topics)):
+        if one is None or other is None:
+            longer = one or other
+            assert longer is not None
+            return f"; from {_place(longer)} on only one of them has messages there"
+        if _content(one) != _content(other):
+            return f"; the first difference is at {_place(one)}:\n  {_shown(one)}\n  {_shown(other)}"
+    return ""
+
+
+def _content(message: LogMessage) -> tuple[str, int, int, bytes]:
+    return message.channel.topic, message.time, message.sequence, message.data
+
+
+def _place(message: LogMessage) -> str:
+    return f"{message.time / 1e9:.9g} s on {message.channel.topic}"
+
+
+def _shown(message: LogMessage) -> str:
+    try:
+        text = " ".join(str(message.decode()).split())
+    except LogError:
+        text = repr(message.data)
+    return f"{message.channel.topic} at {message.time / 1e9:.9g} s: {text[:1000]}"

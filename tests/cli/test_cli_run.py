@@ -1,0 +1,213 @@
+"""`symaware run`."""
+
+import json
+import os
+import pty
+import select
+import subprocess
+import time
+
+import pytest
+from simulating import COMMAND
+
+from symaware_cli import open_log
+from symaware_cli.recording.digest import digest
+
+SCENARIO = """
+symaware: 1
+name: swap
+seed: 5
+run: {duration: 2.0}
+environment: {use: kinematic}
+agents:
+  robot:
+    count: 4
+    entity: {shape: {circle: {radius: 0.5}}}
+    model: {use: unicycle, with: {max_speed: 3.0}}
+    state: {circle: {radius: 1.5}}
+    knowledge: {goal: {circle: {radius: 1.5, phase: 3.14159}}, luck: {uniform: [0, 1]}}
+    components: {sense: {use: perception.omniscient}, steer: {use: control.go-to-goal, with: {speed: 3.0}}}
+"""
+
+
+@pytest.fixture
+def scenario(tmp_path):
+    path = tmp_path / "swap.yaml"
+    path.write_text(SCENARIO)
+    return path
+
+
+def test_a_run_ends_with_a_summary_and_a_log(command, scenario, tmp_path):
+    done = command("run", "swap.yaml")
+    assert (done.returncode, done.stderr) == (0, "")
+    for said in (
+        *("swap: finished after 2 s of simulated time", "4 agents, 40 steps, seed 5", "wall time", "real time"),
+        *("contacts", "m between the centres of robot.", "recorded", "swap.mcap"),
+    ):
+        assert said in done.stdout
+    assert sorted(os.listdir(tmp_path)) == ["swap.mcap", "swap.yaml"]
+    assert open_log(tmp_path / "swap.mcap").outcome["status"] == "finished"
+
+
+def test_the_summary_for_scripts_says_the_same(command, scenario):
+    done = command("run", "swap.yaml", "--json")
+    assert (done.returncode, done.stderr) == (0, "")
+    summary = json.loads(done.stdout)
+    expected = {"name": "swap", "seed": 5, "status": "finished", "agents": 4, "steps": 40, "simulated_time": 2.0}
+    assert expected.items() <= summary.items()
+    assert summary["log"] == "swap.mcap"
+    assert summary["log_size"] > 0
+    assert summary["contacts"] > 0
+    assert 0 <= summary["minimum_separation"]["value"] < 1.0
+    assert summary["failure"] is None
+
+
+def test_a_quiet_run_says_nothing(command, scenario):
+    done = command("run", "swap.yaml", "--quiet")
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
+def test_a_run_without_a_record_leaves_nothing_behind(command, scenario, tmp_path):
+    done = command("run", "swap.yaml", "--no-record")
+    assert done.returncode == 0
+    assert "log" not in done.stdout.split()
+    assert os.listdir(tmp_path) == ["swap.yaml"]
+
+
+def test_logs_without_a_given_name_overwrite_none(command, scenario, tmp_path):
+    contents = []
+    for name in ("swap.mcap", "swap-2.mcap", "swap-3.mcap"):
+        assert json.loads(command("run", "swap.yaml", "--json").stdout)["log"] == name
+        contents = [path.read_bytes() for path in sorted(tmp_path.glob("*.mcap"))]
+    assert len(contents) == 3
+    assert len({digest(open_log(path)).combined for path in tmp_path.glob("*.mcap")}) == 1
+
+
+def test_a_log_of_a_given_name_is_replaced(command, scenario, tmp_path):
+    (tmp_path / "mine.mcap").write_bytes(b"old" * 1_000_000)
+    assert command("run", "swap.yaml", "-o", "mine.mcap", "--quiet").returncode == 0
+    assert open_log(tmp_path / "mine.mcap").verify() is None
+
+
+def test_a_log_is_enough_to_repeat_the_run(command, scenario, tmp_path):
+    first = command("run", "swap.yaml", "-o", "first.mcap", "--seed", "9", "--set", "agents.robot.count=3", "-q")
+    assert first.returncode == 0
+    scenario.unlink()
+    assert command("run", "first.mcap", "-o", "second.mcap", "-q").returncode == 0
+    one, other = (digest(open_log(tmp_path / name)) for name in ("first.mcap", "second.mcap"))
+    assert one.channels == other.channels
+    assert one.attachments["resolved.yaml"] == other.attachments["resolved.yaml"]
+    assert one.attachments["manifest.json"] == other.attachments["manifest.json"]
+    assert open_log(tmp_path / "second.mcap").manifest["seed"] == 9
+
+
+def test_a_log_can_be_run_with_changes(command, scenario, tmp_path):
+    assert command("run", "swap.yaml", "-q").returncode == 0
+    done = command("run", "swap.mcap", "--json", "--seed", "1", "--set", "run.duration=0.5")
+    summary = json.loads(done.stdout)
+    assert (summary["seed"], summary["steps"], summary["log"]) == (1, 10, "swap-2.mcap")
+
+
+@pytest.mark.parametrize(
+    ("output", "said"),
+    [
+        ("missing/run.mcap", "its folder does not exist"),
+        (".", "it is a directory"),
+        ("swap.yaml/x.mcap", "not a folder"),
+    ],
+)
+def test_an_output_that_cannot_be_is_told_in_a_sentence(output, said, command, scenario):
+    done = command("run", "swap.yaml", "--output", output)
+    assert (done.returncode, done.stdout) == (1, "")
+    assert done.stderr.startswith("symaware: cannot create the log ")
+    assert said in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+
+
+@pytest.mark.parametrize("output", ["swap.yaml", "./swap.yaml"])
+def test_no_run_overwrites_its_own_scenario(output, command, scenario):
+    done = command("run", "swap.yaml", "--output", output)
+    assert done.returncode == 2
+    assert done.stderr == "symaware: swap.yaml is the scenario; the log needs a file of its own\n"
+    assert scenario.read_text() == SCENARIO
+
+
+@pytest.mark.parametrize("verb", ["run", "validate"])
+@pytest.mark.parametrize("name", ["missing.yaml", ".", "missing.mcap", "/dev/zero"])
+def test_a_scenario_that_cannot_be_read_is_wrong_input(name, verb, command, tmp_path):
+    if verb == "run":
+        done = command(verb, name)
+        assert (done.returncode, done.stdout) == (2, "")
+        assert name in done.stderr
+    else:
+        done = command(verb, name, "--json")
+        assert (done.returncode, done.stderr) == (2, "")
+        assert isinstance(json.loads(done.stdout), dict)
+    assert os.listdir(tmp_path) == []
+
+
+def test_a_scenario_that_is_wrong_makes_no_log(command, scenario, tmp_path):
+    scenario.write_text(SCENARIO.replace("unicycle", "unicicle").replace("duration", "durration"))
+    done = command("run", "swap.yaml")
+    assert done.returncode == 2
+    assert "unicycle" in done.stderr
+    assert "swap.yaml:5" in done.stderr
+    as_json = json.loads(command("run", "swap.yaml", "--json").stdout)
+    assert as_json["valid"] is False
+    assert len(as_json["problems"]) >= 2
+    assert os.listdir(tmp_path) == ["swap.yaml"]
+
+
+def test_a_log_that_holds_no_scenario_is_wrong_input(command, tmp_path):
+    (tmp_path / "junk.mcap").write_bytes(b"junk" * 100)
+    done = command("run", "junk.mcap")
+    assert done.returncode == 2
+    assert "junk.mcap is not a log" in done.stderr
+
+
+def test_numbers_that_json_does_not_have_are_put_into_words(command, doubles, tmp_path):
+    (tmp_path / "risk.yaml").write_text(
+        SCENARIO.replace("steer: ", "fear: {use: doubles.risk, with: {value: inf}}, steer: ")
+    )
+    done = command("run", "risk.yaml", "--json")
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["highest_risk"]["value"] == "inf"
+
+
+def on_a_terminal(arguments, cwd, *, until=60.0):
+    """Run the command with a terminal for its standard error and output; what it wrote there."""
+    ours, theirs = pty.openpty()
+    process = subprocess.Popen(
+        [*COMMAND, *arguments], stdin=theirs, stdout=theirs, stderr=theirs, cwd=cwd, env={**os.environ, "TERM": "xterm"}
+    )
+    os.close(theirs)
+    written, end = b"", time.monotonic() + until
+    try:
+        while time.monotonic() < end:
+            ready, _, _ = select.select([ours], [], [], 0.1)
+            if ready:
+                try:
+                    data = os.read(ours, 65536)
+                except OSError:  # how Linux says that the other side was closed
+                    break
+                if not data:
+                    break
+                written += data
+        assert process.wait(timeout=until) == 0
+    finally:
+        process.kill()
+        os.close(ours)
+    return written.decode()
+
+
+def test_progress_is_shown_on_a_terminal_and_nowhere_else(command, scenario, tmp_path):
+    long = ["--set", "run.duration=200", "--set", "agents.robot.count=40", "--no-record"]
+    shown = on_a_terminal(["run", "swap.yaml", *long], tmp_path)
+    assert "of 200 s" in shown
+    assert "swap: finished after 200 s" in shown
+    short = ["--set", "run.duration=20", "--no-record"]
+    for option in ("--quiet", "--json"):
+        assert "of 20 s" not in on_a_terminal(["run", "swap.yaml", *short, option], tmp_path)
+    done = command("run", "swap.yaml", *short)
+    assert "of 20 s" not in done.stdout + done.stderr
+    assert "\x1b" not in done.stdout + done.stderr

@@ -1,0 +1,54 @@
+"""What tests of every folder share: the command in a process of its own, and plugins installed for one test."""
+
+import os
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from hypothesis import settings
+from simulating import COMMAND
+from symaware_doubles import COMPONENTS, ENVIRONMENTS
+
+# How long an example takes says more about the machine than about the code.
+settings.register_profile("symaware", deadline=None)
+settings.load_profile("symaware")
+
+
+@pytest.fixture
+def command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., subprocess.CompletedProcess[str]]:
+    """Run `symaware ARGUMENTS` to its end, in an empty folder that becomes the present one."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*arguments: object, **options: object) -> subprocess.CompletedProcess[str]:
+        line = [*COMMAND, *(str(argument) for argument in arguments)]
+        settings = {"stdin": subprocess.DEVNULL, "capture_output": True, "text": True, "timeout": 120, **options}
+        done = subprocess.run(line, **settings)
+        assert "Traceback (most recent call last)" not in (done.stderr or ""), done.stderr
+        return done
+
+    return run
+
+
+@pytest.fixture
+def doubles(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Install the plugins of symaware_doubles.py, here and for processes that are started, for one test."""
+    here, installed = Path(__file__).parent, tmp_path_factory.mktemp("installed")
+    information = installed / "symaware_doubles-1.0.dist-info"
+    information.mkdir()
+    (information / "METADATA").write_text("Metadata-Version: 2.1\nName: symaware-doubles\nVersion: 1.0\n")
+    lines = [
+        *("[symaware.components]", *(f"{name} = symaware_doubles:{kind}" for name, kind in COMPONENTS.items())),
+        *("[symaware.environments]", *(f"{name} = symaware_doubles:{kind}" for name, kind in ENVIRONMENTS.items())),
+    ]
+    (information / "entry_points.txt").write_text("\n".join(lines))
+    path = [str(installed), str(here), os.environ.get("PYTHONPATH", "")]
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(filter(None, path)))
+    monkeypatch.syspath_prepend(installed)
+    return here / "symaware_doubles.py"
+
+
+@pytest.fixture(scope="session")
+def scenarios() -> Path:
+    """The folder of the runnable examples."""
+    return Path(__file__).parent.parent / "scenarios"

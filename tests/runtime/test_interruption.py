@@ -1,0 +1,233 @@
+"""Ctrl-C and SIGTERM end a run with its log finished; whoever insists gets rid of it at once."""
+
+import contextlib
+import os
+import signal
+import subprocess
+import threading
+import time
+
+import pytest
+from simulating import COMMAND, Team, execute, simulation
+from symaware_doubles import Progress
+
+from symaware_cli import Component, open_log
+from symaware_cli.recording.recorder import Recorder
+from symaware_cli.recording.writer import LogWriter
+from symaware_cli.runtime.synchronous import run
+
+SCENARIO = """
+symaware: 1
+name: long
+run: {{duration: 1000000.0}}
+environment: {{use: kinematic}}
+agents:
+  robot:
+    count: 3
+    model: {{use: single-integrator}}
+    components:
+      see: {{use: perception.omniscient}}
+      progress: {{use: doubles.progress}}
+      {more}
+"""
+
+
+@pytest.fixture
+def started(doubles, tmp_path, monkeypatch):
+    """Start a run that would take hours, and wait until it is in the middle of it."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PROGRESS", str(tmp_path / "progress"))
+    running = []
+
+    def start(more="", turns=50):
+        (tmp_path / "long.yaml").write_text(SCENARIO.format(more=more))
+        process = subprocess.Popen(
+            [*COMMAND, "run", "long.yaml"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
+        running.append(process)
+        wait_for(lambda: len(Progress.read(tmp_path / "progress")) >= turns, process)
+        return process
+
+    yield start
+    for process in running:
+        process.kill()
+        process.wait()
+
+
+def wait_for(condition, process, timeout=60.0):
+    end = time.monotonic() + timeout
+    while not condition():
+        assert process.poll() is None, process.communicate()
+        assert time.monotonic() < end, "it took too long"
+        time.sleep(0.01)
+
+
+def ended(process, timeout=60.0):
+    output, errors = process.communicate(timeout=timeout)
+    assert "Traceback" not in errors, errors
+    return output, errors
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_in_the_middle_finishes_the_log_and_exits_130(number, started, tmp_path):
+    process = started()
+    process.send_signal(number)
+    output, _ = ended(process)
+    assert process.returncode == 130
+    assert "long: interrupted after" in output
+    log = open_log(tmp_path / "long.mcap")
+    assert log.verify() is None
+    assert log.outcome["status"] == "interrupted"
+    events = list(log.events())
+    assert (events[-1].name, events[-1].text) == ("interrupted", f"ended by {number.name}")
+    assert log.end_time == log.outcome["time"]
+    assert log.end_time >= Progress.read(tmp_path / "progress")[-1][1] - 50_000_000
+
+
+@pytest.mark.parametrize(
+    "more", ["endless: {use: doubles.endless}", "sleep: {use: doubles.sleeper, with: {duration: 9e9}}"]
+)
+def test_a_component_that_does_not_come_back_is_interrupted_within_its_turn(more, started, tmp_path):
+    process = started(more, turns=1)
+    process.send_signal(signal.SIGINT)
+    ended(process)
+    assert process.returncode == 130
+    assert open_log(tmp_path / "long.mcap").outcome["status"] == "interrupted"
+
+
+def test_a_component_that_catches_everything_is_interrupted_after_its_turn(started, tmp_path):
+    process = started("stubborn: {use: doubles.stubborn}", turns=2)
+    process.send_signal(signal.SIGINT)
+    ended(process)
+    assert process.returncode == 130
+    assert open_log(tmp_path / "long.mcap").outcome["status"] == "interrupted"
+
+
+def test_the_command_stops_showing_progress_and_leaves_the_shell_alone(started, tmp_path):
+    process = started()
+    process.send_signal(signal.SIGINT)
+    output, errors = ended(process)
+    assert errors == ""
+    assert str(tmp_path / "long.mcap") in output or "long.mcap" in output
+
+
+class Signals(Component):
+    """Sends itself signals, as somebody at the keyboard would, and catches what it is told to."""
+
+    caught: tuple = ()
+    signals = 1
+
+    def _compute(self):
+        return None
+
+    def _update(self, value):
+        for _ in range(self.signals):
+            with contextlib.suppress(*self.caught):
+                signal.raise_signal(signal.SIGINT)
+
+
+def test_a_second_signal_quits_at_once(tmp_path):
+    from symaware_cli.runtime.interruption import Interrupted
+
+    kind = type("Signals", (Signals,), {"signals": 2, "caught": (Interrupted,)})
+    with pytest.raises(KeyboardInterrupt):
+        execute(simulation({"robot": Team({"signal": kind})}), 5, tmp_path / "run.mcap")
+    assert open_log(tmp_path / "run.mcap").outcome is None
+    assert open_log(tmp_path / "run.mcap").message_count > 0
+
+
+def test_a_second_signal_ends_the_command_while_the_first_is_being_caught(started, tmp_path):
+    process = started("stubborn: {use: doubles.stubborn}", turns=1)
+    process.send_signal(signal.SIGSTOP)  # so that both come before it can answer to the first
+    process.send_signal(signal.SIGINT)
+    process.send_signal(signal.SIGTERM)
+    process.send_signal(signal.SIGCONT)
+    ended(process)
+    assert process.returncode == 130
+
+
+def test_whoever_catches_everything_is_killed_in_the_end():
+    code = """
+import signal
+from symaware_cli.runtime.interruption import Interruption
+with Interruption():
+    while True:
+        try:
+            signal.raise_signal(signal.SIGINT)
+        except BaseException as error:
+            print(type(error).__name__, flush=True)
+"""
+    done = subprocess.run([COMMAND[0], "-c", code], stdout=subprocess.PIPE, text=True, timeout=60, check=False)
+    assert done.stdout.split() == ["Interrupted", "KeyboardInterrupt", "KeyboardInterrupt"]
+    assert done.returncode == -signal.SIGINT
+
+
+def test_a_signal_during_a_record_waits_until_the_record_is_whole(tmp_path):
+    class SignalledWriter(LogWriter):
+        def add(self, channel_id, time_ns, data):
+            if b"tick" in data:
+                signal.raise_signal(signal.SIGINT)
+            super().add(channel_id, time_ns, data)
+
+    class Ticks(Component):
+        def _compute(self):
+            return None
+
+        def _update(self, value):
+            self.emit("tick")
+            raise AssertionError("the signal comes right after the record")
+
+    ready = simulation({"robot": Team({"tick": Ticks})})
+    with SignalledWriter(tmp_path / "run.mcap") as writer:
+        summary = run(ready, 5, Recorder(writer, ready.environment, ready.groups))
+    assert summary.status == "interrupted"
+    log = open_log(tmp_path / "run.mcap")
+    assert log.verify() is None
+    assert [event.name for event in log.events()] == ["started", "tick", "interrupted"]
+
+
+def test_a_component_that_takes_long_to_begin_is_interrupted(tmp_path):
+    class Begins(Component):
+        def initialise_component(self, agent, awareness, knowledge):
+            signal.raise_signal(signal.SIGINT)
+            raise AssertionError("not reached")
+
+        def _compute(self):
+            return None
+
+        def _update(self, value):
+            pass
+
+    summary = execute(simulation({"robot": Team({"begin": Begins})}), 5, tmp_path / "run.mcap")
+    assert summary.status == "interrupted"
+    assert open_log(tmp_path / "run.mcap").outcome["status"] == "interrupted"
+
+
+def test_a_run_leaves_the_handlers_of_its_process_as_they_were():
+    before = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)]
+    execute(simulation({"robot": Team()}), 2)
+    assert [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)] == before
+
+
+def test_a_run_in_another_thread_leaves_signals_to_the_main_one():
+    summaries = []
+    thread = threading.Thread(target=lambda: summaries.append(execute(simulation({"robot": Team()}), 2)))
+    thread.start()
+    thread.join(timeout=60)
+    assert summaries[0].status == "finished"
+
+
+@pytest.mark.slow
+def test_whenever_the_signal_comes_the_log_is_whole(started, tmp_path):
+    for attempt in range(40):
+        (tmp_path / "progress").unlink(missing_ok=True)
+        (tmp_path / "long.mcap").unlink(missing_ok=True)
+        process = started("bulk: {use: doubles.bulky}", turns=1 + attempt)
+        os.kill(process.pid, signal.SIGINT)
+        ended(process)
+        assert process.returncode == 130
+        log = open_log(tmp_path / "long.mcap")
+        assert log.verify() is None
+        assert log.outcome["status"] == "interrupted"
+        sequence = [message.sequence for message in log.messages(set(log.channels) - {"/timing"})]
+        assert sequence == list(range(len(sequence)))

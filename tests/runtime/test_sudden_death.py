@@ -1,0 +1,98 @@
+"""kill -9 loses at most the last second of wall time."""
+
+import json
+import signal
+import subprocess
+import time
+
+import pytest
+from simulating import COMMAND
+from symaware_doubles import Progress
+
+from symaware_cli import open_log
+
+SCENARIO = """
+symaware: 1
+name: doomed
+run: {{duration: 1000000.0}}
+environment: {{use: kinematic}}
+agents:
+  robot:
+    count: 20
+    model: {{use: unicycle}}
+    components:
+      see: {{use: perception.omniscient}}
+      {slow}
+      progress: {{use: doubles.progress}}
+"""
+
+
+def doomed(tmp_path, monkeypatch, slow, wall_time):
+    """Kill a run that has lasted for some wall time; its progress, and what the log said when it was dead."""
+    progress = tmp_path / "progress"
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PROGRESS", str(progress))
+    (tmp_path / "doomed.yaml").write_text(SCENARIO.format(slow=slow))
+    process = subprocess.Popen([*COMMAND, "run", "doomed.yaml", "--quiet"])
+    try:
+        end = time.monotonic() + 60
+        while True:
+            turns = Progress.read(progress)
+            if turns and turns[-1][0] - turns[0][0] >= wall_time:
+                break
+            assert process.poll() is None
+            assert time.monotonic() < end, "it took too long"
+            time.sleep(0.01)
+    finally:
+        killed = time.monotonic()
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+    return killed, Progress.read(progress)
+
+
+@pytest.mark.parametrize(
+    ("slow", "wall_time"),
+    [("", 2.5), ("slow: {use: doubles.sleeper, with: {duration: 0.3}}", 2.5), ("bulk: {use: doubles.bulky}", 2.0)],
+    ids=["fast", "slow", "bulky"],
+)
+def test_everything_up_to_the_last_second_is_read_and_the_loss_is_told(
+    slow, wall_time, doubles, command, tmp_path, monkeypatch
+):
+    killed, turns = doomed(tmp_path, monkeypatch, slow, wall_time)
+    # A turn that began a second before the end was recorded within the flush rule, unless the machine itself slept
+    # in between: then what was written after its last sign of life cannot have been lost by us.
+    last = turns[-1][0]
+    promised = max(now for wall, now in turns if wall <= min(killed, last) - 1.0)
+    done = command("inspect", "doomed.mcap", "--json")
+    assert done.returncode == 3
+    read = json.loads(done.stdout)
+    assert read["lost"] is True
+    assert read["status"] == "broken off"
+    assert read["simulated_time"] * 1e9 >= promised
+    assert f"breaks off after {read['simulated_time']:.9g} s" in read["damage"]
+    assert read["name"] == "doomed"
+    assert read["agents"] == {"robot": 20}
+
+    text = command("inspect", "doomed.mcap")
+    assert text.returncode == 3
+    assert "the end of the run is missing" in text.stdout
+
+
+def test_what_is_read_after_a_kill_is_what_an_undisturbed_run_records(doubles, command, tmp_path, monkeypatch):
+    doomed(tmp_path, monkeypatch, "", 1.2)
+    broken = open_log(tmp_path / "doomed.mcap")
+    duration = min(broken.end_time, 20_000_000_000) / 1e9
+    done = command("run", "doomed.yaml", "--set", f"run.duration={duration}", "--output", "whole.mcap")
+    assert done.returncode == 0, done.stderr
+    whole = open_log(tmp_path / "whole.mcap")
+    end = int(duration * 1e9)
+
+    def content(log):
+        topics = [topic for topic in log.channels if topic != "/timing"]
+        return [
+            (message.channel.topic, message.time, message.sequence, message.data)
+            for message in log.messages(topics, end=end)
+        ]
+
+    assert content(broken) == content(whole)
+    assert len(content(whole)) > 100

@@ -1,0 +1,91 @@
+"""A simulation put together from classes, without a scenario file."""
+
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from symaware_cli import Entity, Environment, Model, Obstacle
+from symaware_cli.core import AgentGroup, Component, GroupComponent
+from symaware_cli.environments.kinematic import KinematicEnvironment
+from symaware_cli.models.integrator import SingleIntegrator
+from symaware_cli.recording.recorder import Recorder, manifest
+from symaware_cli.recording.writer import LogWriter
+from symaware_cli.runtime.simulation import Simulation, Slot
+from symaware_cli.runtime.summary import Summary
+from symaware_cli.runtime.synchronous import run
+
+COMMAND = (sys.executable, "-P", "-m", "symaware_cli")
+"""What starts `symaware` in a process of its own; -P, so that no folder stands in for what is installed."""
+
+STEP = 50_000_000
+"""The time step of `simulation`, ns."""
+
+
+@dataclass
+class Team:
+    """A group to be: how many agents, and what makes each of their components."""
+
+    components: Mapping[str, Callable[[], Component | GroupComponent]] = field(default_factory=dict)
+    count: int | None = None
+    state: Sequence[Sequence[float]] | None = None
+    knowledge: Sequence[Mapping[str, object]] = ()
+    model: Model = field(default_factory=SingleIntegrator)
+    entity: Entity = field(default_factory=Entity)
+
+    def group(self, name: str) -> AgentGroup:
+        ids = [name] if self.count is None else [f"{name}.{row}" for row in range(self.count)]
+        state = self.state or [[float(row), *[0.0] * (len(self.model.state) - 1)] for row in range(len(ids))]
+        return AgentGroup(name, ids, self.model, self.entity, state, self.knowledge)
+
+    def slots(self, group: AgentGroup) -> list[Slot]:
+        slots = []
+        for name, make in self.components.items():
+            first = make()
+            others = [] if isinstance(first, GroupComponent) else [make() for _ in group.ids[1:]]
+            slots.append(Slot(group, name, f"test.{name}", [first, *others]))
+        return slots
+
+
+def simulation(
+    teams: Mapping[str, Team],
+    *,
+    environment: Environment | None = None,
+    obstacles: Mapping[str, Obstacle] | None = None,
+    seed: int = 7,
+) -> Simulation:
+    """Put teams into a world."""
+    groups = {name: team.group(name) for name, team in teams.items()}
+    return Simulation(
+        name="test",
+        seed=seed,
+        environment=environment or KinematicEnvironment(KinematicEnvironment.Parameters(time_step=STEP / 1e9)),
+        environment_use="test-world",
+        groups=list(groups.values()),
+        slots=[slot for name, team in teams.items() for slot in team.slots(groups[name])],
+        obstacles=obstacles or {},
+    )
+
+
+def simulate(teams: Mapping[str, Team], steps: int = 3, log: Path | None = None, **options: object) -> Summary:
+    """Put teams into a world and let it run, with a log if there is a path for it."""
+    return execute(simulation(teams, **options), steps, log)
+
+
+def execute(ready: Simulation, steps: int, log: Path | None = None) -> Summary:
+    """Let a simulation run, with a log if there is a path for it."""
+    if log is None:
+        return run(ready, steps)
+    with LogWriter(log) as writer:
+        content = manifest(
+            name=ready.name,
+            seed=ready.seed,
+            mode="synchronous",
+            steps=steps,
+            environment=ready.environment,
+            groups=ready.groups,
+            uses={group.name: {"model": "test", "components": {}} for group in ready.groups},
+            indexed={group.name: True for group in ready.groups},
+        )
+        writer.attach("manifest.json", "application/json", content)
+        return run(ready, steps, Recorder(writer, ready.environment, ready.groups))

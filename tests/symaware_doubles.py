@@ -1,0 +1,245 @@
+"""Plugins for tests: the controller that the paper shows, and components that misbehave in every way we fear."""
+
+import os
+import random
+import struct
+import time
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from pydantic import Field
+
+from symaware_cli import Component, Controller, GroupComponent, Parameters, TimeSeries
+from symaware_cli.environments.kinematic import KinematicEnvironment
+
+#: What tests/conftest.py registers, by entry-point name.
+COMPONENTS = {
+    "doubles.paper": "MyController",
+    "doubles.fault": "Fault",
+    "doubles.progress": "Progress",
+    "doubles.sleeper": "Sleeper",
+    "doubles.endless": "Endless",
+    "doubles.stubborn": "Stubborn",
+    "doubles.bulky": "Bulky",
+    "doubles.chance": "Chance",
+    "doubles.risk": "Risk",
+}
+ENVIRONMENTS = {"doubles.faulty-world": "FaultyWorld"}
+
+
+# fmt: off
+# From here to "fmt: on" it is DESIGN.md section 3, letter by letter.
+class MyController(Controller):
+    def _compute(self):
+        state = self._agent.self_state
+        goal = self._agent.self_knowledge["goal"]
+        return goal - state, TimeSeries()
+    def _update(self, value):
+        control_input, intent = value
+        self._agent.model.control_input = control_input
+        self._agent.self_awareness.intent = intent
+# fmt: on
+
+
+class Idle(GroupComponent):
+    """Does nothing with its turns."""
+
+    def _compute(self):
+        return None
+
+    def _update(self, value):
+        pass
+
+
+class Fault(Component):
+    """Fails for one agent, at one time, in one way."""
+
+    class Parameters(Parameters):
+        """Which fault."""
+
+        where: Literal["compute", "update", "initialise", "subscriber", "exit", "unprintable"] = Field(
+            "compute", description="Where it raises."
+        )
+        value: Literal["", "nan", "inf", "-inf"] = Field("", description="What to write instead of raising.")
+        into: Literal["control", "state"] = Field("control", description="Where to write it.")
+        agent: str = Field("robot.0", description="Whose component fails.")
+        at: float = Field(0.0, description="When [s].")
+
+    def initialise_component(self, agent, awareness, knowledge):
+        super().initialise_component(agent, awareness, knowledge)
+        if self.parameters.where == "initialise":
+            self._fail()
+        if self.parameters.where == "subscriber":
+            self.subscribe("tick", self._on_tick)
+
+    def _on_tick(self, event):
+        self._fail()
+
+    def _due(self):
+        return self._agent.id == self.parameters.agent and self.time >= self.parameters.at
+
+    def _fail(self):
+        if self._agent.id != self.parameters.agent:
+            return
+        if self.parameters.where == "exit":
+            raise SystemExit(0)
+        if self.parameters.where == "unprintable":
+            raise UnprintableError
+        raise ZeroDivisionError("a fault on purpose \udcff \N{SNOWMAN}")
+
+    def _compute(self):
+        if self._due() and not self.parameters.value and self.parameters.where in ("compute", "exit", "unprintable"):
+            self._fail()
+
+    def _update(self, value):
+        if not self._due():
+            return
+        if self.parameters.value:
+            bad = float(self.parameters.value)
+            if self.parameters.into == "control":
+                self._agent.model.control_input = self._agent.control_input + bad
+            else:
+                self._agent.self_awareness.state = self._agent.self_state + bad
+        elif self.parameters.where == "update":
+            self._fail()
+        elif self.parameters.where == "subscriber":
+            self.emit("tick")
+
+
+class UnprintableError(Exception):
+    """Cannot even be put into words."""
+
+    def __str__(self):
+        raise RuntimeError("no words")
+
+
+class Progress(Idle):
+    """Writes down each turn in the file that PROGRESS names: wall time (monotonic, s) and simulated time (ns)."""
+
+    RECORD = struct.Struct("<dq")
+
+    def initialise_component(self, group):
+        super().initialise_component(group)
+        self._file = os.open(os.environ["PROGRESS"], os.O_WRONLY | os.O_CREAT | os.O_APPEND)
+
+    def _update(self, value):
+        os.write(self._file, self.RECORD.pack(time.monotonic(), self.now))
+
+    @classmethod
+    def read(cls, path: Path) -> list[tuple[float, int]]:
+        """What was written, but for a record that was cut off."""
+        data = path.read_bytes() if path.exists() else b""
+        return list(cls.RECORD.iter_unpack(data[: len(data) // cls.RECORD.size * cls.RECORD.size]))
+
+
+class Sleeper(Idle):
+    """Takes its time."""
+
+    class Parameters(Parameters):
+        """How long."""
+
+        duration: float = Field(0.3, description="Wall time of a turn [s].")
+
+    def _update(self, value):
+        time.sleep(self.parameters.duration)
+
+
+class Endless(Idle):
+    """Never comes back from its second turn."""
+
+    def _update(self, value):
+        while self.now:
+            pass
+
+
+class Stubborn(Idle):
+    """Catches whatever is thrown at it, as careless code does."""
+
+    def _update(self, value):
+        try:
+            for _ in range(200):
+                time.sleep(0.001)
+        except BaseException:
+            pass
+
+
+class Bulky(Idle):
+    """Fills the log with numbers that do not compress."""
+
+    def _update(self, value):
+        for row in range(len(self._group)):
+            drawn = self.random.standard_normal(200)[row]
+            self.emit_for(row, "bulk", data=[round(float(number), 9) for number in drawn])
+
+
+class Chance(Idle):
+    """Depends on what differs between two runs."""
+
+    class Parameters(Parameters):
+        """On what."""
+
+        source: Literal["address", "set", "time", "random", "numpy", "nothing"] = Field(description="On what.")
+
+    def _compute(self):
+        match self.parameters.source:
+            case "address":
+                return id(self) % 1_000_003
+            case "set":
+                return float(list({"north", "east", "south", "west", "up", "down"}).index("north"))
+            case "time":
+                return time.time() % 1000
+            case "random":
+                return random.random()
+            case "numpy":
+                return np.random.rand()  # noqa: NPY002 (the sin on purpose)
+            case _:
+                return 0.0
+
+    def _update(self, value):
+        if self.now > 200_000_000:
+            self._group.awareness.risk.set(self.now, np.full(len(self._group), value))
+
+
+class Risk(Idle):
+    """Sees one and the same risk all the time."""
+
+    class Parameters(Parameters):
+        """How much."""
+
+        value: Literal["inf", "1"] = Field(description="The risk.")
+
+    def _update(self, value):
+        self._group.awareness.risk.set(self.now, np.full(len(self._group), float(self.parameters.value)))
+
+
+class FaultyWorld(KinematicEnvironment):
+    """A world that breaks."""
+
+    class Parameters(KinematicEnvironment.Parameters):
+        """How and when."""
+
+        where: Literal["step", "state", "snapshot", "contacts", "nan"] = Field("step", description="What breaks.")
+        at: float = Field(0.1, description="From when on [s].")
+
+    def _broken(self, what):
+        if self.parameters.where == what and self._time >= self.parameters.at * 1e9:
+            raise ZeroDivisionError("the world broke on purpose")
+
+    def step(self):
+        self._broken("step")
+        super().step()
+        if self.parameters.where == "nan" and self._time >= self.parameters.at * 1e9:
+            self._states[0] = np.full_like(self._states[0], np.nan)
+
+    def state(self, group):
+        self._broken("state")
+        return super().state(group)
+
+    def snapshot(self):
+        self._broken("snapshot")
+        return super().snapshot()
+
+    def contacts(self):
+        self._broken("contacts")
+        return super().contacts()

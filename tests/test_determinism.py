@@ -1,0 +1,224 @@
+"""Equal scenarios, equal logs; and what an agent does depends on nobody it has no business with."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from symaware_cli import open_log
+from symaware_cli.recording.digest import digest
+from symaware_cli.scenario.build import build
+from symaware_cli.scenario.execution import execute
+from symaware_cli.testing import assert_repeatable
+
+SCENARIOS = sorted(
+    path
+    for path in (Path(__file__).parent.parent / "scenarios").rglob("*")
+    if path.suffix in (".yaml", ".yml", ".toml") and "symaware" in path.read_text().split("agents")[0]
+)
+
+
+@pytest.mark.parametrize("scenario", SCENARIOS, ids=lambda path: path.name)
+def test_every_example_repeats_itself_byte_for_byte_in_another_process(scenario):
+    duration = min(2.0, build(scenario).document.run.duration)
+    result = assert_repeatable(scenario, [f"run.duration={duration}"], timeout=120)
+    assert any(topic.startswith("/world/") for topic in result.channels)
+    assert "/timing" not in result.channels
+
+
+def test_another_seed_is_another_run(tmp_path):
+    scenario = write(tmp_path / "crowd.yaml", CROWD)
+    short = ["run.duration=0.5"]
+    assert assert_repeatable(scenario, short, seed=1).combined != assert_repeatable(scenario, short, seed=2).combined
+
+
+def test_a_run_that_does_not_finish_is_no_proof(tmp_path, doubles):
+    crowd = crowd_with(fault={"use": "doubles.fault"})
+    with pytest.raises(AssertionError, match=r"exited with 1: .*doubles.fault"):
+        assert_repeatable(write(tmp_path / "fault.yaml", crowd))
+    with pytest.raises(AssertionError, match=r"exited with 2: "):
+        assert_repeatable(tmp_path / "missing.yaml")
+
+
+# A set of strings is ordered by their hashes; an address is where the object happens to lie.
+@pytest.mark.parametrize("source", ["address", "set", "time", "random", "numpy"])
+def test_a_plugin_that_depends_on_chance_is_found_out_and_located(source, tmp_path, doubles):
+    crowd = crowd_with(chance={"use": "doubles.chance", "with": {"source": source}})
+    with pytest.raises(AssertionError) as caught:
+        assert_repeatable(write(tmp_path / "chance.yaml", crowd), ["run.duration=0.4"])
+    said = str(caught.value)
+    assert "chance.yaml differ in /agents/robot/risk;" in said
+    # It behaves until 0.2 s; the next step is at 0.25 s.
+    assert "the first difference is at 0.25 s on /agents/robot/risk:" in said
+    assert said.count("values=") == 2
+
+
+def test_the_same_plugin_passes_where_it_depends_on_nothing(tmp_path, doubles):
+    crowd = crowd_with(chance={"use": "doubles.chance", "with": {"source": "nothing"}})
+    assert_repeatable(write(tmp_path / "chance.yaml", crowd), ["run.duration=0.5"])
+
+
+ROBOT = {
+    "count": 5,
+    "entity": {"shape": {"circle": {"radius": 0.3}}},
+    "model": {"use": "unicycle", "with": {"max_speed": 1.5}},
+    "state": {"uniform": [[-5, -5, -3], [5, 5, 3]]},
+    "knowledge": {"goal": {"normal": [[0, 0], 4]}, "home": {"all": ["a", "b"]}},
+    "components": {"sense": {"use": "perception.omniscient"}, "steer": {"use": "control.go-to-goal"}},
+}
+CAR = {
+    "model": {"use": "single-integrator", "with": {"max_speed": 2.0}},
+    "state": [{"uniform": [-1, 1]}, 3.0],
+    "knowledge": {"goal": [3, -3]},
+    "components": {"sense": {"use": "perception.self"}, "steer": {"use": "control.go-to-goal"}},
+}
+FAR = {
+    "count": 3,
+    "model": {"use": "single-integrator"},
+    "state": {"normal": [[1000, 1000], 1]},
+    "knowledge": {"goal": {"all": [1000, 1000]}},
+    "components": {"sense": {"use": "perception.self"}, "steer": {"use": "control.go-to-goal"}},
+}
+CROWD = {
+    "symaware": 1,
+    "name": "crowd",
+    "seed": 11,
+    "run": {"duration": 2.0},
+    "environment": {"use": "kinematic"},
+    "agents": {"robot": ROBOT, "car": CAR},
+}
+
+
+def write(path, document):
+    path.write_text(yaml.safe_dump(document, sort_keys=False))
+    return path
+
+
+def crowd_with(**components):
+    return CROWD | {"agents": {"robot": ROBOT | {"components": ROBOT["components"] | components}}}
+
+
+@pytest.fixture
+def recorded(tmp_path):
+    """Run a document and return what each agent did, saw and wanted, by its id: bytes that can be compared."""
+
+    def run(document, name="run"):
+        summary = execute(build(write(tmp_path / f"{name}.yaml", document)), tmp_path / f"{name}.mcap")
+        assert summary.status == "finished"
+        return by_agent(open_log(tmp_path / f"{name}.mcap"))
+
+    return run
+
+
+def by_agent(log):
+    """For each agent and kind of data, all that was recorded of it, in order."""
+    found = {}
+    roster = log.manifest["roster"]
+    for group, content in log.manifest["groups"].items():
+        ids = content["agents"]
+        for topic in (f"/world/{group}/state", *(f"/agents/{group}/{kind}" for kind in KINDS)):
+            kind = topic.split("/")[1] + "/" + topic.split("/")[3]
+            for message in log.messages(topic):
+                for id, value in rows(message, ids, roster):
+                    found.setdefault((id, kind), []).append((message.time, value))
+    for event in log.events():
+        if event.source.startswith("agents."):
+            id, _, component = event.source.removeprefix("agents.").rpartition(".")
+            said = (event.time, (event.name, event.text, json.dumps(event.data)))
+            found.setdefault((id, f"events/{component}"), []).append(said)
+    return found
+
+
+KINDS = ("state", "intent", "uncertainty", "risk", "control", "awareness", "knowledge")
+
+
+def rows(message, ids, roster):
+    """What a message says of each agent."""
+    content = message.decode()
+    kind = message.channel.schema.rpartition(".")[2]
+    numbers = [int(row) for row in content.rows] if content.rows is not None else []
+    chosen = [ids[row] for row in numbers] or ids
+    if kind == "Rows":
+        yield from ((id, value.tobytes()) for id, value in zip(chosen, content.values, strict=True))
+    elif kind == "Control":
+        for id, asked, applied in zip(chosen, content.requested, content.applied, strict=True):
+            yield id, (asked.tobytes(), applied.tobytes())
+    elif kind == "SeriesRows":
+        for id, (times, values) in zip(chosen, content, strict=True):
+            yield id, (times.tobytes(), values.tobytes())
+    elif kind == "Knowledge":
+        yield from ((id, value) for id, value in zip(chosen, content.values, strict=True))
+    elif content.world:
+        yield from ((id, "whole world") for id in chosen)
+    else:
+        start, place = 0, 0
+        lengths = np.broadcast_to(content.lengths, len(chosen)) if len(content.lengths) == 1 else content.lengths
+        sizes = content.columns
+        for id, length in zip(chosen, lengths, strict=True):
+            known = []
+            for number in range(start, start + int(length)):
+                size = int(sizes[number] if len(sizes) > 1 else sizes[0])
+                known.append((roster[content.entities[number]], content.values[place : place + size].tobytes()))
+                place += size
+            start += int(length)
+            yield id, tuple(known)
+
+
+def test_the_order_of_agents_in_the_file_changes_nothing_about_any_of_them(recorded):
+    document = CROWD | {"agents": {"robot": ROBOT, "car": CAR, "far": FAR}}
+    plain = recorded(document)
+    turned = recorded(document | {"agents": {"far": FAR, "car": CAR, "robot": ROBOT}}, "turned")
+    assert plain == turned
+    agents = {id for id, _ in plain}
+    assert agents == {"car", *(f"robot.{row}" for row in range(5)), *(f"far.{row}" for row in range(3))}
+    assert {kind for _, kind in plain} >= {"world/state", "agents/state", "agents/intent", "agents/control"}
+
+
+def test_the_order_of_keys_in_the_file_changes_nothing_about_any_agent(recorded):
+    turned = {
+        key: value if key == "components" else dict(reversed(value.items())) if isinstance(value, dict) else value
+        for key, value in reversed(ROBOT.items())
+    }
+    assert recorded(CROWD) == recorded(CROWD | {"agents": {"robot": turned, "car": CAR}}, "turned")
+
+
+def test_the_order_of_components_that_do_not_read_each_other_changes_nothing_else(recorded):
+    components = {"stray": {"use": "perception.self"}, **CAR["components"]}
+    turned = {**CAR["components"], "stray": {"use": "perception.self"}}
+    one = recorded(CROWD | {"agents": {"car": CAR | {"components": components}}})
+    other = recorded(CROWD | {"agents": {"car": CAR | {"components": turned}}}, "turned")
+    assert one == other
+
+
+def others_of(found, ids):
+    """What was recorded of some agents only."""
+    return {key: value for key, value in found.items() if key[0] in ids}
+
+
+@pytest.mark.parametrize("name", ["aaa", "zzz"])
+def test_a_group_far_away_changes_nothing_about_the_others(name, recorded):
+    alone = recorded(CROWD)
+    together = recorded(CROWD | {"agents": {name: FAR, **CROWD["agents"]}}, "together")
+    assert others_of(together, {id for id, _ in alone}) == alone
+    assert any(id.startswith(name) for id, _ in together)
+
+
+@pytest.mark.parametrize("count", [6, 11, 70])
+def test_more_agents_of_a_group_change_nothing_about_those_that_were_there(count, recorded):
+    few = recorded(CROWD)
+    many = recorded(CROWD | {"agents": {"robot": ROBOT | {"count": count}, "car": CAR}}, "many")
+    assert others_of(many, {id for id, _ in few}) == few
+    assert len({id for id, _ in many if id.startswith("robot")}) == count
+
+
+def test_how_many_runs_were_made_in_a_process_changes_nothing(tmp_path):
+    scenario = write(tmp_path / "crowd.yaml", CROWD)
+    results = set()
+    for number in range(3):
+        np.random.rand(number)  # noqa: NPY002 (the global state must not matter)
+        log = tmp_path / f"{number}.mcap"
+        execute(build(scenario), log)
+        results.add(digest(open_log(log)).combined)
+    assert len(results) == 1

@@ -1,0 +1,185 @@
+"""What the documents show is true: commands print what they are said to print, and snippets work."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+import yaml
+
+from symaware_cli.scenario.build import build
+
+TOP = Path(__file__).parents[1]
+DOCUMENTS = sorted([*TOP.glob("*.md"), *TOP.glob("docs/**/*.md"), *TOP.glob("plugins/*/*.md")])
+
+#: What differs from run to run and from machine to machine.
+VOLATILE = (
+    r"[\d.,]+ (kB|MB|B)\b",
+    r"wall time .*",
+    r"[\d.]+ s of wall time",
+    r"\b\d+\.\d+\.\d+\b",  # a version
+    r"and \d+ more \(--json\)",
+    r"/timing .*",
+    r"the centres of .* at",  # several pairs are equally near in hello.yaml; rounding chooses
+)
+
+#: What a snippet that is no scenario by itself is added to.
+BASE = """\
+symaware: 1
+name: base
+run: {duration: 1.0}
+environment: {use: kinematic}
+agents: {robot: {count: 4, model: {use: unicycle}}}
+"""
+
+
+class Block(NamedTuple):
+    """A fenced block of a document."""
+
+    language: str
+    text: str
+
+
+class Command(NamedTuple):
+    """A command of a document, with what it is said to print and to exit with."""
+
+    text: str
+    output: list[str]
+    status: int
+
+
+def blocks(document: Path) -> Iterator[Block]:
+    for found in re.finditer(r"(?ms)^```(\w+)\n(.*?)^```$", document.read_text(encoding="utf-8")):
+        yield Block(found[1], found[2])
+
+
+def commands(text: str) -> list[Command]:
+    """Take a console session apart; `$ echo $?` tells the status of the command before it."""
+    found: list[Command] = []
+    for entry in re.split(r"(?m)^\$ ", text)[1:]:
+        command, _, output = entry.partition("\n")
+        if command == "echo $?":
+            found[-1] = found[-1]._replace(status=int(output))
+        else:
+            found.append(Command(command, output.splitlines(), 0))
+    return [command for command in found if command.text.startswith(("symaware ", "sed "))]
+
+
+def masked(line: str) -> str:
+    for pattern in VOLATILE:
+        line = re.sub(pattern, "~", line)
+    return " ".join(line.split())
+
+
+def matches(shown: list[str], printed: list[str]) -> bool:
+    """Whether a session shows what was printed; a line `...` stands for any number of lines."""
+    pattern = [r"(.*\n)*" if line.strip() == "..." else re.escape(masked(line)) + r"\n" for line in shown]
+    return re.fullmatch("".join(pattern), "".join(f"{masked(line)}\n" for line in printed)) is not None
+
+
+def ids(path: Path) -> str:
+    return str(path.relative_to(TOP))
+
+
+def having(*languages: str) -> list[Path]:
+    return [document for document in DOCUMENTS if any(block.language in languages for block in blocks(document))]
+
+
+def installed(document: Path, folder: Path) -> None:
+    """Install `my-package`, made of the Python and the entry points that a document shows."""
+    code = [block.text for block in blocks(document) if block.language == "python"]
+    entry_points = [block.text for block in blocks(document) if block.text.startswith("[project.entry-points")]
+    about = folder / "site" / "my_package-0.1.0.dist-info"
+    about.mkdir(parents=True)
+    about.with_name("my_package.py").write_text("\n\n".join(code), encoding="utf-8")
+    about.joinpath("METADATA").write_text("Metadata-Version: 2.1\nName: my-package\nVersion: 0.1.0\n", encoding="utf-8")
+    listed = "".join(entry_points).replace("project.entry-points.", "").replace('"', "")
+    about.joinpath("entry_points.txt").write_text(listed, encoding="utf-8")
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    shutil.copytree(TOP / "scenarios", tmp_path / "scenarios")
+    tmp_path.joinpath("base.yaml").write_text(BASE, encoding="utf-8")
+    return tmp_path
+
+
+def written(block: Block, folder: Path, number: int) -> Path:
+    """Write a snippet into a file: a scenario as it is, a part of one on top of `BASE`.
+
+    A first line such as `# night.yaml` names the file, for those that come after it.
+    """
+    content = yaml.safe_load(block.text) if block.language == "yaml" else tomllib.loads(block.text)
+    named = re.match(r"# (\S+\.(yaml|toml))$", block.text.partition("\n")[0])
+    path = folder / (named[1] if named else f"snippet-{number}.{block.language}")
+    text = block.text
+    if not {"symaware", "extends"} & content.keys():
+        text = ("extends: base.yaml\n" if block.language == "yaml" else 'extends = "base.yaml"\n') + text
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("document", having("console"), ids=ids)
+def test_a_command_prints_what_the_document_shows(document: Path, folder: Path) -> None:
+    scripts = str(Path(sys.executable).parent)
+    environment = {**os.environ, "PATH": os.pathsep.join([scripts, os.environ["PATH"]]), "COLUMNS": "100"}
+    if document.name == "plugins.md":
+        installed(document, folder)
+        environment["PYTHONPATH"] = os.pathsep.join([str(folder / "site"), os.environ.get("PYTHONPATH", "")])
+    for number, block in enumerate(blocks(document)):
+        if block.language in ("yaml", "toml") and block.text.startswith("# "):
+            written(block, folder, number)
+        if block.language != "console":
+            continue
+        for command in commands(block.text):
+            done = subprocess.run(
+                ["bash", "-c", command.text],
+                cwd=folder,
+                env=environment,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+                text=True,
+                timeout=120,
+                check=False,
+            )
+            assert done.returncode == command.status, f"$ {command.text}\n{done.stdout}"
+            same = not command.output or matches(command.output, done.stdout.splitlines())
+            assert same, f"$ {command.text}\n{done.stdout}"
+
+
+def test_the_readme_shows_the_scenario_as_it_is() -> None:
+    shown = [block.text for block in blocks(TOP / "README.md") if block.language == "yaml"]
+    assert shown
+    scenario = TOP.joinpath("scenarios", "hello.yaml").read_text(encoding="utf-8")
+    assert all(text in scenario for text in shown)
+
+
+def test_every_snippet_of_the_scenario_guide_is_sound(folder: Path) -> None:
+    snippets = [block for block in blocks(TOP / "docs" / "scenario.md") if block.language in ("yaml", "toml")]
+    assert snippets
+    for number, block in enumerate(snippets):
+        build(written(block, folder, number))
+
+
+@pytest.mark.parametrize("document", having("python"), ids=ids)
+def test_the_code_of_a_document_runs(document: Path) -> None:
+    namespace: dict[str, object] = {"__name__": "document"}
+    for block in blocks(document):
+        if block.language == "python":
+            exec(compile(block.text, str(document), "exec"), namespace)
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=ids)
+def test_a_link_leads_somewhere(document: Path) -> None:
+    targets = re.findall(r"\]\(([^)#\s]+)[^)]*\)", document.read_text(encoding="utf-8"))
+    missing = [target for target in targets if "://" not in target and not (document.parent / target).exists()]
+    assert not missing

@@ -1,0 +1,129 @@
+"""A package of plugins is built, installed beside SymAware and used, all from outside the checkout."""
+
+import json
+import os
+import subprocess
+import sys
+import venv
+import zipfile
+from pathlib import Path
+
+import pytest
+
+CHECKOUT = Path(__file__).parent.parent
+EXAMPLE = CHECKOUT / "plugins" / "symaware-example"
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def wheels(tmp_path_factory):
+    """The two wheels, built from copies of what git knows or would know."""
+    folder = tmp_path_factory.mktemp("wheels")
+    built = []
+    for source in (CHECKOUT, EXAMPLE):
+        subprocess.run(
+            [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--wheel-dir", folder, source],
+            check=True,
+            cwd=folder,
+            timeout=300,
+        )
+        (new,) = set(folder.glob("*.whl")) - set(built)
+        built.append(new)
+    return built
+
+
+@pytest.fixture(scope="module")
+def elsewhere(wheels, tmp_path_factory):
+    """Run a command of a fresh environment that has both wheels, in a folder far from the checkout."""
+    folder = tmp_path_factory.mktemp("elsewhere")
+    venv.create(folder / "venv", with_pip=True)
+    python = folder / "venv" / "bin" / "python"
+    subprocess.run([python, "-m", "pip", "install", "--quiet", *wheels, "pytest"], check=True, timeout=600)
+    outside = {key: value for key, value in os.environ.items() if not key.startswith("PYTHON")}
+    (folder / "work").mkdir()
+
+    def run(program, *arguments):
+        line = [folder / "venv" / "bin" / program, *map(str, arguments)]
+        done = subprocess.run(
+            line, cwd=folder / "work", env=outside, capture_output=True, text=True, timeout=300, check=False
+        )
+        assert "Traceback" not in done.stderr, done.stderr
+        return done
+
+    return run
+
+
+def test_the_wheel_holds_the_package_its_marker_of_types_and_nothing_else(wheels):
+    names = zipfile.ZipFile(wheels[0]).namelist()
+    assert "symaware_cli/py.typed" in names
+    assert "symaware_cli/testing.py" in names
+    tracked = subprocess.run(
+        ["git", "ls-files", "--cached", "--others", "--exclude-standard", "symaware_cli"],
+        cwd=CHECKOUT,
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stdout.split()
+    information = [name for name in names if ".dist-info/" in name]
+    assert sorted(set(names) - set(information)) == sorted(name for name in tracked if (CHECKOUT / name).exists())
+    assert {name.partition("/")[2] for name in information} == {
+        *("METADATA", "WHEEL", "entry_points.txt", "licenses/LICENSE", "RECORD")
+    }
+    assert {name for name in zipfile.ZipFile(wheels[1]).namelist() if ".dist-info/" not in name} == {
+        *("symaware_example/__init__.py", "symaware_example/patrol.py", "symaware_example/py.typed"),
+        "symaware_example/telling.py",
+    }
+
+
+def test_the_example_uses_the_public_api_only():
+    for file in (EXAMPLE / "src").rglob("*.py"):
+        for line in file.read_text().splitlines():
+            if "symaware_cli" in line:
+                assert line.startswith("from symaware_cli import"), f"{file.name}: {line}"
+
+
+def test_a_fresh_environment_lists_shows_and_describes_the_plugins(elsewhere):
+    listed = elsewhere("symaware", "list", "components")
+    assert listed.returncode == 0
+    assert "example.patrol" in listed.stdout
+    assert "symaware-example 0.1.0" in listed.stdout
+    assert "symaware_cli" not in elsewhere("python", "-c", "import os; print(os.listdir())").stdout
+
+    shown = elsewhere("symaware", "show", "example.patrol")
+    assert shown.returncode == 0
+    for said in ("Speed [m/s].", "tolerance", "waypoint-reached", "waypoints"):
+        assert said in shown.stdout
+
+    schema = json.loads(elsewhere("symaware", "schema").stdout)
+    assert set(schema["$defs"]["component:example.patrol"]["properties"]) == {"speed", "tolerance"}
+    built_in = json.loads(elsewhere("symaware", "schema", "--built-in").stdout)
+    assert not [name for name in built_in["$defs"] if "example" in name]
+
+
+def test_a_fresh_environment_validates_and_runs_the_examples_scenario(elsewhere):
+    scenario = EXAMPLE / "scenarios" / "rounds.yaml"
+    validated = elsewhere("symaware", "validate", scenario)
+    assert validated.returncode == 0, validated.stderr
+    done = elsewhere("symaware", "run", scenario, "--json")
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["status"] == "finished"
+    inspected = elsewhere("symaware", "inspect", "rounds.mcap")
+    assert inspected.returncode == 0
+    assert "waypoint-reached" in inspected.stdout
+    versions = json.loads(elsewhere("symaware", "inspect", "rounds.mcap", "--json").stdout)["versions"]
+    assert versions["symaware-example"] == "0.1.0"
+
+
+def test_a_fresh_environment_passes_the_examples_own_tests(elsewhere):
+    done = elsewhere("python", "-m", "pytest", "-q", "-p", "no:cacheprovider", EXAMPLE / "tests")
+    assert done.returncode == 0, done.stdout
+
+
+def test_a_parameter_out_of_range_is_located_in_the_file(elsewhere):
+    done = elsewhere(
+        *("symaware", "validate", EXAMPLE / "scenarios" / "rounds.yaml"),
+        *("--set", "agents.guard.components.patrol.with.speed=-1"),
+    )
+    assert done.returncode == 2
+    assert "speed" in done.stderr
