@@ -140,9 +140,11 @@ class Sleeper(Idle):
         """How long."""
 
         duration: float = Field(0.3, description="Wall time of a turn [s].")
+        start: float = Field(0.0, description="Simulated time of the first such turn [s].")
 
     def _update(self, value):
-        time.sleep(self.parameters.duration)
+        if self.time >= self.parameters.start:
+            time.sleep(self.parameters.duration)
 
 
 class Endless(Idle):

@@ -84,9 +84,10 @@ class Recorder:
             if obstacle.path and "world" not in omit
         ]
         self._rank = {id: rank for rank, id in enumerate(environment.roster.ids)}
+        writer.flush_in_background()
 
     def record(self, now: int, steps: int) -> None:
-        """Record what changed, and see to it that it reaches the disk in time.
+        """Record what changed.
 
         Args:
             now: Simulated time in nanoseconds.
@@ -102,7 +103,6 @@ class Recorder:
         if monotonic >= self._timing_due:
             self._timing_due = monotonic + 1.0
             self._record_timing(now, steps, monotonic)
-        self.writer.flush_if_due(monotonic)
 
     def event(self, event: Event) -> None:
         """Record an event."""

@@ -9,6 +9,7 @@ import contextlib
 import json
 import os
 import struct
+import threading
 import zlib
 from collections.abc import Mapping
 from pathlib import Path
@@ -54,7 +55,7 @@ class LogWriter:
 
     Args:
         path: The file, which is replaced.
-        flush_interval: Wall time between two flushes by `flush_if_due`, in s.
+        flush_interval: Wall time between two flushes by `flush_in_background`, in s.
 
     Raises:
         LogError: The file cannot be created.
@@ -68,7 +69,6 @@ class LogWriter:
         self.path = Path(path)
         self.size = 0
         self._flush_interval = flush_interval
-        self._due: float | None = None
         self._error: LogError | None = None
         self._compressor = zstandard.ZstdCompressor()
 
@@ -87,6 +87,9 @@ class LogWriter:
         except OSError as error:
             raise LogError(f"cannot create the log {self.path}: {reason(error)}") from error
         self._open = True
+        # A flush may come from another thread (see `flush_in_background`) while a message is being added.
+        self._lock = threading.RLock()
+        self._closed = threading.Event()
         # Without a version, so that equal runs make equal logs; versions have an attachment of their own.
         self._write(MAGIC + serialise(Header(profile=PROFILE, library=LIBRARY)))
         # First of all, so that its number does not depend on when somebody looked at the clock.
@@ -204,24 +207,25 @@ class LogWriter:
         self._timing_sequence += 1
 
     def _add(self, channel_id: int, time_ns: int, data: bytes, sequence: int) -> None:
-        if not self._open:
-            self._refuse()
-        if time_ns < self._time:
-            raise ValueError(f"a message at {time_ns} ns after one at {self._time} ns")
-        positions = self._positions[channel_id]
-        chunk = self._chunk
-        length = _MESSAGE_HEADER + len(data)
-        if chunk and len(chunk) + 9 + length > CHUNK_SIZE:
-            self._end_chunk()
-        try:
-            record = _MESSAGE.pack(5, length, channel_id, sequence, time_ns, time_ns) + data
-        except struct.error as error:
-            raise ValueError(f"message {sequence} at {time_ns} ns is out of range") from error
-        if not chunk:
-            self._chunk_start = time_ns
-        positions += (time_ns, len(chunk))
-        chunk += record
-        self._time = time_ns
+        with self._lock:
+            if not self._open:
+                self._refuse()
+            if time_ns < self._time:
+                raise ValueError(f"a message at {time_ns} ns after one at {self._time} ns")
+            positions = self._positions[channel_id]
+            chunk = self._chunk
+            length = _MESSAGE_HEADER + len(data)
+            if chunk and len(chunk) + 9 + length > CHUNK_SIZE:
+                self._end_chunk()
+            try:
+                record = _MESSAGE.pack(5, length, channel_id, sequence, time_ns, time_ns) + data
+            except struct.error as error:
+                raise ValueError(f"message {sequence} at {time_ns} ns is out of range") from error
+            if not chunk:
+                self._chunk_start = time_ns
+            positions += (time_ns, len(chunk))
+            chunk += record
+            self._time = time_ns
 
     def flush(self) -> None:
         """End the chunk and hand it to the operating system, from where it survives the death of this process.
@@ -229,29 +233,25 @@ class LogWriter:
         Raises:
             LogError: It cannot be written.
         """
-        if not self._open:
-            self._refuse()
-        self._end_chunk()
+        with self._lock:
+            if not self._open:
+                self._refuse()
+            self._end_chunk()
 
-    def is_due(self, monotonic_now: float) -> bool:
-        """Tell whether `flush_if_due` would flush: the last time it did was `flush_interval` ago.
+    def flush_in_background(self) -> None:
+        """Flush every `flush_interval` from now on, until the log is closed.
 
-        Args:
-            monotonic_now: The reading of a monotonic clock in s; the first one starts the count.
+        A thread does it, because nothing else comes by while a component takes a turn of many seconds; what was
+        added before such a turn must not die with it.
         """
-        if self._due is None:
-            self._due = monotonic_now + self._flush_interval
-        return monotonic_now >= self._due
+        threading.Thread(target=self._keep_flushing, name="symaware-log", daemon=True).start()
 
-    def flush_if_due(self, monotonic_now: float) -> None:
-        """Flush if `is_due`.
-
-        Args:
-            monotonic_now: The reading of a monotonic clock in s.
-        """
-        if self.is_due(monotonic_now):
-            self._due = monotonic_now + self._flush_interval
-            self.flush()
+    def _keep_flushing(self) -> None:
+        while not self._closed.wait(self._flush_interval):
+            # An error is kept: the next message that is added tells it.
+            with self._lock, contextlib.suppress(LogError):
+                if self._open:
+                    self._end_chunk()
 
     def finish(self, outcome: Mapping[str, Any]) -> None:
         """End the run: write its outcome and the summary, and close the file.
@@ -262,21 +262,23 @@ class LogWriter:
         Raises:
             LogError: It cannot be written.
         """
-        if not self._open:
-            self._refuse()
-        self._end_chunk()
-        self.metadata(OUTCOME, {key: json.dumps(value, sort_keys=True) for key, value in sorted(outcome.items())})
-        self._close()
+        with self._lock:
+            if not self._open:
+                self._refuse()
+            self._end_chunk()
+            self.metadata(OUTCOME, {key: json.dumps(value, sort_keys=True) for key, value in sorted(outcome.items())})
+            self._close()
 
     def abort(self) -> None:
         """Close the log without an outcome, keeping all that was added if it can be kept.
 
         Never raises: there is an error on its way already that must not be hidden.
         """
-        if self._open:
-            with contextlib.suppress(LogError):
-                self._end_chunk()
-                self._close()
+        with self._lock:
+            if self._open:
+                with contextlib.suppress(LogError):
+                    self._end_chunk()
+                    self._close()
 
     def __enter__(self) -> "LogWriter":
         return self
@@ -334,6 +336,7 @@ class LogWriter:
         self._write_record(DataEnd(data_section_crc=0))
         self._write(self._summary.serialise(self.size))
         self._open = False
+        self._closed.set()
         try:
             self._file.close()
         except OSError as error:  # a network file system may say only now that it kept nothing
@@ -366,6 +369,7 @@ class LogWriter:
     def _fail(self, error: OSError) -> None:
         """Give up after a failed write: leave whole records only, close the file, and say so once."""
         self._open = False
+        self._closed.set()
         self._chunk.clear()
         # If these fail as well, the first error is still the one to tell, and a reader copes with half a record.
         with contextlib.suppress(OSError):

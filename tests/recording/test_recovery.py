@@ -237,16 +237,16 @@ import sys
 from symaware_cli.recording import wire
 from symaware_cli.recording.writer import LogWriter
 import numpy as np, time
-writer = LogWriter(sys.argv[1], flush_interval=0.02)
+writer = LogWriter(sys.argv[1])
 writer.attach("manifest.json", "application/json", b'{"format": 1, "groups": {"robot": {"agents": ["robot"]}}}')
 channel = writer.channel("/agents/robot/state", "Rows")
 random = np.random.default_rng(0)
-step = 0
+step, due = 0, time.monotonic()
 while True:
     writer.add(channel, step, wire.encode_rows(random.normal(size=(1, 3))))
-    before = writer.size
-    writer.flush_if_due(time.monotonic())
-    if writer.size > before:
+    if time.monotonic() >= due:
+        due += 0.02
+        writer.flush()
         print(step, flush=True)
     step += 1
 """

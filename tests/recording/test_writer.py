@@ -5,6 +5,7 @@ import json
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -131,15 +132,28 @@ def test_what_was_flushed_is_in_the_file(tmp_path):
     writer.abort()
 
 
-def test_a_flush_is_due_once_an_interval(tmp_path):
-    with LogWriter(tmp_path / "log.mcap", flush_interval=0.5) as writer:
+def test_what_was_added_reaches_the_disk_while_nobody_adds_more(tmp_path):
+    with LogWriter(tmp_path / "log.mcap", flush_interval=0.01) as writer:
         channel = writer.channel("/state", "Rows")
-        sizes = []
-        for step in range(21):
-            writer.add(channel, step, b"")
-            writer.flush_if_due(100 + step * 0.1)
-            sizes.append(writer.size)
-    assert len(set(sizes)) == 5
+        writer.flush_in_background()
+        for time_ns in range(3):
+            before = writer.size
+            writer.add(channel, time_ns, b"")
+            patience = time.monotonic() + 30
+            while writer.size == before:
+                assert time.monotonic() < patience
+                time.sleep(0.001)
+    assert [message.time for message in open_log(writer.path).messages("/state")] == [0, 1, 2]
+
+
+def test_flushing_in_the_background_loses_and_doubles_nothing(tmp_path):
+    with LogWriter(tmp_path / "log.mcap", flush_interval=0.0001) as writer:
+        channel = writer.channel("/state", "Rows")
+        writer.flush_in_background()
+        for time_ns in range(20_000):
+            writer.add(channel, time_ns, b"")
+        writer.finish({})
+    assert [message.time for message in open_log(writer.path).messages("/state")] == list(range(20_000))
 
 
 def test_messages_counts_those_in_the_chunk_too(tmp_path):

@@ -96,3 +96,25 @@ def test_what_is_read_after_a_kill_is_what_an_undisturbed_run_records(doubles, c
 
     assert content(broken) == content(whole)
     assert len(content(whole)) > 100
+
+
+def test_a_turn_without_end_does_not_take_what_came_before_with_it(doubles, command, tmp_path, monkeypatch):
+    progress = tmp_path / "progress"
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PROGRESS", str(progress))
+    slow = "slow: {use: doubles.sleeper, with: {duration: 1000.0, start: 5.0}}"
+    (tmp_path / "doomed.yaml").write_text(SCENARIO.format(slow=slow))
+    process = subprocess.Popen([*COMMAND, "run", "doomed.yaml", "--quiet"])
+    try:
+        end = time.monotonic() + 60
+        while not (turns := Progress.read(progress)) or turns[-1][1] < 4_950_000_000:
+            assert process.poll() is None
+            assert time.monotonic() < end, "it took too long"
+            time.sleep(0.01)
+        time.sleep(1.0)  # the promise: what is older than a second is on the disk
+    finally:
+        process.kill()
+        process.wait()
+    done = command("inspect", "doomed.mcap", "--json")
+    assert done.returncode == 3
+    assert json.loads(done.stdout)["simulated_time"] == 4.95
