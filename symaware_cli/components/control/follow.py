@@ -1,0 +1,120 @@
+"""Controllers that keep to another agent."""
+
+from __future__ import annotations
+
+from typing import ClassVar, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from symaware_cli.components.control.steering import Steering, lengths
+from symaware_cli.core import AgentGroup
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+#: A leader slower than this goes in no direction worth following [m/s].
+_STANDING = 0.05
+
+
+class Follow(Steering):
+    """Keeps the place known as ``offset`` relative to another agent, as far as it is aware of that agent.
+
+    The wanted velocity is the believed velocity of the leader, plus the way to one's place times the gain. Nothing is
+    communicated: an agent that has no belief about the leader stops until it has one. The intent is how the place would
+    be approached if the leader kept its velocity.
+    """
+
+    knowledge: ClassVar = {"offset": "where to be relative to the leader, as a vector [m]"}
+    events: ClassVar = {
+        "leader-lost": "An agent has no belief about its leader any more, or none from the start.",
+        "leader-found": "An agent is aware of its leader again.",
+    }
+
+    class Parameters(Steering.Parameters):
+        """Whom to follow, and how."""
+
+        leader: str = Field(description="The id of the agent to follow, such as robot.0.")
+        frame: Literal["motion", "world"] = Field(
+            "motion",
+            description="What the offset refers to: the leader's direction of motion (ahead, to the left), or the axes"
+            " of the world.",
+        )
+        gain: float = Field(1.0, gt=0, description="Speed for each metre away from one's place [1/s].")
+        speed: float = Field(1.5, gt=0, description="Greatest speed [m/s].")
+
+    def check(self, group: AgentGroup) -> None:
+        """The leader is another, the offset is a vector, and the model can be steered by a velocity."""
+        dimensions = len(group.model.position)
+        if self.parameters.leader in group.ids:
+            raise ValueError(f"{self.parameters.leader} cannot follow itself: put the leader into a group of its own")
+        if group.known("offset").shape != (len(group), dimensions):
+            raise ValueError(f"the knowledge `offset` of each agent must be a vector of {dimensions} numbers")
+        super().check(group)
+
+    def initialise_component(self, group: AgentGroup) -> None:
+        """Find out who leads."""
+        super().initialise_component(group)
+        if self.parameters.leader not in self.environment.roster:
+            raise ValueError(f"there is no agent `{self.parameters.leader}` to follow")
+        self._leader = self.environment.roster.index(self.parameters.leader)
+        self._offset = group.known("offset")
+        self._direction = np.zeros((len(group), 2))
+        self._direction[:, 0] = 1.0
+        self._aware = np.ones(len(group), bool)
+
+    def _compute(self) -> tuple[Array, Array, Array, Mask]:
+        model, state = self._group.model, self._group.awareness.state
+        position = model.positions(state)
+        aware, led, speed = self._belief(position)
+        direction = self._direction_of(speed, aware)
+        way = np.where(aware[:, None], led + self._turned(direction) - position, 0.0)
+        velocity = speed + self.parameters.gain * way
+        fast = lengths(velocity)
+        velocity *= np.minimum(1.0, self.parameters.speed / np.maximum(fast, 1e-12))[:, None]
+        left = np.exp(-self.parameters.gain * self._ahead)[None, :, None]
+        ahead = self._ahead[None, :, None]
+        intent = position[:, None] + speed[:, None] * ahead + way[:, None] * (1.0 - left)
+        return model.follow_velocity(state, velocity), intent, direction, aware
+
+    def _update(self, value: tuple[Array, Array, Array, Mask]) -> None:
+        control_input, intent, self._direction, aware = value
+        self._steer(control_input, intent)
+        for row in np.flatnonzero(aware != self._aware).tolist():
+            name, text = ("leader-found", "is aware of") if aware[row] else ("leader-lost", "is not aware of")
+            self.emit_for(row, name, f"{text} {self.parameters.leader}")
+        self._aware = aware
+
+    def _belief(self, position: Array) -> tuple[Mask, Array, Array]:
+        """Who is aware of the leader, where it is believed to be and how fast: (n,), (n, d) and (n, d)."""
+        awareness, dimensions = self._group.awareness, position.shape[1]
+        aware, led, speed = np.zeros(len(position), bool), position.copy(), np.zeros_like(position)
+        tracks, world = awareness.tracks, awareness.world
+        if tracks is not None:
+            rows = np.flatnonzero(tracks.others == self._leader)
+            who = tracks.observers[rows]
+            aware[who] = True
+            led[who] = tracks.positions[rows, :dimensions]
+            speed[who] = tracks.velocities[rows, :dimensions]
+        elif world is not None:
+            aware[:] = True
+            led[:] = world.positions[self._leader, :dimensions]
+            speed[:] = world.velocities[self._leader, :dimensions]
+        return aware, led, speed
+
+    def _direction_of(self, speed: Array, aware: Mask) -> Array:
+        """Where the leader goes, in the plane, as unit vectors; the last known where it stands; shape (n, 2)."""
+        plane = speed[:, :2]
+        fast = lengths(plane)
+        moving = aware & (fast > _STANDING)
+        return np.where(moving[:, None], plane / np.where(moving, fast, 1.0)[:, None], self._direction)
+
+    def _turned(self, direction: Array) -> Array:
+        """The offsets along the axes of the world; shape (n, d)."""
+        if self.parameters.frame == "world":
+            return self._offset
+        turned = self._offset.copy()
+        turned[:, 0] = direction[:, 0] * self._offset[:, 0] - direction[:, 1] * self._offset[:, 1]
+        turned[:, 1] = direction[:, 1] * self._offset[:, 0] + direction[:, 0] * self._offset[:, 1]
+        return turned

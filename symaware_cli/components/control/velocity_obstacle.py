@@ -1,0 +1,207 @@
+"""Reciprocal avoidance: velocities that keep clear of others who avoid likewise."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from symaware_cli.components.control.goal import GoalSeeking
+from symaware_cli.components.control.half_planes import HalfPlanes, nearest_velocity
+from symaware_cli.components.control.steering import directions, lengths
+from symaware_cli.components.encounters import Encounters, bounding_radii, dot, own_velocity
+from symaware_cli.core import AgentGroup
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+#: How much obstacles give way, relative to agents, where not all constraints can be kept: they will not move aside.
+_OBSTACLE_WEIGHT = 0.01
+
+
+def reciprocal_constraints(
+    apart: Array, closing: Array, own: Array, radius: Array, horizon: float, parting: float, share: float
+) -> tuple[Array, Array]:
+    """Return half-planes of velocities in which two agents keep clear of each other if both stay in theirs.
+
+    The velocity obstacle is the set of relative velocities that lead to a collision within the horizon: a cone with its
+    tip cut off by a disc. The half-plane touches it where it is closest to the present relative velocity, after one's
+    own share of the way there (J. van den Berg, S. J. Guy, M. Lin, D. Manocha, "Reciprocal n-body collision avoidance",
+    Robotics Research, STAR 70, 2011, section 4).
+
+    Args:
+        apart: From oneself to the other [m]; shape (2, m).
+        closing: The velocity of the other less one's own [m/s]; shape (2, m).
+        own: One's own velocity [m/s]; shape (2, m).
+        radius: The sum of the radii [m]; shape (m,).
+        horizon: For how long to keep clear [s].
+        parting: In what time to part where bodies overlap already [s].
+        share: The part of the change of the relative velocity to take upon oneself.
+
+    Returns:
+        Unit normals, shape (2, m), and limits, shape (m,): an allowed velocity v has n . v <= c.
+    """
+    square = dot(apart, apart)
+    overlapping = square <= radius * radius
+    time = np.where(overlapping, parting, horizon)
+    # From the centre of the disc that cuts the cone to the relative velocity.
+    tip = -closing - apart / time
+    tip_square = dot(tip, tip)
+    inward = dot(tip, apart)
+    at_disc = overlapping | ((inward < 0.0) & (inward * inward > radius * radius * tip_square))
+    # Away from the disc; where velocities coincide with its centre, straight back.
+    tip_length = np.sqrt(tip_square)
+    centred = tip_length <= 1e-9
+    away = np.where(centred, -apart, tip) / np.where(centred, np.sqrt(square), tip_length)
+    # Away from the leg of the cone that is on the same side.
+    leg = np.sqrt(np.maximum(square - radius * radius, 0.0))
+    side = np.where(apart[0] * tip[1] - apart[1] * tip[0] > 0.0, 1.0, -1.0)
+    across = np.stack([-side * apart[1] * leg - apart[0] * radius, side * apart[0] * leg - apart[1] * radius])
+    across /= np.where(overlapping, 1.0, square)
+    normal = -np.where(at_disc, away, across)
+    inside = np.where(at_disc, radius / time - tip_length, dot(closing, across))
+    return normal, dot(normal, own) - share * inside
+
+
+class VelocityObstacle(GoalSeeking):
+    """Heads for the position known as ``goal`` and avoids others who avoid likewise, and obstacles.
+
+    Optimal reciprocal collision avoidance (ORCA; see `reciprocal_constraints`): each agent takes the velocity closest to
+    the one straight to its goal that keeps it clear, for the time horizon, of everybody it is aware of, if they do their
+    half. Where that is impossible it takes the velocity that violates these constraints least. Beliefs are taken as they
+    are, each agent's own: whoever is not perceived is not avoided. Each convex piece of an obstacle forbids the
+    velocities that would use up the distance to it within its own horizon; the agents know the obstacles.
+
+    Constraints hold for velocities that are followed exactly, from one step to the next. What a model cannot follow (a
+    unicycle turns before it rolls) and what happens within a step is covered by ``margin``. Heights are not looked at.
+    The intent is the velocity over the horizon.
+    """
+
+    class Parameters(GoalSeeking.Parameters):
+        """How to avoid."""
+
+        time_horizon: float = Field(2.0, gt=0, description="For how long to keep clear of other agents [s].")
+        time_horizon_obstacles: float = Field(
+            1.0, gt=0, description="In what time an agent may at most use up its distance to an obstacle [s]."
+        )
+        margin: float = Field(0.2, ge=0, description="Distance to keep from other bodies [m].")
+        neighbours: int = Field(10, ge=1, le=1000, description="How many others to avoid at most; the nearest count.")
+        reach: float = Field(10.0, gt=0, description="Others farther away are not avoided [m].")
+        responsibility: float = Field(
+            0.5, gt=0, le=1, description="The part of each avoidance to take upon oneself; 1 among those who do not avoid."
+        )
+        parting: float = Field(
+            0.25, gt=0, description="In what time to restore the margin where it is used up [s]; less is more abrupt."
+        )
+        perturbation: float = Field(
+            0.2,
+            ge=0,
+            lt=1.5,
+            description="Each agent that is aware of another turns off to the right by an angle of its own, drawn from"
+            " half of this to all of it [rad]: without, symmetric encounters end in a standstill. 0 for not at all.",
+        )
+
+    def check(self, group: AgentGroup) -> None:
+        """Agents move in the plane."""
+        if len(group.model.position) != 2:
+            raise ValueError("avoidance works in the plane, and the model moves in space")
+        super().check(group)
+
+    def initialise_component(self, group: AgentGroup) -> None:
+        """Look up how big everybody is."""
+        super().initialise_component(group)
+        self._radii = bounding_radii(self.environment)
+        #: By which angle each agent turns off to the right [rad]; shape (n,).
+        self._turn: Array | None = None
+        if self.parameters.perturbation:
+            self._turn = self.parameters.perturbation * (0.5 + 0.5 * self.random.uniform(1)[:, 0])
+
+    def _compute(self) -> tuple[Array, Array, Array]:
+        model, state = self._group.model, self._group.awareness.state
+        position = model.positions(state)
+        way = self._goal - position
+        distance = lengths(way)
+        preferred = directions(way, distance) * self._slowing(distance)[:, None]
+        encounters = Encounters(self._group, self.parameters.reach, self._radii, own_velocity(self._group))
+        if self._turn is not None:
+            turn = np.where(np.diff(encounters.tracks.pointers) > 0, self._turn, 0.0)
+            preferred = _turned_right(preferred, turn)
+        planes = _joined(self._obstacle_planes(position), self._agent_planes(encounters))
+        velocity, _ = nearest_velocity(planes, preferred, self.parameters.speed)
+        intent = position[:, None, :] + velocity[:, None, :] * self._ahead[:, None]
+        return model.follow_velocity(state, velocity), intent, distance
+
+    def _update(self, value: tuple[Array, Array, Array]) -> None:
+        control_input, intent, distance = value
+        self._steer(control_input, intent)
+        self._arrive(distance)
+
+    def _agent_planes(self, encounters: Encounters) -> HalfPlanes:
+        parameters = self.parameters
+        observers, apart = encounters.observers, encounters.apart[:2]
+        rows = _nearest(encounters.tracks.pointers, observers, dot(apart, apart), parameters.neighbours)
+        observers = observers[rows]
+        normal, limit = reciprocal_constraints(
+            apart[:, rows],
+            encounters.closing[:2, rows],
+            np.ascontiguousarray(encounters.velocity[observers].T),
+            encounters.radius[rows] + parameters.margin,
+            parameters.time_horizon,
+            parameters.parting,
+            parameters.responsibility,
+        )
+        return _padded(len(self._group), observers, normal, limit, 1.0)
+
+    def _obstacle_planes(self, position: Array) -> HalfPlanes:
+        parameters, scenery = self.parameters, self.environment.scenery
+        keep = self._group.entity.radius + parameters.margin
+        reach = keep + parameters.speed * parameters.time_horizon_obstacles
+        near = scenery.nearest(position, max(reach, parameters.reach) if scenery.moves else reach)
+        distance = near.distance
+        # Inside of an obstacle the distance is negative, and the nearest way out is the way back.
+        normal = ((near.point - position[near.row]) / np.where(distance == 0.0, np.inf, distance)[:, None]).T
+        limit = (distance - keep) / parameters.time_horizon_obstacles + dot(normal, near.velocity.T)
+        limit = np.where(distance == 0.0, np.inf, limit)
+        return _padded(len(position), near.row, normal, limit, _OBSTACLE_WEIGHT)
+
+
+def _turned_right(vectors: Array, angle: Array) -> Array:
+    """Turn vectors (n, 2) clockwise by angles (n,)."""
+    cosine, sine = np.cos(angle), np.sin(angle)
+    x, y = vectors[:, 0], vectors[:, 1]
+    return np.stack([cosine * x + sine * y, cosine * y - sine * x], axis=1)
+
+
+def _nearest(pointers: Indices, observers: Indices, square: Array, most: int) -> Indices:
+    """The rows of the nearest few of each agent, in their order: those of its others never depend on who else is near.
+
+    Args:
+        pointers: Where the rows of each agent begin; shape (n + 1,).
+        observers: The agent of each row; shape (m,).
+        square: The squared distance of each row; shape (m,).
+        most: How many to keep for each agent.
+    """
+    if not len(square) or np.diff(pointers).max() <= most:
+        return np.arange(len(square))
+    order = np.lexsort((square, observers))
+    rank = np.arange(len(order)) - pointers[:-1][observers]
+    return np.sort(order[rank < most])
+
+
+def _padded(count: int, rows: Indices, normal: Array, limit: Array, weight: float) -> HalfPlanes:
+    """Lay out constraints, given one after the other in the order of the agents, as a row for each agent."""
+    starts = np.searchsorted(rows, np.arange(count))
+    column = np.arange(len(rows)) - starts[rows]
+    width = int(column.max(initial=-1)) + 1
+    x, y, limits = np.zeros((count, width)), np.zeros((count, width)), np.full((count, width), np.inf)
+    x[rows, column], y[rows, column], limits[rows, column] = normal[0], normal[1], limit
+    return HalfPlanes(x, y, limits, np.full((count, width), weight))
+
+
+def _joined(first: HalfPlanes, second: HalfPlanes) -> HalfPlanes:
+    if not first.limit.shape[1]:
+        return second
+    parts = zip(
+        (first.x, first.y, first.limit, first.weight), (second.x, second.y, second.limit, second.weight), strict=True
+    )
+    return HalfPlanes(*(np.concatenate(pair, axis=1) for pair in parts))

@@ -1,0 +1,193 @@
+"""Perception as a sensor has it: only so far, only ahead, not through walls, late, with errors and gaps."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from symaware_cli.core import AgentGroup, GroupComponent, Observation, Parameters, Snapshot, Tracks
+from symaware_cli.core.proximity import Proximity
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+NotNegative = Annotated[float, Field(ge=0)]
+
+
+class RangePerception(GroupComponent):
+    """Sees the others that are near, in view and not hidden, with errors, and one's own state with errors.
+
+    Another is seen if its position is within range, within the field of view (a wedge around the heading; in space it
+    is as high as one likes) and, where obstacles hide, if none of them cuts the straight line between both positions.
+    Bodies of agents hide nobody.
+
+    All errors are normal, without bias and independent of each other. What is drawn for an agent depends on its own
+    path and on whom it sees, and on nothing else.
+
+    Late perception sees the world as it was: others and oneself. Until there is something to see, nothing is
+    measured: agents believe what they believed at the start.
+
+    It updates the state, the observation (for those who estimate, such as `uncertainty.gaussian`) and the tracks: the
+    others seen at this instant, as they were measured. Whoever is out of sight is forgotten at once, unless an
+    estimator follows that remembers.
+    """
+
+    class Parameters(Parameters):
+        """What the sensor can do."""
+
+        range: float = Field(gt=0, description="Greatest distance between positions at which another is seen [m].")
+        field_of_view: float | None = Field(
+            None,
+            gt=0,
+            le=2 * math.pi,
+            description="Width of the field of view, half to either side of the heading [rad]; all around if null.",
+        )
+        position_noise: NotNegative = Field(
+            0.0, description="Standard deviation of the measured positions of others, along each axis [m]."
+        )
+        velocity_noise: NotNegative = Field(
+            0.0, description="Standard deviation of the measured velocities of others, along each axis [m/s]."
+        )
+        self_noise: NotNegative | tuple[NotNegative, ...] = Field(
+            0.0,
+            description="Standard deviation of the measured own state, in its units: one number for all elements, "
+            "or a list with one for each.",
+        )
+        delay: NotNegative = Field(
+            0.0,
+            description="How old what is seen is [s]; rounded to a whole number of the environment's time steps.",
+        )
+        dropout: float = Field(
+            0.0, ge=0, le=1, description="Probability that another who could be seen is missed, at each turn."
+        )
+        occlusion: bool = Field(False, description="Whether obstacles of the environment hide what is behind them.")
+
+    def check(self, group: AgentGroup) -> None:
+        """A field of view needs a heading, and a list of deviations one for each element of the state."""
+        model, parameters = group.model, self.parameters
+        if self._has_blind_side() and model.heading is None:
+            raise ValueError("`field_of_view` needs a model with a heading, and this one has none")
+        deviations = np.shape(parameters.self_noise)
+        if deviations not in ((), (len(model.state),)):
+            names = ", ".join(quantity.name for quantity in model.state)
+            raise ValueError(
+                f"`self_noise` is a list of {deviations[0]}, and the state has {len(model.state)} elements: {names}"
+            )
+
+    def initialise_component(self, group: AgentGroup) -> None:
+        """Look how the group stands in the world."""
+        super().initialise_component(group)
+        parameters, environment = self.parameters, self.environment
+        self._number = environment.roster.groups.index(group.name)
+        self._start = environment.roster.start(group.name)
+        self._state_deviation = np.broadcast_to(np.asarray(parameters.self_noise, float), len(group.model.state))
+        self._delay = round(parameters.delay * 1e9 / environment.time_step) * environment.time_step
+        self._past: deque[Snapshot] = deque()
+        # The shared index is about the present; the past would make it start anew all the time.
+        self._proximity = Proximity() if self._delay else environment.proximity
+
+    def _compute(self) -> Observation:
+        parameters, count = self.parameters, len(self._group)
+        snapshot = self._visible_world()
+        if snapshot is None:
+            time, state = self.now - self._delay, None
+            nobody, nowhere = np.empty(0, np.intp), np.empty((2, 0, self.environment.snapshot().positions.shape[1]))
+            tracks = self._tracks(time, np.zeros(count, np.intp), nobody, *nowhere)
+        else:
+            time, state = snapshot.time, self._own_state(snapshot)
+            rows, others = self._in_sight(snapshot)
+            counts = np.bincount(rows, minlength=count)
+            positions, velocities = snapshot.positions.take(others, 0), snapshot.velocities.take(others, 0)
+            self._blur(counts, positions, velocities)
+            tracks = self._tracks(time, counts, others, positions, velocities)
+        return Observation(
+            time, state, self._state_deviation, tracks, parameters.position_noise, parameters.velocity_noise
+        )
+
+    def _update(self, value: Observation) -> None:
+        awareness = self._group.awareness
+        if value.state is not None:
+            awareness.state = value.state
+        awareness.observation = value
+        awareness.tracks = value.tracks
+
+    def _has_blind_side(self) -> bool:
+        width = self.parameters.field_of_view
+        return width is not None and width < 2 * math.pi
+
+    def _visible_world(self) -> Snapshot | None:
+        """The world as it was a delay ago; None before there was one."""
+        present = self.environment.snapshot()
+        if not self._delay:
+            return present
+        past, then = self._past, self.now - self._delay
+        past.append(present)
+        while len(past) > 1 and past[1].time <= then:
+            past.popleft()
+        return past[0] if past[0].time <= then else None
+
+    def _own_state(self, snapshot: Snapshot) -> Array:
+        """The own states with their errors; shape (n, nx)."""
+        state = snapshot.states[self._number].copy()
+        if self._state_deviation.any():
+            state += self._state_deviation * self.random.standard_normal(state.shape[1])
+        state.flags.writeable = False
+        return state
+
+    def _in_sight(self, snapshot: Snapshot) -> tuple[Indices, Indices]:
+        """Who sees whom: rows of the group, ascending, and indices in the roster; each of shape (m,)."""
+        positions, parameters = snapshot.positions, self.parameters
+        one, other, _ = self._proximity.directed(positions, parameters.range)
+        if len(self._group) < len(positions):
+            first, last = np.searchsorted(one, (self._start, self._start + len(self._group)))
+            one, other = one[first:last], other[first:last]
+        if self._has_blind_side():
+            seen = self._in_view(snapshot, one, other)
+            one, other = one[seen], other[seen]
+        if parameters.occlusion:
+            scenery = self.environment.scenery.at(snapshot.time)
+            seen = ~scenery.blocks(positions.take(one, 0), positions.take(other, 0))
+            one, other = one[seen], other[seen]
+        rows = one - self._start if self._start else one
+        if parameters.dropout:
+            seen = self.random.uniform_of(np.bincount(rows, minlength=len(self._group))) >= parameters.dropout
+            rows, other = rows[seen], other[seen]
+        return rows, other
+
+    def _in_view(self, snapshot: Snapshot, one: Indices, other: Indices) -> NDArray[np.bool_]:
+        """Whether others are less than half a field of view off the heading; shape (m,).
+
+        The cosine falls from 0 to pi, so angles need not be computed to be compared.
+        """
+        heading = np.ascontiguousarray(snapshot.states[self._number][:, self._group.model.heading])
+        row = one - self._start
+        away = snapshot.positions.take(other, 0) - snapshot.positions.take(one, 0)
+        ahead = away[:, 0] * np.cos(heading).take(row) + away[:, 1] * np.sin(heading).take(row)
+        distance = np.sqrt(away[:, 0] * away[:, 0] + away[:, 1] * away[:, 1])
+        inside: NDArray[np.bool_] = ahead >= distance * math.cos(0.5 * self.parameters.field_of_view)
+        return inside
+
+    def _blur(self, counts: Indices, positions: Array, velocities: Array) -> None:
+        """Add the errors of measurement to positions and velocities of others, in place."""
+        deviations = (self.parameters.position_noise, self.parameters.velocity_noise)
+        noisy = [(values, each) for values, each in zip((positions, velocities), deviations, strict=True) if each]
+        if not noisy:
+            return
+        dimensions = positions.shape[1]
+        draws = self.random.standard_normal_of(counts * (dimensions * len(noisy)))
+        errors = draws.reshape(len(positions), len(noisy), dimensions)
+        for number, (values, deviation) in enumerate(noisy):
+            values += deviation * errors[:, number]
+
+    def _tracks(self, time: int, counts: Indices, others: Indices, positions: Array, velocities: Array) -> Tracks:
+        """What was seen, as old as it is."""
+        pointers = np.zeros(len(counts) + 1, np.intp)
+        np.cumsum(counts, out=pointers[1:])
+        ages = np.full(len(others), (self.now - time) / 1e9)
+        for array in (positions, velocities, ages):
+            array.flags.writeable = False  # spares the tracks a copy
+        return Tracks(time, pointers, others, positions, velocities, ages=ages)

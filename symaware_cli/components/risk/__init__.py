@@ -1,0 +1,1 @@
+"""Risk estimators that ship with SymAware."""

@@ -1,0 +1,69 @@
+"""Risk from the time that is left until bodies touch."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from symaware_cli.components.encounters import Encounters, bounding_radii, dot, own_velocity
+from symaware_cli.core import AgentGroup, GroupComponent, Parameters
+
+Array = NDArray[np.float64]
+
+
+def time_to_collision(apart: Array, closing: Array, radius: Array) -> Array:
+    """Return when two discs or balls touch if both keep their velocities.
+
+    They touch at the lesser root t of |p + v t|^2 = R^2, written in the form that does not cancel for slow motion.
+
+    Args:
+        apart: From the one to the other [m]; shape (d, m).
+        closing: The velocity of the other relative to the one [m/s]; shape (d, m).
+        radius: The sum of both radii [m]; shape (m,).
+
+    Returns:
+        Time [s]; 0 where they overlap already, infinite where they never touch; shape (m,).
+    """
+    speed = dot(closing, closing)
+    outward = dot(apart, closing)
+    gap = dot(apart, apart) - radius * radius
+    discriminant = outward * outward - speed * gap
+    meets = (outward < 0.0) & (discriminant >= 0.0) & (radius > 0.0)
+    denominator = np.sqrt(np.maximum(discriminant, 0.0)) - outward
+    time = np.full(len(radius), np.inf)
+    np.divide(gap, denominator, out=time, where=meets)
+    time[gap < 0.0] = 0.0
+    return time
+
+
+class TimeToCollision(GroupComponent):
+    """Risk from how soon each agent touches another if both keep their velocities.
+
+    The risk is 1 - t / horizon for the soonest of all encounters, 0 where nothing is touched within the horizon and 1
+    where bodies overlap. Time to collision is the usual measure of how urgent an encounter is (J. C. Hayward, "Near-miss
+    determination through use of a scale of danger", Highway Research Record 384, 1972); the straight line is the
+    simplest map from it that falls from 1 to 0.
+    """
+
+    class Parameters(Parameters):
+        """How far to look."""
+
+        horizon: float = Field(5.0, gt=0, description="Time to collision at which there is no risk yet [s].")
+        reach: float = Field(10.0, gt=0, description="Others farther away are not looked at [m].")
+        margin: float = Field(0.0, ge=0, description="Distance between two bodies that counts as touching [m].")
+
+    def initialise_component(self, group: AgentGroup) -> None:
+        """Look up how big everybody is."""
+        super().initialise_component(group)
+        self._radii = bounding_radii(self.environment)
+
+    def _compute(self) -> Array:
+        parameters = self.parameters
+        encounters = Encounters(self._group, parameters.reach, self._radii, own_velocity(self._group))
+        time = time_to_collision(encounters.apart, encounters.closing, encounters.radius + parameters.margin)
+        soonest = encounters.over_others(np.minimum, time, np.inf)
+        return np.maximum(1.0 - soonest / parameters.horizon, 0.0)
+
+    def _update(self, value: Array) -> None:
+        self._group.awareness.risk.set(self.now, value)
