@@ -56,13 +56,13 @@ class Encounters:
         self.apart = self._seen_from(position, self.tracks.positions)
         self.closing = self._seen_from(velocity, self.tracks.velocities)
         self.velocity = velocity
-        self.radius = group.entity.radius + radii[self.tracks.others]
+        self.radius = group.entity.radius + radii.take(self.tracks.others)
 
     def _seen_from(self, own: Array, others: Array) -> Array:
         """Subtract one's own vector from those of the others; who moves in the plane stands at height 0."""
         seen = np.ascontiguousarray(others.T)
         for axis in range(min(own.shape[1], len(seen))):
-            seen[axis] -= own[:, axis][self.observers]
+            seen[axis] -= own[:, axis].take(self.observers)
         return seen
 
     def over_others(self, reduction: np.ufunc, values: Array, nobody: float) -> Array:

@@ -109,7 +109,8 @@ class Tracks:
             covariances: Shape (m, 2d, 2d).
             ages: Shape (m,).
         """
-        pointers = np.searchsorted(observers, np.arange(count + 1))
+        pointers = np.zeros(count + 1, np.intp)
+        np.cumsum(np.bincount(observers, minlength=count), out=pointers[1:])
         return cls(time, pointers, others, positions, velocities, covariances, ages)
 
     @property

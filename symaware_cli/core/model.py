@@ -117,12 +117,12 @@ class Model(Plugin, ABC):
 
     def positions(self, state: Array) -> Array:
         """Pick the positions [m] out of states; (n, nx) to (n, d)."""
-        columns = self.__dict__.get("_position_columns")
-        if columns is None:
+        chosen = self.__dict__.get("_position_columns")
+        if chosen is None:
             first, last = self.position[0], self.position[-1] + 1
-            columns = slice(first, last) if self.position == tuple(range(first, last)) else list(self.position)
-            self.__dict__["_position_columns"] = columns
-        return state[:, columns]
+            chosen = slice(first, last) if self.position == tuple(range(first, last)) else list(self.position)
+            self.__dict__["_position_columns"] = chosen
+        return state if chosen == slice(0, state.shape[1]) else state[:, chosen]
 
     def velocity(self, state: Array, control_input: Array) -> Array:
         """Return the velocity of the position [m/s], shape (n, d), for states (n, nx) and control inputs (n, nu)."""

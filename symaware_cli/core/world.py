@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from symaware_cli.core.column import frozen
 from symaware_cli.core.model import Model
 
 Array = NDArray[np.float64]
@@ -126,9 +127,7 @@ class Snapshot:
 def _stacked(parts: Sequence[Array]) -> Array:
     """Join the rows of all groups; a group of a plane among groups of space stands at height 0."""
     if len(parts) == 1:
-        (whole,) = parts
-        whole.flags.writeable = False
-        return whole
+        return frozen(parts[0]) if parts[0].flags.writeable else parts[0]
     dimensions = max(part.shape[1] for part in parts)
     parts = [
         np.pad(part, ((0, 0), (0, dimensions - part.shape[1]))) if part.shape[1] < dimensions else part

@@ -318,9 +318,10 @@ class _GroupChannels:
         return len(rows)
 
     def _record_knowledge(self, now: int, channel: int) -> int:
-        rows = [row for row, knowledge in enumerate(self._group.knowledge) if knowledge.changed]
-        if not rows:
+        if not self._group.knowledge_news:
             return 0
+        rows = sorted(self._group.knowledge_news)
+        self._group.knowledge_news.clear()
         record = v1.Knowledge(
             rows=[] if len(rows) == self._count else rows,
             values=[json.dumps(plain(self._group.knowledge[row]), sort_keys=True) for row in rows],

@@ -70,7 +70,7 @@ class LogWriter:
         self.size = 0
         self._flush_interval = flush_interval
         self._error: LogError | None = None
-        self._compressor = zstandard.ZstdCompressor()
+        self._compressor = zstandard.ZstdCompressor(level=1)
 
         self._chunk = bytearray()
         self._chunk_start = 0

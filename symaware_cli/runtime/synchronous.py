@@ -150,8 +150,13 @@ class _Run:
         self._interruption.unshield()
         component = slot.components[0]
         try:
-            for component in slot.components:
-                component.compute_and_update()
+            if slot.turns and not self._simulation.events.turns_wanted:
+                # What compute_and_update does where nobody listens, for half its price.
+                for component, compute, update in slot.turns:  # noqa: B007 (tells which one raised)
+                    update(compute())
+            else:
+                for component in slot.components:
+                    component.compute_and_update()
         except (SubscriberError, Interrupted, KeyboardInterrupt):
             raise
         except BaseException as error:

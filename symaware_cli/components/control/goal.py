@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.components.control.steering import Approach, directions, lengths
+from symaware_cli.components.control.steering import Approach, along, directions, lengths, scaled
 from symaware_cli.core import AgentGroup
 
 Array = NDArray[np.float64]
@@ -59,8 +59,8 @@ class GoToGoal(GoalSeeking):
         speed = self._slowing(distance)
         direction = directions(way, distance)
         travelled = np.minimum(speed[:, None] * self._ahead, distance[:, None])
-        intent = position[:, None, :] + direction[:, None, :] * travelled[:, :, None]
-        return model.follow_velocity(state, direction * speed[:, None]), intent, distance
+        intent = along(position, direction, travelled)
+        return model.follow_velocity(state, scaled(direction, speed)), intent, distance
 
     def _update(self, value: tuple[Array, Array, Array]) -> None:
         control_input, intent, distance = value

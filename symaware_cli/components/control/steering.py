@@ -56,6 +56,16 @@ class Approach(Steering):
         return np.minimum(self.parameters.speed, self.parameters.gain * distance)
 
 
+def along(position: Array, direction: Array, travelled: Array) -> Array:
+    """The places that lie some ways from a position in a direction; (n, d), (n, d) and (n, h) to (n, h, d)."""
+    places = np.empty((*travelled.shape, position.shape[1]))
+    # Axis by axis: broadcasting along an axis of two elements is many times as slow.
+    for axis in range(position.shape[1]):
+        places[:, :, axis] = position[:, axis, None] + direction[:, axis, None] * travelled
+    places.flags.writeable = False
+    return places
+
+
 def lengths(vectors: Array) -> Array:
     """The length of each of some vectors; (n, d) to (n,)."""
     square = vectors[:, 0] * vectors[:, 0]
@@ -66,4 +76,12 @@ def lengths(vectors: Array) -> Array:
 
 def directions(vectors: Array, length: Array) -> Array:
     """Unit vectors, from vectors (n, d) and their lengths (n,); zero where the length is."""
-    return vectors * (1.0 / np.maximum(length, 1e-12))[:, None]
+    return scaled(vectors, 1.0 / np.maximum(length, 1e-12))
+
+
+def scaled(vectors: Array, factor: Array) -> Array:
+    """Each of some vectors (n, d) times its factor (n,)."""
+    product = np.empty_like(vectors)
+    for axis in range(vectors.shape[1]):
+        np.multiply(vectors[:, axis], factor, out=product[:, axis])
+    return product

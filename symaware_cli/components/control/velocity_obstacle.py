@@ -8,7 +8,7 @@ from pydantic import Field
 
 from symaware_cli.components.control.goal import GoalSeeking
 from symaware_cli.components.control.half_planes import HalfPlanes, nearest_velocity
-from symaware_cli.components.control.steering import directions, lengths
+from symaware_cli.components.control.steering import along, directions, lengths, scaled
 from symaware_cli.components.encounters import Encounters, bounding_radii, dot, own_velocity
 from symaware_cli.core import AgentGroup
 
@@ -88,7 +88,10 @@ class VelocityObstacle(GoalSeeking):
         neighbours: int = Field(10, ge=1, le=1000, description="How many others to avoid at most; the nearest count.")
         reach: float = Field(10.0, gt=0, description="Others farther away are not avoided [m].")
         responsibility: float = Field(
-            0.5, gt=0, le=1, description="The part of each avoidance to take upon oneself; 1 among those who do not avoid."
+            0.5,
+            gt=0,
+            le=1,
+            description="The part of each avoidance to take upon oneself; 1 among those who do not avoid.",
         )
         parting: float = Field(
             0.25, gt=0, description="In what time to restore the margin where it is used up [s]; less is more abrupt."
@@ -121,14 +124,14 @@ class VelocityObstacle(GoalSeeking):
         position = model.positions(state)
         way = self._goal - position
         distance = lengths(way)
-        preferred = directions(way, distance) * self._slowing(distance)[:, None]
+        preferred = scaled(directions(way, distance), self._slowing(distance))
         encounters = Encounters(self._group, self.parameters.reach, self._radii, own_velocity(self._group))
         if self._turn is not None:
             turn = np.where(np.diff(encounters.tracks.pointers) > 0, self._turn, 0.0)
             preferred = _turned_right(preferred, turn)
         planes = _joined(self._obstacle_planes(position), self._agent_planes(encounters))
         velocity, _ = nearest_velocity(planes, preferred, self.parameters.speed)
-        intent = position[:, None, :] + velocity[:, None, :] * self._ahead[:, None]
+        intent = along(position, velocity, np.broadcast_to(self._ahead, (len(position), len(self._ahead))))
         return model.follow_velocity(state, velocity), intent, distance
 
     def _update(self, value: tuple[Array, Array, Array]) -> None:

@@ -29,10 +29,9 @@ def time_to_collision(apart: Array, closing: Array, radius: Array) -> Array:
     outward = dot(apart, closing)
     gap = dot(apart, apart) - radius * radius
     discriminant = outward * outward - speed * gap
-    meets = (outward < 0.0) & (discriminant >= 0.0) & (radius > 0.0)
-    denominator = np.sqrt(np.maximum(discriminant, 0.0)) - outward
     time = np.full(len(radius), np.inf)
-    np.divide(gap, denominator, out=time, where=meets)
+    rows = np.flatnonzero((outward < 0.0) & (discriminant >= 0.0) & (radius > 0.0))
+    time[rows] = gap[rows] / (np.sqrt(discriminant[rows]) - outward[rows])
     time[gap < 0.0] = 0.0
     return time
 

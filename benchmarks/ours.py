@@ -1,0 +1,114 @@
+"""Runs one case of SymAware and prints its figures as JSON: ``python ours.py CASE AGENTS STEPS [--record]``.
+
+CPU time of the run alone is counted: building the scenario and importing are start-up.
+"""
+
+import argparse
+import json
+import math
+import resource
+import tempfile
+import time
+from pathlib import Path
+
+from symaware_cli.scenario.build import build
+from symaware_cli.scenario.execution import execute
+
+_COMPONENTS = {
+    # The comparison with frameworks that step each agent in Python.
+    "python": "sense: {use: benchmark.perception}, steer: {use: benchmark.controller}",
+    # The same perception as it ships, for the whole group; only the controller is Python of single agents.
+    "mixed": "sense: {use: perception.omniscient}, steer: {use: benchmark.controller}",
+    "stock": "sense: {use: perception.omniscient}, steer: {use: control.go-to-goal}",
+    "risk": (
+        "sense: {use: perception.omniscient}, risk: {use: risk.time-to-collision, with: {reach: 3.0, horizon: 3.0}},"
+        " steer: {use: control.go-to-goal}"
+    ),
+}
+
+
+def scenario(case: str, agents: int, steps: int) -> str:
+    """A field of agents, as dense at any number, each with a goal of its own."""
+    # One agent on 20 square metres: within 3 m of each there are about 1.4 others.
+    side = math.sqrt(20.0 * agents)
+    model = "unicycle" if case == "risk" else "single-integrator"
+    state = f"[{{uniform: [0, {side}]}}, {{uniform: [0, {side}]}}"
+    state += ", {uniform: [-3.14, 3.14]}]" if case == "risk" else "]"
+    return f"""
+symaware: 1
+name: benchmark
+seed: 1
+run: {{duration: {steps * 0.05}}}
+environment: {{use: kinematic, with: {{time_step: 0.05}}}}
+agents:
+  robot:
+    count: {agents}
+    entity: {{shape: {{circle: {{radius: 0.1}}}}}}
+    model: {{use: {model}}}
+    state: {state}
+    knowledge: {{goal: [{{uniform: [0, {side}]}}, {{uniform: [0, {side}]}}]}}
+    components: {{{_COMPONENTS[case]}}}
+"""
+
+
+def main() -> None:
+    """Run the case that the command line names."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("case", choices=[*_COMPONENTS, "numpy"])
+    parser.add_argument("agents", type=int)
+    parser.add_argument("steps", type=int)
+    parser.add_argument("--record", action="store_true")
+    parser.add_argument("--profile", action="store_true")
+    arguments = parser.parse_args()
+    if arguments.case == "numpy":
+        from bare_numpy import run
+
+        cpu = run(arguments.agents, arguments.steps)
+        print(json.dumps({"cpu": cpu, "agent_steps": arguments.agents * arguments.steps}))
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "benchmark.yaml"
+        # What is imported and looked up only once is start-up, too: a few steps take it out of the way.
+        path.write_text(scenario(arguments.case, 100, 2))
+        execute(build(path), Path(folder) / "warm.mcap")
+        path.write_text(scenario(arguments.case, arguments.agents, arguments.steps))
+        built = build(path)
+        log = Path(folder) / "benchmark.mcap" if arguments.record else None
+        if arguments.profile:
+            _profile(built, log)
+            return
+        started = time.process_time()
+        summary = execute(built, log)
+        cpu = time.process_time() - started
+    print(
+        json.dumps(
+            {
+                "cpu": cpu,
+                "agent_steps": arguments.agents * summary.steps,
+                "log_size": summary.log_size,
+                "peak_memory": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024,
+            }
+        )
+    )
+
+
+def _profile(built, log) -> None:
+    """Print the share of each module in the time of the run."""
+    import cProfile
+    import pstats
+    from collections import Counter
+
+    profile = cProfile.Profile()
+    profile.runcall(execute, built, log)
+    shares = Counter()
+    for (file, _, name), (_, _, own, _, _) in pstats.Stats(profile).stats.items():
+        part = file.partition("symaware_cli/")[2] or ("NumPy, SciPy and zstd" if file in ("~", "") else "other Python")
+        if file not in ("~", "") and ("numpy" in file or "scipy" in file):
+            part = "NumPy, SciPy and zstd"
+        shares[part if part else name] += own
+    total = sum(shares.values())
+    print(json.dumps({part: time / total for part, time in shares.most_common(12)}))
+
+
+if __name__ == "__main__":
+    main()
