@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import os
+import platform
 import traceback
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -180,6 +181,7 @@ def _fault(kind: str, loaded: Any) -> str | None:
 
 
 def versions() -> dict[str, str]:
-    """The version of every installed distribution, by name."""
+    """The version of Python, the platform, and the version of every installed distribution, by name."""
     found = {each.metadata["Name"]: each.version for each in metadata.distributions() if each.metadata["Name"]}
-    return dict(sorted(found.items(), key=lambda item: item[0].lower()))
+    packages = dict(sorted(found.items(), key=lambda item: item[0].lower()))
+    return {"Python": platform.python_version(), "platform": platform.platform(), **packages}
