@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from symaware_cli.cli.terminal import DATA_LOST, Json, print_json, trouble_shown
+from symaware_cli.cli.terminal import DATA_LOST, Json, print_json, size_in_words, trouble_shown
 
 if TYPE_CHECKING:
     from symaware_cli.recording.journal import LoggedEvent
@@ -82,7 +82,7 @@ def _show_overview(log: Log, as_json: bool) -> None:
 
 
 def _text(summary: Overview) -> str:
-    lines = [f"{summary.path}: {_size(summary.size)}, {summary.status}"]
+    lines = [f"{summary.path}: {size_in_words(summary.size)}, {summary.status}"]
     if summary.foreign:
         lines.append(_line("origin", "not written by SymAware; only its channels can be shown"))
     else:
@@ -119,18 +119,10 @@ def _channels(summary: Overview) -> list[str]:
     for channel in summary.channels:
         rate = f"{channel.rate:.4g} Hz" if channel.rate else "-"
         content = f"{channel.schema.rpartition('.')[2]} {', '.join(channel.columns)}".rstrip()
-        lines.append(
-            f"  {channel.topic:<{width}}  {channel.messages:>9,}  {rate:>9}  {_size(channel.size):>8}  {content}"
-        )
+        size = size_in_words(channel.size)
+        lines.append(f"  {channel.topic:<{width}}  {channel.messages:>9,}  {rate:>9}  {size:>8}  {content}")
     return lines
 
 
 def _line(label: str, text: str) -> str:
     return f"  {label:<9} {text}"
-
-
-def _size(size: int) -> str:
-    for unit, scale in (("GB", 1e9), ("MB", 1e6), ("kB", 1e3)):
-        if size >= scale:
-            return f"{size / scale:.1f} {unit}"
-    return f"{size} B"

@@ -20,6 +20,7 @@ from symaware_cli.cli.terminal import (
     Seed,
     fail,
     print_json,
+    size_in_words,
     trouble_shown,
 )
 
@@ -109,7 +110,7 @@ def _text(summary: Summary) -> str:
     if summary.highest_risk:
         lines.append(_line("highest risk", _extreme(summary.highest_risk, "of")))
     if summary.log:
-        size = f"{(summary.log_size or 0) / 1e6:.1f} MB"
+        size = size_in_words(summary.log_size or 0)
         lines.append(_line("recorded", f"{summary.updates:,} updates, {size}"))
         lines.append(_line("log", summary.log))
     return "\n".join(lines)

@@ -68,3 +68,11 @@ def trouble_shown(as_json: bool = False) -> Iterator[None]:
         raise typer.Exit(WRONG_INPUT) from None
     except LogError as error:
         fail(str(error), WRONG_INPUT, as_json)
+
+
+def size_in_words(size: int) -> str:
+    """Put a number of bytes into a few characters."""
+    for unit, scale in (("GB", 1e9), ("MB", 1e6), ("kB", 1e3)):
+        if size >= scale:
+            return f"{size / scale:.1f} {unit}"
+    return f"{size} B"
