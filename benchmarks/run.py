@@ -135,16 +135,16 @@ def report(rates: dict[str, float], memory: dict[str, float], shares: dict[str, 
             "< 500 MB",
         ),
     ]
+    software = f"Python {platform.python_version()}, NumPy {version('numpy')}, SymAware {version('symaware-cli')}"
     lines = [
         "# Results",
         "",
-        "Written by `python benchmarks/run.py`, which says how it measures. Cases: *python* has perception and controller",
-        "as components of single agents in plain Python; *mixed* the perception that ships; *stock* only components that",
-        "ship; *risk* unicycles with the time to collision with their neighbours; *numpy* the same mathematics with",
-        "nothing around it.",
+        "Written by `python benchmarks/run.py`, which says how it measures. Cases: *python* has perception and",
+        "controller as components of single agents in plain Python; *mixed* the perception that ships; *stock* only",
+        "components that ship; *risk* unicycles with the time to collision with their neighbours; *numpy* the same",
+        "mathematics with nothing around it.",
         "",
-        f"{datetime.datetime.now(datetime.UTC).date()}, {platform.machine()} with {os.cpu_count()} cores, "
-        f"Python {platform.python_version()}, NumPy {version('numpy')}, SymAware {version('symaware-cli')}",
+        f"{datetime.datetime.now(datetime.UTC).date()}, {platform.machine()} with {os.cpu_count()} cores, {software}",
         "",
         "| what | measured | target |",
         "|---|---:|---:|",

@@ -6,10 +6,10 @@ import time
 import warnings
 
 import torch
+import vmas
 
 warnings.filterwarnings("ignore")
 torch.set_num_threads(1)
-import vmas
 
 parser = argparse.ArgumentParser()
 parser.add_argument("agents", type=int)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core import AgentGroup, Environment, Tracks
+from symaware_cli.core import AgentGroup, Environment
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -60,7 +60,7 @@ class Encounters:
 
     def _seen_from(self, own: Array, others: Array) -> Array:
         """Subtract one's own vector from those of the others; who moves in the plane stands at height 0."""
-        seen = np.ascontiguousarray(others.T)
+        seen = np.array(others.T, order="C")
         for axis in range(min(own.shape[1], len(seen))):
             seen[axis] -= own[:, axis].take(self.observers)
         return seen
@@ -89,7 +89,7 @@ def dot(one: Array, other: Array) -> Array:
 
     Written out, so that no bit of a row depends on how many rows there are.
     """
-    product = one[0] * other[0]
+    product: Array = one[0] * other[0]
     for axis in range(1, len(one)):
         product += one[axis] * other[axis]
     return product

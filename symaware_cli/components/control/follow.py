@@ -14,15 +14,16 @@ from symaware_cli.core import AgentGroup
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-#: A leader slower than this goes in no direction worth following [m/s].
-_STANDING = 0.05
+#: So many standard deviations a believed velocity must differ from zero to have a direction.
+_SIGNIFICANT = 3.0
 
 
 class Follow(Steering):
     """Keeps the place known as ``offset`` relative to another agent, as far as it is aware of that agent.
 
     The wanted velocity is the believed velocity of the leader, plus the way to one's place times the gain. Nothing is
-    communicated: an agent that has no belief about the leader stops until it has one. The intent is how the place would
+    communicated: an agent that has no belief about the leader stops until it has one. Where the leader stands, or may
+    well stand as far as its covariance tells, offsets keep the direction they had. The intent is how the place would
     be approached if the leader kept its velocity.
     """
 
@@ -40,6 +41,11 @@ class Follow(Steering):
             "motion",
             description="What the offset refers to: the leader's direction of motion (ahead, to the left), or the axes"
             " of the world.",
+        )
+        standing: float = Field(
+            0.1,
+            gt=0,
+            description="Speed below which the leader's direction of motion is taken to be the last one [m/s].",
         )
         gain: float = Field(1.0, gt=0, description="Speed for each metre away from one's place [1/s].")
         speed: float = Field(1.5, gt=0, description="Greatest speed [m/s].")
@@ -67,8 +73,8 @@ class Follow(Steering):
     def _compute(self) -> tuple[Array, Array, Array, Mask]:
         model, state = self._group.model, self._group.awareness.state
         position = model.positions(state)
-        aware, led, speed = self._belief(position)
-        direction = self._direction_of(speed, aware)
+        aware, led, speed, least = self._belief(position)
+        direction = self._direction_of(speed, aware, least)
         way = np.where(aware[:, None], led + self._turned(direction) - position, 0.0)
         velocity = speed + self.parameters.gain * way
         fast = lengths(velocity)
@@ -86,10 +92,16 @@ class Follow(Steering):
             self.emit_for(row, name, f"{text} {self.parameters.leader}")
         self._aware = aware
 
-    def _belief(self, position: Array) -> tuple[Mask, Array, Array]:
-        """Who is aware of the leader, where it is believed to be and how fast: (n,), (n, d) and (n, d)."""
+    def _belief(self, position: Array) -> tuple[Mask, Array, Array, Array]:
+        """What is believed of the leader.
+
+        Returns:
+            Who is aware of it, shape (n,), where it is and how fast, (n, d) each, and from which speed on its velocity
+            has a direction, (n,).
+        """
         awareness, dimensions = self._group.awareness, position.shape[1]
         aware, led, speed = np.zeros(len(position), bool), position.copy(), np.zeros_like(position)
+        least = np.full(len(position), self.parameters.standing)
         tracks, world = awareness.tracks, awareness.world
         if tracks is not None:
             rows = np.flatnonzero(tracks.others == self._leader)
@@ -97,17 +109,21 @@ class Follow(Steering):
             aware[who] = True
             led[who] = tracks.positions[rows, :dimensions]
             speed[who] = tracks.velocities[rows, :dimensions]
+            if tracks.covariances is not None:
+                first = tracks.covariances.shape[1] // 2
+                variance = tracks.covariances[rows, first, first] + tracks.covariances[rows, first + 1, first + 1]
+                least[who] = np.maximum(least[who], _SIGNIFICANT * np.sqrt(variance))
         elif world is not None:
             aware[:] = True
             led[:] = world.positions[self._leader, :dimensions]
             speed[:] = world.velocities[self._leader, :dimensions]
-        return aware, led, speed
+        return aware, led, speed, least
 
-    def _direction_of(self, speed: Array, aware: Mask) -> Array:
+    def _direction_of(self, speed: Array, aware: Mask, least: Array) -> Array:
         """Where the leader goes, in the plane, as unit vectors; the last known where it stands; shape (n, 2)."""
         plane = speed[:, :2]
         fast = lengths(plane)
-        moving = aware & (fast > _STANDING)
+        moving = aware & (fast > least)
         return np.where(moving[:, None], plane / np.where(moving, fast, 1.0)[:, None], self._direction)
 
     def _turned(self, direction: Array) -> Array:

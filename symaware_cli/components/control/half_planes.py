@@ -48,7 +48,7 @@ class HalfPlanes:
         return HalfPlanes(self.x[rows], self.y[rows], self.limit[rows], self.weight[rows])
 
     def excess(self, x: Array, y: Array) -> Array:
-        """By how much velocities violate each constraint, over its weight; negative where they keep it; shape (n, m)."""
+        """By how much velocities violate each constraint, over its weight; negative if they keep it; shape (n, m)."""
         return (self.x * x[:, None] + self.y * y[:, None] - self.limit) / self.weight
 
 
@@ -65,8 +65,8 @@ def nearest_velocity(planes: HalfPlanes, preferred: Array, speed: float) -> tupl
     """
     preferred_speed = np.sqrt(preferred[:, 0] * preferred[:, 0] + preferred[:, 1] * preferred[:, 1])
     shortened = np.where(preferred_speed > speed, speed / np.maximum(preferred_speed, 1e-300), 1.0)
-    x, y = preferred[:, 0] * shortened, preferred[:, 1] * shortened
-    goal_x, goal_y = x.copy(), y.copy()
+    goal_x, goal_y = preferred[:, 0], preferred[:, 1]
+    x, y = goal_x * shortened, goal_y * shortened
     contradictory = np.zeros(len(preferred), bool)
     for column in range(planes.limit.shape[1]):
         violated = planes.x[:, column] * x + planes.y[:, column] * y > planes.limit[:, column] + TOLERANCE

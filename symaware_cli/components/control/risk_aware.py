@@ -100,7 +100,8 @@ class RiskAware(GroupComponent):
         column = self._group.awareness.risk
         shared = column.shared
         if shared is not None:
-            return shared[1].reshape(len(self._group), -1).max(axis=1)
+            greatest: Array = shared[1].reshape(len(self._group), -1).max(axis=1)
+            return greatest
         # An estimator of single agents wrote these: as many Python objects already.
         series = [column.row(row).values for row in range(len(self._group))]
         return np.array([values.max() if values.size else 0.0 for values in series])

@@ -53,7 +53,8 @@ class Approach(Steering):
 
     def _slowing(self, distance: Array) -> Array:
         """The speed at a distance from where to stop [m/s]; shape (n,)."""
-        return np.minimum(self.parameters.speed, self.parameters.gain * distance)
+        speed: Array = np.minimum(self.parameters.speed, self.parameters.gain * distance)
+        return speed
 
 
 def along(position: Array, direction: Array, travelled: Array) -> Array:

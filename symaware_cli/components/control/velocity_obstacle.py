@@ -66,11 +66,15 @@ def reciprocal_constraints(
 class VelocityObstacle(GoalSeeking):
     """Heads for the position known as ``goal`` and avoids others who avoid likewise, and obstacles.
 
-    Optimal reciprocal collision avoidance (ORCA; see `reciprocal_constraints`): each agent takes the velocity closest to
-    the one straight to its goal that keeps it clear, for the time horizon, of everybody it is aware of, if they do their
-    half. Where that is impossible it takes the velocity that violates these constraints least. Beliefs are taken as they
-    are, each agent's own: whoever is not perceived is not avoided. Each convex piece of an obstacle forbids the
-    velocities that would use up the distance to it within its own horizon; the agents know the obstacles.
+    Optimal reciprocal collision avoidance (ORCA; see `reciprocal_constraints`): each agent takes the velocity closest
+    to the one straight to its goal that keeps it clear, for the time horizon, of everybody it is aware of, if they do
+    their half. Where that is impossible it takes the velocity that violates these constraints least. Beliefs are taken
+    as they are, each agent's own: whoever is not perceived is not avoided. Each convex piece of an obstacle forbids the
+    velocities that would use up the distance to it within a horizon of its own; the agents know the obstacles.
+
+    As long as there is anything to avoid, each agent turns off a little to the right of its goal. Where everybody heads
+    straight for the same place, as on a circle, reciprocal avoidance alone ends in a standstill that no small random
+    change dissolves; keeping right makes it a roundabout.
 
     Constraints hold for velocities that are followed exactly, from one step to the next. What a model cannot follow (a
     unicycle turns before it rolls) and what happens within a step is covered by ``margin``. Heights are not looked at.
@@ -100,8 +104,8 @@ class VelocityObstacle(GoalSeeking):
             0.2,
             ge=0,
             lt=1.5,
-            description="Each agent that is aware of another turns off to the right by an angle of its own, drawn from"
-            " half of this to all of it [rad]: without, symmetric encounters end in a standstill. 0 for not at all.",
+            description="Who is near anybody or anything turns off to the right by an angle of its own, drawn from half"
+            " of this to all of it [rad]: without, symmetric encounters end in a standstill. 0 for not at all.",
         )
 
     def check(self, group: AgentGroup) -> None:
@@ -126,10 +130,10 @@ class VelocityObstacle(GoalSeeking):
         distance = lengths(way)
         preferred = scaled(directions(way, distance), self._slowing(distance))
         encounters = Encounters(self._group, self.parameters.reach, self._radii, own_velocity(self._group))
-        if self._turn is not None:
-            turn = np.where(np.diff(encounters.tracks.pointers) > 0, self._turn, 0.0)
-            preferred = _turned_right(preferred, turn)
         planes = _joined(self._obstacle_planes(position), self._agent_planes(encounters))
+        if self._turn is not None and planes.limit.shape[1]:
+            avoiding = np.isfinite(planes.limit).any(axis=1)
+            preferred = _turned_right(preferred, np.where(avoiding, self._turn, 0.0))
         velocity, _ = nearest_velocity(planes, preferred, self.parameters.speed)
         intent = along(position, velocity, np.broadcast_to(self._ahead, (len(position), len(self._ahead))))
         return model.follow_velocity(state, velocity), intent, distance

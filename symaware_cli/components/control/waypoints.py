@@ -82,7 +82,9 @@ class Waypoints(Approach):
     def _after(self, number: Indices, step: NDArray[np.bool_] | int) -> Indices:
         """The waypoint that follows, which after the last is the first of a loop, else the last."""
         count = self._waypoints.shape[1]
-        return (number + step) % count if self.parameters.loop else np.minimum(number + step, count - 1)
+        following = number + step
+        limited: Indices = following % count if self.parameters.loop else np.minimum(following, count - 1)
+        return limited
 
     def _way_ahead(self, position: Array, upcoming: Indices, speed: Array) -> Array:
         """Where each agent is at the instants of the intent if it keeps its speed; shape (n, h, d)."""
@@ -102,4 +104,5 @@ class Waypoints(Approach):
         leg = np.minimum((passed[:, None, 1:] < way[:, :, None]).sum(axis=2), length.shape[1] - 1)
         rows = self._rows[:, None]
         part = (way - passed[rows, leg]) / np.maximum(length[rows, leg], 1e-12)
-        return corners[rows, leg] + legs[rows, leg] * part[:, :, None]
+        places: Array = corners[rows, leg] + legs[rows, leg] * part[:, :, None]
+        return places

@@ -36,7 +36,8 @@ def collision_probability(apart: Array, closing: Array, radius: Array, covarianc
     over the capsule: K. Foster and H. S. Estes, "A parametric analysis of orbital debris collision probability and
     maneuver rate for space vehicles", NASA JSC-25898, 1992, and F. K. Chan, "Spacecraft Collision Probability", 2008,
     for short-term encounters, where the horizon is infinite. Across the motion the integral is taken by Gauss-Legendre
-    quadrature where the density is, along it in closed form.
+    quadrature where the density is, along it in closed form. The error is below 1e-5, except where the covariance is
+    all but singular and askew to the motion: up to 2e-3.
 
     Args:
         apart: The expected relative position [m]; shape (d, m), d = 2 or 3.
@@ -202,11 +203,11 @@ def _sum(values: Array) -> Array:
 class Collision(GroupComponent):
     """Risk as the probability that an agent comes too close to another within a horizon.
 
-    For each other, `collision_probability` of the beliefs of both. The covariance of the relative position is the sum of
-    one's own (the uncertainty of one's own state, where an estimator keeps one) and the other's, both carried forward at
-    constant velocity to the time at which the two are expected to be closest: so the uncertainty of velocities counts in
-    first order, and exactly only where the encounter is short. Errors of both are taken as independent, and so are the
-    encounters with several others: the risk is 1 - prod(1 - p).
+    For each other, `collision_probability` of the beliefs of both. The covariance of the relative position is the sum
+    of one's own (the uncertainty of one's own state, where an estimator keeps one) and the other's, both carried
+    forward at constant velocity to the time at which the two are expected to be closest: so the uncertainty of
+    velocities counts in first order, and exactly only where the encounter is short. Errors of both are taken as
+    independent, and so are the encounters with several others: the risk is 1 - prod(1 - p).
     """
 
     class Parameters(Parameters):
@@ -260,7 +261,8 @@ class Collision(GroupComponent):
         places = list(model.position)
         picks = np.broadcast_to(np.eye(len(model.state))[places], (len(group), len(places), len(model.state)))
         by_state = np.concatenate([picks, jacobian[:, places]], axis=1)
-        return by_state @ believed @ np.swapaxes(by_state, 1, 2)
+        joint: Array = by_state @ believed @ np.swapaxes(by_state, 1, 2)
+        return joint
 
 
 def _carried(covariance: Array, time: Array) -> Array:

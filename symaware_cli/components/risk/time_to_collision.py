@@ -40,9 +40,9 @@ class TimeToCollision(GroupComponent):
     """Risk from how soon each agent touches another if both keep their velocities.
 
     The risk is 1 - t / horizon for the soonest of all encounters, 0 where nothing is touched within the horizon and 1
-    where bodies overlap. Time to collision is the usual measure of how urgent an encounter is (J. C. Hayward, "Near-miss
-    determination through use of a scale of danger", Highway Research Record 384, 1972); the straight line is the
-    simplest map from it that falls from 1 to 0.
+    where bodies overlap. Time to collision is the usual measure of how urgent an encounter is (J. C. Hayward,
+    "Near-miss determination through use of a scale of danger", Highway Research Record 384, 1972); the straight line is
+    the simplest map from it that falls from 1 to 0.
     """
 
     class Parameters(Parameters):
@@ -62,7 +62,8 @@ class TimeToCollision(GroupComponent):
         encounters = Encounters(self._group, parameters.reach, self._radii, own_velocity(self._group))
         time = time_to_collision(encounters.apart, encounters.closing, encounters.radius + parameters.margin)
         soonest = encounters.over_others(np.minimum, time, np.inf)
-        return np.maximum(1.0 - soonest / parameters.horizon, 0.0)
+        risk: Array = np.maximum(1.0 - soonest / parameters.horizon, 0.0)
+        return risk
 
     def _update(self, value: Array) -> None:
         self._group.awareness.risk.set(self.now, value)
