@@ -104,9 +104,10 @@ def test_an_unknown_name_gets_the_nearest_one_and_those_of_its_family() -> None:
 
 
 def test_the_versions_of_everything_installed_are_known_and_in_order() -> None:
-    found = versions()
-    assert {"symaware-cli", "numpy", "pydantic"} <= set(found)
-    assert list(found) == sorted(found, key=str.lower)
+    python, platform, *packages = versions()
+    assert (python, platform) == ("Python", "platform")
+    assert {"symaware-cli", "numpy", "pydantic"} <= set(packages)
+    assert packages == sorted(packages, key=str.lower)
 
 
 def test_the_plugins_are_found_in_a_process_of_its_own(
