@@ -334,7 +334,8 @@ def _fields(data: bytes) -> dict[int, Any] | None:
                     break
                 shift += 7
             field, kind = tag >> 3, tag & 7
-            if tag >= 0x80 or field in fields or kind not in (_VARINT, _BYTES):
+            # In all of these messages the first field is a number, and every other one is packed.
+            if tag >= 0x80 or field in fields or kind != (_VARINT if field == 1 else _BYTES):
                 return None
             if kind == _VARINT:
                 fields[field] = number
