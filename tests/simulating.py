@@ -9,7 +9,8 @@ from symaware_cli import Entity, Environment, Model, Obstacle
 from symaware_cli.core import AgentGroup, Component, GroupComponent
 from symaware_cli.environments.kinematic import KinematicEnvironment
 from symaware_cli.models.integrator import SingleIntegrator
-from symaware_cli.recording.recorder import Recorder, manifest
+from symaware_cli.recording.manifest import manifest
+from symaware_cli.recording.recorder import Recorder
 from symaware_cli.recording.writer import LogWriter
 from symaware_cli.runtime.simulation import Simulation, Slot
 from symaware_cli.runtime.summary import Summary

@@ -15,11 +15,11 @@ from symaware_cli.core.component import (
 from symaware_cli.core.entity import Box, Circle, Entity, Obstacle, Polygon, ScriptedPath, Shape, Wall
 from symaware_cli.core.environment import Environment, EnvironmentParameters
 from symaware_cli.core.event import Event, EventBus, Level, SubscriberError, Subscription
-from symaware_cli.core.geometry import Scenery
 from symaware_cli.core.knowledge import KnowledgeDatabase
 from symaware_cli.core.message import Exchange, Message
 from symaware_cli.core.model import Model, Quantity
 from symaware_cli.core.plugin import Parameters, Plugin
+from symaware_cli.core.scenery import Scenery
 from symaware_cli.core.series import TimeSeries
 from symaware_cli.core.time import Clock, nanoseconds, seconds
 from symaware_cli.core.world import Contact, Roster, Snapshot

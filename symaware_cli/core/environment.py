@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, Field
 
 from symaware_cli.core.entity import Obstacle
-from symaware_cli.core.geometry import Scenery
 from symaware_cli.core.plugin import Parameters, Plugin
 from symaware_cli.core.proximity import Proximity
+from symaware_cli.core.scenery import Scenery
 from symaware_cli.core.time import nanoseconds
 from symaware_cli.core.world import Contact, Roster, Snapshot
 

@@ -25,7 +25,6 @@ from symaware_cli.core import (
 from symaware_cli.core.column import Column, SeriesColumn
 from symaware_cli.recording import symaware_v1_pb2 as v1
 from symaware_cli.recording import wire
-from symaware_cli.recording.schema import FORMAT
 from symaware_cli.recording.writer import LogWriter
 
 _LEVELS = {
@@ -177,6 +176,7 @@ class _GroupChannels:
         self._count = len(group)
         self._last_truth: Any = None
         self._last_tracks: Any = None
+        self._last_world: Any = None
         states = _columns(group.model.state)
         inputs = _columns(group.model.control_input)
         topics = {
@@ -268,11 +268,14 @@ class _GroupChannels:
         changed, tracks, world = awareness.others_changed, awareness.tracks, awareness.world
         if not changed and tracks is not None:
             return self._record_tracks(now, channel, tracks)
-        if not changed and world is not None:
-            if world.time != now:
-                return 0
+        if not changed and world is not None and world.time == now:
+            self._last_world = world
             self._writer.add(channel, now, wire.WHOLE_WORLD)
             return self._count
+        if not changed and world is not self._last_world:
+            # The world as it was: /world at this instant does not tell it.
+            changed = set(range(self._count))
+        self._last_world = world
         if not changed:
             return 0
         awareness.others_changed = set()
@@ -330,64 +333,6 @@ class _GroupChannels:
             self._group.knowledge[row].changed = False
         self._writer.add(channel, now, record.SerializeToString(deterministic=True))
         return len(rows)
-
-
-def manifest(
-    *,
-    name: str,
-    seed: int,
-    mode: str,
-    steps: int,
-    environment: Environment,
-    groups: Sequence[AgentGroup],
-    uses: Mapping[str, Mapping[str, Any]],
-    indexed: Mapping[str, bool],
-) -> bytes:
-    """Describe who takes part in a run, as the attachment of that name.
-
-    Args:
-        name: The scenario's name.
-        seed: The seed in force.
-        mode: ``synchronous``.
-        steps: How many steps are to be made.
-        environment: The world, initialised.
-        groups: All groups.
-        uses: For each group, the entry-point names of its ``model`` and ``components``.
-        indexed: For each group, whether its agents are numbered.
-    """
-    content = {
-        "format": FORMAT,
-        "name": name,
-        "seed": seed,
-        "mode": mode,
-        "time_step": environment.time_step,
-        "steps": steps,
-        "groups": {
-            group.name: {
-                "agents": list(group.ids),
-                "indexed": indexed[group.name],
-                "model": {
-                    "use": uses[group.name]["model"],
-                    "state": [list(quantity) for quantity in group.model.state],
-                    "control_input": [list(quantity) for quantity in group.model.control_input],
-                    "position": list(group.model.position),
-                    "heading": group.model.heading,
-                },
-                "entity": group.entity.model_dump(mode="json"),
-                "components": uses[group.name]["components"],
-            }
-            for group in sorted(groups, key=lambda group: group.name)
-        },
-        "entities": {name: _entity(obstacle) for name, obstacle in environment.obstacles.items()},
-        "roster": [*environment.roster.ids, *environment.obstacles],
-    }
-    return json.dumps(content, indent=1).encode()
-
-
-def _entity(obstacle: Obstacle) -> dict[str, Any]:
-    """Describe an obstacle, with the pose that it has at the beginning."""
-    pose = obstacle.pose()
-    return {**obstacle.model_dump(mode="json"), "position": list(pose.position), "heading": pose.heading}
 
 
 def plain(value: Any) -> Any:

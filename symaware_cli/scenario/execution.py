@@ -10,7 +10,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from symaware_cli.core import nanoseconds
-from symaware_cli.recording.recorder import Recorder, manifest
+from symaware_cli.recording.manifest import manifest
+from symaware_cli.recording.recorder import Recorder
 from symaware_cli.recording.writer import LogWriter
 from symaware_cli.runtime.summary import Summary
 from symaware_cli.runtime.synchronous import run

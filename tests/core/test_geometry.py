@@ -228,7 +228,7 @@ def test_many_lines_are_looked_at_part_by_part(monkeypatch):
     scenery = Scenery(random_obstacles(random, 10))
     origins, targets = random.uniform(-7, 7, (2, 500, 2))
     at_once, near = scenery.blocks(origins, targets), scenery.nearest(origins, 2.0)
-    monkeypatch.setattr("symaware_cli.core.geometry._TOGETHER", 50)
+    monkeypatch.setattr("symaware_cli.core.scenery._TOGETHER", 50)
     assert scenery.blocks(origins, targets).tolist() == at_once.tolist()
     for one, other in zip(scenery.nearest(origins, 2.0), near, strict=True):
         np.testing.assert_array_equal(one, other)

@@ -1,0 +1,178 @@
+"""Scenery: the obstacles of an environment at one time, and what of them is near or in the way.
+
+As in `symaware_cli.core.geometry`, positions in space are seen from above.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from copy import copy
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symaware_cli.core.entity import Obstacle
+from symaware_cli.core.geometry import Pieces, crosses, separation_from_points
+from symaware_cli.core.time import seconds
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+#: How many pairs of a point or line and a piece are looked at together, to bound memory.
+_TOGETHER = 1 << 19
+
+
+class Nearby(NamedTuple):
+    """What of the scenery is near points: an entry for each point and each convex piece within reach, by row.
+
+    Attributes:
+        row: The row of the point, ascending; shape (m,).
+        obstacle: The index of the obstacle, in the order of `Scenery.names`; shape (m,).
+        point: The point on its surface that is nearest [m]; shape (m, 2).
+        distance: How far that is; negative inside of the obstacle [m]; shape (m,).
+        velocity: The velocity of the obstacle at that point [m/s]; shape (m, 2).
+    """
+
+    row: Indices
+    obstacle: Indices
+    point: Array
+    distance: Array
+    velocity: Array
+
+
+class Scenery:
+    """All obstacles of an environment at one time.
+
+    Attributes:
+        names: The names of the obstacles; the position of one in this order is its index.
+        moves: Whether any of them ever moves.
+        pieces: The convex pieces they consist of.
+        owner: The index of the obstacle that each piece belongs to, ascending; shape (p,).
+        time: The time, in nanoseconds.
+    """
+
+    def __init__(self, obstacles: Mapping[str, Obstacle], time: int = 0) -> None:
+        """Put obstacles in place.
+
+        Args:
+            obstacles: By name.
+            time: Simulated time in nanoseconds.
+        """
+        self.names = tuple(obstacles)
+        self.time = time
+        every = tuple(obstacles.values())
+        self._movers = [(index, obstacle) for index, obstacle in enumerate(every) if obstacle.path]
+        self.moves = bool(self._movers)
+        parts = [(index, piece) for index, each in enumerate(every) for piece in each.shape.pieces]
+        self.owner: Indices = np.array([index for index, _ in parts], np.intp)
+        self._shapes = Pieces.of(piece for _, piece in parts)
+        self._positions = np.zeros((len(every), 2))
+        self._velocities = np.zeros((len(every), 2))
+        self._headings = np.zeros(len(every))
+        self._turn_rates = np.zeros(len(every))
+        self._set_out(enumerate(every))
+
+    def at(self, time: int) -> Scenery:
+        """Return the scenery at another time, in nanoseconds; the same one if nothing moves."""
+        if not self.moves or time == self.time:
+            return self
+        other = copy(self)
+        other.time = time
+        for name in ("_positions", "_velocities", "_headings", "_turn_rates"):
+            setattr(other, name, getattr(self, name).copy())
+        other._set_out(self._movers)
+        return other
+
+    def _set_out(self, movers: Iterable[tuple[int, Obstacle]]) -> None:
+        """Put some obstacles where they are at the time."""
+        now = seconds(self.time)
+        for index, obstacle in movers:
+            pose = obstacle.pose(now)
+            self._positions[index] = pose.position[:2]
+            self._velocities[index] = pose.velocity[:2]
+            self._headings[index] = pose.heading
+            self._turn_rates[index] = pose.turn_rate
+        self.pieces = self._shapes.placed(self._positions[self.owner], self._headings[self.owner])
+        self._low, self._high = self.pieces.bounds()
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def nearest(self, points: Array, reach: Array | float) -> Nearby:
+        """Find what is within reach of points.
+
+        Args:
+            points: Positions [m]; shape (n, 2), further columns are not looked at.
+            reach: The greatest distance to the surface of an obstacle [m], for all or for each; scalar or shape (n,).
+        """
+        row, piece = self.candidates(points, reach)
+        if not len(row):
+            return Nearby(row, piece, np.empty((0, 2)), np.empty(0), np.empty((0, 2)))
+        nothing = np.zeros(len(row))
+        found = separation_from_points(points[:, :2].take(row, 0), nothing, self.pieces.take(piece))
+        near = np.flatnonzero(found.distance <= np.broadcast_to(np.asarray(reach, float), (len(points),)).take(row))
+        row, obstacle, point = row.take(near), self.owner.take(piece.take(near)), found.second.take(near, 0)
+        return Nearby(row, obstacle, point, found.distance.take(near), self.velocity(obstacle, point))
+
+    def velocity(self, obstacle: Indices, point: Array) -> Array:
+        """Return how fast obstacles, by index (m,), move at points of theirs (m, 2) [m/s]; shape (m, 2)."""
+        if not self.moves:
+            return np.zeros((len(obstacle), 2))
+        arm = point - self._positions.take(obstacle, 0)
+        around = np.stack([-arm[:, 1], arm[:, 0]], axis=1)
+        velocity: Array = self._velocities.take(obstacle, 0) + self._turn_rates.take(obstacle)[:, None] * around
+        return velocity
+
+    def candidates(self, points: Array, reach: Array | float) -> tuple[Indices, Indices]:
+        """Return at least all pairs of a point and a piece that is within its reach.
+
+        Args:
+            points: Positions [m]; shape (n, 2), further columns are not looked at.
+            reach: The distance [m], for all or for each point; scalar or shape (n,).
+
+        Returns:
+            Rows of points, ascending, and rows of `pieces`, ascending for each point.
+        """
+        points = points[:, :2]
+        margin = np.broadcast_to(np.asarray(reach, float), (len(points),))[:, None]
+        return self._overlapping(points - margin, points + margin)
+
+    def _overlapping(self, low: Array, high: Array) -> tuple[Indices, Indices]:
+        """Pairs of a rectangle along the axes, (n, 2) each, and a piece whose own such rectangle meets it."""
+        count = len(self.pieces)
+        rows = max(1, _TOGETHER // max(count, 1))
+        parts = []
+        for start in range(0, len(low) if count else 0, rows):
+            some = slice(start, start + rows)
+            meets = (low[some, None, 0] <= self._high[:, 0]) & (high[some, None, 0] >= self._low[:, 0])
+            meets &= (low[some, None, 1] <= self._high[:, 1]) & (high[some, None, 1] >= self._low[:, 1])
+            row, piece = np.nonzero(meets)
+            parts.append((row + start, piece))
+        if len(parts) == 1:
+            return parts[0]
+        nobody = np.empty(0, np.intp)
+        return (
+            np.concatenate([nobody, *(row for row, _ in parts)]),
+            np.concatenate([nobody, *(piece for _, piece in parts)]),
+        )
+
+    def blocks(self, origins: Array, targets: Array) -> NDArray[np.bool_]:
+        """Tell whether an obstacle interrupts the straight line between two points.
+
+        A line that only grazes an obstacle is free; one that begins or ends inside of an obstacle is not.
+
+        Args:
+            origins: Where lines begin [m]; shape (m, 2), further columns are not looked at.
+            targets: Where they end [m]; shape (m, 2).
+
+        Returns:
+            Shape (m,).
+        """
+        origins, targets = origins[:, :2], targets[:, :2]
+        blocked = np.zeros(len(origins), bool)
+        line, piece = self._overlapping(np.minimum(origins, targets), np.maximum(origins, targets))
+        if len(line):
+            lines = Pieces.lines(origins.take(line, 0), targets.take(line, 0))
+            blocked[line[crosses(lines, self.pieces.take(piece))]] = True
+        return blocked

@@ -1,0 +1,68 @@
+"""The manifest of a log: who takes part in the run."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from symaware_cli.core import AgentGroup, Environment, Obstacle
+from symaware_cli.recording.schema import FORMAT
+
+
+def manifest(
+    *,
+    name: str,
+    seed: int,
+    mode: str,
+    steps: int,
+    environment: Environment,
+    groups: Sequence[AgentGroup],
+    uses: Mapping[str, Mapping[str, Any]],
+    indexed: Mapping[str, bool],
+) -> bytes:
+    """Describe who takes part in a run, as the attachment of that name.
+
+    Args:
+        name: The scenario's name.
+        seed: The seed in force.
+        mode: ``synchronous``.
+        steps: How many steps are to be made.
+        environment: The world, initialised.
+        groups: All groups.
+        uses: For each group, the entry-point names of its ``model`` and ``components``.
+        indexed: For each group, whether its agents are numbered.
+    """
+    content = {
+        "format": FORMAT,
+        "name": name,
+        "seed": seed,
+        "mode": mode,
+        "time_step": environment.time_step,
+        "steps": steps,
+        "groups": {
+            group.name: {
+                "agents": list(group.ids),
+                "indexed": indexed[group.name],
+                "model": {
+                    "use": uses[group.name]["model"],
+                    "state": [list(quantity) for quantity in group.model.state],
+                    "control_input": [list(quantity) for quantity in group.model.control_input],
+                    "position": list(group.model.position),
+                    "heading": group.model.heading,
+                },
+                "entity": group.entity.model_dump(mode="json"),
+                "components": uses[group.name]["components"],
+            }
+            for group in sorted(groups, key=lambda group: group.name)
+        },
+        "entities": {name: _entity(obstacle) for name, obstacle in environment.obstacles.items()},
+        "roster": [*environment.roster.ids, *environment.obstacles],
+    }
+    return json.dumps(content, indent=1).encode()
+
+
+def _entity(obstacle: Obstacle) -> dict[str, Any]:
+    """Describe an obstacle, with the pose that it has at the beginning."""
+    pose = obstacle.pose()
+    return {**obstacle.model_dump(mode="json"), "position": list(pose.position), "heading": pose.heading}

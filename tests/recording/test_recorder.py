@@ -1,0 +1,56 @@
+"""The recorder writes what changed, when it changed."""
+
+import numpy as np
+from simulating import STEP, Team, simulate
+
+from symaware_cli import Controller, GroupComponent, TimeSeries, open_log
+
+
+class Drift(Controller):
+    def _compute(self):
+        return [1.0, 0.0], TimeSeries()
+
+
+class Present(GroupComponent):
+    """Knows the world as it is."""
+
+    def _compute(self):
+        return self.environment.snapshot()
+
+    def _update(self, value):
+        self._group.awareness.world = value
+
+
+class Late(Present):
+    """Knows the world as it was a step ago."""
+
+    before = None
+
+    def _update(self, value):
+        self._group.awareness.world, self.before = self.before, value
+
+
+def recorded(components, count, folder):
+    simulate({"a": Team(components, count=count)}, 4, folder / "log.mcap")
+    return open_log(folder / "log.mcap")
+
+
+def test_who_knows_the_world_as_it_is_costs_two_bytes_a_step(tmp_path):
+    log = recorded({"see": Present, "go": Drift}, 3, tmp_path)
+    messages = list(log.messages("/agents/a/awareness"))
+    assert [message.decode().world for message in messages] == [True] * 4
+    assert all(len(message.data) == 2 for message in messages)
+
+
+def test_who_knows_the_world_as_it_was_is_recorded_with_what_it_knows(tmp_path):
+    log = recorded({"see": Late, "go": Drift}, 2, tmp_path)
+    messages = [message for message in log.messages("/agents/a/awareness") if message.time >= 2 * STEP]
+    truth = log.series("a", "world")
+    for message in messages:
+        known = message.decode()
+        assert not known.world
+        assert known.lengths.tolist() == [1, 1]
+        assert known.entities.tolist() == [1, 0]
+        before = truth.values[truth.times.tolist().index(message.time - STEP)]
+        np.testing.assert_array_equal(known.values.reshape(2, 2), before[::-1])
+    assert len(messages) == 2
