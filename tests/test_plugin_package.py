@@ -58,15 +58,13 @@ def test_the_wheel_holds_the_package_its_marker_of_types_and_nothing_else(wheels
     names = zipfile.ZipFile(wheels[0]).namelist()
     assert "symaware_cli/py.typed" in names
     assert "symaware_cli/testing.py" in names
-    tracked = subprocess.run(
-        ["git", "ls-files", "--cached", "--others", "--exclude-standard", "symaware_cli"],
-        cwd=CHECKOUT,
-        capture_output=True,
-        text=True,
-        check=True,
-    ).stdout.split()
+    written = {
+        path.relative_to(CHECKOUT).as_posix()
+        for path in (CHECKOUT / "symaware_cli").rglob("*")
+        if path.is_file() and "__pycache__" not in path.parts
+    }
     information = [name for name in names if ".dist-info/" in name]
-    assert sorted(set(names) - set(information)) == sorted(name for name in tracked if (CHECKOUT / name).exists())
+    assert set(names) - set(information) == written
     assert {name.partition("/")[2] for name in information} == {
         *("METADATA", "WHEEL", "entry_points.txt", "licenses/LICENSE", "RECORD")
     }
