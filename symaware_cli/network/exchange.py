@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -27,15 +27,22 @@ class MemoryExchange:
     """
 
     def __init__(
-        self, ids: Sequence[str], on_sent: Callable[[Message], Any], on_delivered: Callable[[Message], Any]
+        self,
+        ids: Sequence[str],
+        on_sent: Callable[[Message], Any],
+        on_delivered: Callable[[Message], Any],
+        listening: Container[str] | None = None,
     ) -> None:
-        """Open an inbox for everybody.
+        """Open an inbox for everybody who listens.
 
         Args:
             ids: All agents, in the roster's order.
             on_sent: Called with each message once it is on its way.
             on_delivered: Called with each message once it is readable.
+            listening: Those who read their messages; None for everybody. What arrives for others is delivered, too,
+                but not kept: a run of any length would fill the memory with it.
         """
+        self._listening = ids if listening is None else listening
         self._rank = {id: rank for rank, id in enumerate(ids)}
         self._sent_by: dict[str, int] = defaultdict(int)
         self._under_way: list[Message] = []
@@ -68,7 +75,8 @@ class MemoryExchange:
         arrived = sorted(self._under_way, key=lambda each: (self._rank[each.sender], each.sequence))
         self._under_way = []
         for message in arrived:
-            self._inboxes.setdefault(message.receiver, []).append(message)
+            if message.receiver in self._listening:
+                self._inboxes.setdefault(message.receiver, []).append(message)
             self._on_delivered(message)
 
     def receive(self, receiver: str) -> Sequence[Message]:

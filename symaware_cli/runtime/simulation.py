@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from symaware_cli.core import (
     AgentGroup,
     Clock,
+    CommunicationReceiver,
     Component,
     Environment,
     Event,
@@ -51,6 +52,11 @@ class Slot:
             component.name, component.use = name, use
             owner = group.name if isinstance(component, GroupComponent) else group.ids[row]
             component.path = f"agents.{owner}.{name}"
+
+    @property
+    def listens(self) -> bool:
+        """Whether the components read the messages that arrive for their agents."""
+        return isinstance(self.components[0], CommunicationReceiver)
 
     def initialise(self) -> None:
         """Let every instance take up its work.
@@ -109,7 +115,8 @@ class Simulation:
             environment.initialise(self.groups, obstacles, seed)
         except Exception as error:
             raise RunError("environment", environment_use, 0, describe(error), error) from error
-        self.exchange = MemoryExchange(environment.roster.ids, self._sent, self._received)
+        listening = {id for slot in self.slots if slot.listens for id in slot.group.ids}
+        self.exchange = MemoryExchange(environment.roster.ids, self._sent, self._received, listening)
         surroundings = Surroundings(seed, environment, self.exchange, self.clock, self.events)
         for group in self.groups:
             group.surroundings = surroundings

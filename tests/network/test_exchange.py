@@ -51,6 +51,18 @@ def test_who_does_not_listen_for_a_while_gets_everything_oldest_first():
     ]
 
 
+def test_what_arrives_for_somebody_who_never_listens_is_delivered_and_not_kept():
+    delivered = []
+    post = MemoryExchange(IDS, lambda message: None, delivered.append, listening={"robot.0"})
+    for step in range(3):
+        post.send(Message("car", "robot.1", {"step": step}))
+        post.send(Message("car", "robot.0", {"step": step}))
+        post.deliver(step)
+    assert len(delivered) == 6
+    assert len(post.receive("robot.0")) == 3
+    assert len(post.receive("robot.1")) == 0
+
+
 @pytest.mark.parametrize(("sender", "receiver"), [("car", "bus"), ("bus", "car")])
 def test_nobody_writes_to_or_as_somebody_who_does_not_exist(sender, receiver):
     with pytest.raises(UnknownReceiverError, match="no agent `bus`"):
