@@ -102,6 +102,14 @@ def main() -> None:
         (HERE / "RESULTS.md").write_text(text)
 
 
+def _processor() -> str:
+    """What the machine calls its processor."""
+    information = Path("/proc/cpuinfo")
+    lines = information.read_text().splitlines() if information.exists() else []
+    named = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return named[0] if named else platform.machine()
+
+
 def report(rates: dict[str, float], memory: dict[str, float], shares: dict[str, float]) -> str:
     """Lay out the results."""
 
@@ -135,7 +143,9 @@ def report(rates: dict[str, float], memory: dict[str, float], shares: dict[str, 
             "< 500 MB",
         ),
     ]
-    software = f"Python {platform.python_version()}, NumPy {version('numpy')}, SymAware {version('symaware-cli')}"
+    names = ("symaware-cli", "numpy", "scipy", "zstandard")
+    software = ", ".join([f"Python {platform.python_version()}", *(f"{name} {version(name)}" for name in names)])
+    peers = ", ".join([*(HERE / "peers" / "requirements.txt").read_text().split(), OLD_IRSIM]).replace("==", " ")
     lines = [
         "# Results",
         "",
@@ -144,7 +154,8 @@ def report(rates: dict[str, float], memory: dict[str, float], shares: dict[str, 
         "components that ship; *risk* unicycles with the time to collision with their neighbours; *numpy* the same",
         "mathematics with nothing around it.",
         "",
-        f"{datetime.datetime.now(datetime.UTC).date()}, {platform.machine()} with {os.cpu_count()} cores, {software}",
+        f"{datetime.datetime.now(datetime.UTC).date()}, {_processor()} with {os.cpu_count()} cores; {software}.",
+        f"Peers: {peers}.",
         "",
         "| what | measured | target |",
         "|---|---:|---:|",

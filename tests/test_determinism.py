@@ -222,3 +222,23 @@ def test_how_many_runs_were_made_in_a_process_changes_nothing(tmp_path):
         execute(build(scenario), log)
         results.add(digest(open_log(log)).combined)
     assert len(results) == 1
+
+
+@pytest.mark.parametrize(("name", "count"), [("aaa", 3), ("zzz", 80)])
+def test_who_is_far_away_changes_nothing_for_who_perceives_estimates_and_avoids(name, count, tmp_path):
+    """With eighty more, neighbours are found by a tree and no longer by looking at all pairs."""
+    document = yaml.safe_load((Path(__file__).parents[1] / "scenarios" / "crossing.yaml").read_text())
+    document["run"]["duration"] = 13.0
+    logs = []
+    far = {**document["agents"]["robot"], "count": count, "state": [[5000.0, 4.0 * row, 0.0] for row in range(count)]}
+    far["knowledge"] = {"goal": [[5020.0, 4.0 * row] for row in range(count)]}
+    for agents in (document["agents"], {name: far, **document["agents"]}):
+        path = tmp_path / f"{len(logs)}.yaml"
+        path.write_text(yaml.safe_dump({**document, "agents": agents}, sort_keys=False))
+        execute(build(path), path.with_suffix(".mcap"))
+        logs.append(open_log(path.with_suffix(".mcap")))
+    for field in ("world", "state", "control", "intent", "uncertainty", "risk"):
+        alone, among = (log.series("robot", field) for log in logs)
+        assert alone.times.tolist() == among.times.tolist()
+        assert alone.values.tobytes() == among.values.tobytes(), field
+    assert logs[0].series("robot", "risk").values.max() > 0.5, "nothing happened that could have differed"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core import AgentGroup, Environment
+from symaware_cli.core import AgentGroup, Environment, GroupComponent
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -82,6 +82,22 @@ class Encounters:
         if len(some):
             reduced[some] = reduction.reduceat(values, pointers[some])
         return reduced
+
+
+class EncounterRisk(GroupComponent):
+    """A risk that each agent sees in its encounters with others; what it makes of them is left to `_compute`."""
+
+    def initialise_component(self, group: AgentGroup) -> None:
+        """Look up how big everybody is."""
+        super().initialise_component(group)
+        self._radii = bounding_radii(self.environment)
+
+    def _encounters(self) -> Encounters:
+        """Everybody within the parameter ``reach`` [m]."""
+        return Encounters(self._group, self.parameters.reach, self._radii, own_velocity(self._group))
+
+    def _update(self, value: Array) -> None:
+        self._group.awareness.risk.set(self.now, value)
 
 
 def dot(one: Array, other: Array) -> Array:

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from pydantic import Field
 from scipy.special import ndtr
 
-from symaware_cli.components.encounters import Encounters, bounding_radii, dot, own_velocity
-from symaware_cli.core import AgentGroup, GroupComponent, Parameters
+from symaware_cli.components.encounters import EncounterRisk, Encounters, dot
+from symaware_cli.core import AgentGroup, Parameters
 
 Array = NDArray[np.float64]
 
@@ -200,7 +200,7 @@ def _sum(values: Array) -> Array:
     return values[:, 0]
 
 
-class Collision(GroupComponent):
+class Collision(EncounterRisk):
     """Risk as the probability that an agent comes too close to another within a horizon.
 
     For each other, `collision_probability` of the beliefs of both. The covariance of the relative position is the sum
@@ -217,22 +217,14 @@ class Collision(GroupComponent):
         reach: float = Field(10.0, gt=0, description="Others farther away are not looked at [m].")
         margin: float = Field(0.0, ge=0, description="Distance between two bodies that counts as a collision [m].")
 
-    def initialise_component(self, group: AgentGroup) -> None:
-        """Look up how big everybody is."""
-        super().initialise_component(group)
-        self._radii = bounding_radii(self.environment)
-
     def _compute(self) -> Array:
         parameters = self.parameters
-        encounters = Encounters(self._group, parameters.reach, self._radii, own_velocity(self._group))
+        encounters = self._encounters()
         apart, closing = encounters.apart, encounters.closing
         covariance = self._covariance(encounters, closest_approach(apart, closing, parameters.horizon))
         radius = encounters.radius + parameters.margin
         probability = collision_probability(apart, closing, radius, covariance, parameters.horizon)
         return 1.0 - encounters.over_others(np.multiply, 1.0 - probability, 1.0)
-
-    def _update(self, value: Array) -> None:
-        self._group.awareness.risk.set(self.now, value)
 
     def _covariance(self, encounters: Encounters, time: Array) -> Array:
         """The covariance of each relative position at a time from now [s]; shape (m, d, d)."""

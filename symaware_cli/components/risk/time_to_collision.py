@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from symaware_cli.components.encounters import Encounters, bounding_radii, dot, own_velocity
-from symaware_cli.core import AgentGroup, GroupComponent, Parameters
+from symaware_cli.components.encounters import EncounterRisk, dot
+from symaware_cli.core import Parameters
 
 Array = NDArray[np.float64]
 
@@ -36,7 +36,7 @@ def time_to_collision(apart: Array, closing: Array, radius: Array) -> Array:
     return time
 
 
-class TimeToCollision(GroupComponent):
+class TimeToCollision(EncounterRisk):
     """Risk from how soon each agent touches another if both keep their velocities.
 
     The risk is 1 - t / horizon for the soonest of all encounters, 0 where nothing is touched within the horizon and 1
@@ -52,18 +52,10 @@ class TimeToCollision(GroupComponent):
         reach: float = Field(10.0, gt=0, description="Others farther away are not looked at [m].")
         margin: float = Field(0.0, ge=0, description="Distance between two bodies that counts as touching [m].")
 
-    def initialise_component(self, group: AgentGroup) -> None:
-        """Look up how big everybody is."""
-        super().initialise_component(group)
-        self._radii = bounding_radii(self.environment)
-
     def _compute(self) -> Array:
         parameters = self.parameters
-        encounters = Encounters(self._group, parameters.reach, self._radii, own_velocity(self._group))
+        encounters = self._encounters()
         time = time_to_collision(encounters.apart, encounters.closing, encounters.radius + parameters.margin)
         soonest = encounters.over_others(np.minimum, time, np.inf)
         risk: Array = np.maximum(1.0 - soonest / parameters.horizon, 0.0)
         return risk
-
-    def _update(self, value: Array) -> None:
-        self._group.awareness.risk.set(self.now, value)
