@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core import AgentGroup, Environment, GroupComponent
+from symaware_cli.core import AgentGroup, Environment, GroupComponent, Quantity
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -86,6 +88,10 @@ class Encounters:
 
 class EncounterRisk(GroupComponent):
     """A risk that each agent sees in its encounters with others; what it makes of them is left to `_compute`."""
+
+    def series_quantities(self, group: AgentGroup) -> Mapping[str, Sequence[Quantity]]:
+        """The risk is one number without a unit."""
+        return {"risk": [Quantity("risk", "1")]}
 
     def initialise_component(self, group: AgentGroup) -> None:
         """Look up how big everybody is."""

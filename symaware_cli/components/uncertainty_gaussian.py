@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Mapping, Sequence
 from typing import Annotated
 
 import numpy as np
@@ -12,7 +13,7 @@ from pydantic import Field
 
 from symaware_cli.components.kalman import Belief, corrected, predicted
 from symaware_cli.components.tracker import Tracker
-from symaware_cli.core import AgentGroup, GroupComponent, Parameters, Tracks
+from symaware_cli.core import AgentGroup, GroupComponent, Parameters, Quantity, Tracks
 from symaware_cli.core.time import nanoseconds
 
 Array = NDArray[np.float64]
@@ -63,6 +64,14 @@ class GaussianUncertainty(GroupComponent):
                 f"`initial_deviation` is a list of {deviations[0]}, and the state has {len(model.state)} elements: "
                 f"{names}"
             )
+
+    def series_quantities(self, group: AgentGroup) -> Mapping[str, Sequence[Quantity]]:
+        """The uncertainty is the covariance of the state, row by row."""
+        state = group.model.state
+        covariance = [
+            Quantity(f"cov_{one.name}_{other.name}", f"{one.unit}*{other.unit}") for one in state for other in state
+        ]
+        return {"uncertainty": covariance}
 
     def initialise_component(self, group: AgentGroup) -> None:
         """Begin with what is believed at the start."""

@@ -14,6 +14,7 @@ from symaware_cli.core.awareness import AwarenessDatabase, AwarenessVector
 from symaware_cli.core.event import Event, Level, Subscriber, Subscription
 from symaware_cli.core.knowledge import KnowledgeDatabase
 from symaware_cli.core.message import Message
+from symaware_cli.core.model import Quantity
 from symaware_cli.core.plugin import Plugin
 from symaware_cli.core.random import RowGenerators, generator
 from symaware_cli.core.series import TimeSeries
@@ -59,6 +60,20 @@ class BaseComponent(Plugin, ABC, Generic[Owner]):
         Raises:
             ValueError: It cannot, and why, in words for the author of the scenario.
         """
+
+    def series_quantities(self, group: AgentGroup) -> Mapping[str, Sequence[Quantity]]:
+        """Name the columns of the time series that the component sets, for whoever reads or draws the log.
+
+        Where the names are those that docs/log-format.md lists, a replay knows what they mean: an intent with the names
+        of the position is drawn as a path, an uncertainty with covariances of it as ellipses.
+
+        Args:
+            group: Has its model.
+
+        Returns:
+            Name and unit of each column, by ``intent``, ``uncertainty`` or ``risk``; nothing by default.
+        """
+        return {}
 
     @abstractmethod
     def _compute(self) -> Any:

@@ -54,6 +54,7 @@ class Recorder:
         *,
         interval: int = 0,
         omit: Sequence[str] = (),
+        quantities: Mapping[str, Mapping[str, Sequence[Quantity]]] | None = None,
     ) -> None:
         """Open a channel for each group and kind.
 
@@ -63,6 +64,8 @@ class Recorder:
             groups: All groups.
             interval: Least simulated time between two records of the same group, in nanoseconds; 0 for every step.
             omit: Which of `KINDS` to leave out.
+            quantities: By group, and by ``intent``, ``uncertainty`` and ``risk``, what the columns of these are, where
+                that is known.
         """
         self.writer = writer
         self.updates = 0
@@ -75,7 +78,8 @@ class Recorder:
         self._messages = writer.channel("/messages", "Message")
         self._contacts = writer.channel("/contacts", "Contact", {"units": "m"})
         self._groups = [
-            _GroupChannels(writer, environment, group, omit) for group in sorted(groups, key=lambda group: group.name)
+            _GroupChannels(writer, environment, group, omit, (quantities or {}).get(group.name, {}))
+            for group in sorted(groups, key=lambda group: group.name)
         ]
         self._movers = [
             _MoverChannel(writer, name, obstacle)
@@ -168,7 +172,14 @@ class _MoverChannel:
 class _GroupChannels:
     """The channels of one group."""
 
-    def __init__(self, writer: LogWriter, environment: Environment, group: AgentGroup, omit: Sequence[str]) -> None:
+    def __init__(
+        self,
+        writer: LogWriter,
+        environment: Environment,
+        group: AgentGroup,
+        omit: Sequence[str],
+        quantities: Mapping[str, Sequence[Quantity]],
+    ) -> None:
         self._writer = writer
         self._environment = environment
         self._group = group
@@ -179,13 +190,14 @@ class _GroupChannels:
         self._last_world: Any = None
         states = _columns(group.model.state)
         inputs = _columns(group.model.control_input)
+        series = {kind: _columns(columns) for kind, columns in quantities.items()}
         topics = {
             "world": (f"/world/{group.name}/state", "Rows", states),
             "state": (f"/agents/{group.name}/state", "Rows", states),
             "control": (f"/agents/{group.name}/control", "Control", inputs),
-            "intent": (f"/agents/{group.name}/intent", "SeriesRows", {}),
-            "uncertainty": (f"/agents/{group.name}/uncertainty", "SeriesRows", {}),
-            "risk": (f"/agents/{group.name}/risk", "SeriesRows", {}),
+            "intent": (f"/agents/{group.name}/intent", "SeriesRows", series.get("intent", {})),
+            "uncertainty": (f"/agents/{group.name}/uncertainty", "SeriesRows", series.get("uncertainty", {})),
+            "risk": (f"/agents/{group.name}/risk", "SeriesRows", series.get("risk", {})),
             "awareness": (f"/agents/{group.name}/awareness", "Awareness", {}),
             "knowledge": (f"/agents/{group.name}/knowledge", "Knowledge", {}),
         }

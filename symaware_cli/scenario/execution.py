@@ -9,10 +9,11 @@ from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
-from symaware_cli.core import nanoseconds
+from symaware_cli.core import Quantity, nanoseconds
 from symaware_cli.recording.manifest import manifest
 from symaware_cli.recording.recorder import Recorder
 from symaware_cli.recording.writer import LogWriter
+from symaware_cli.runtime.simulation import Simulation
 from symaware_cli.runtime.summary import Summary
 from symaware_cli.runtime.synchronous import run
 from symaware_cli.scenario.build import Built, build
@@ -79,8 +80,17 @@ def execute(built: Built, log: Path | None, on_progress: Callable[[int], None] |
                 built.simulation.groups,
                 interval=nanoseconds(built.document.recording.interval),
                 omit=built.document.recording.omit,
+                quantities=_series_quantities(built.simulation),
             )
         return run(built.simulation, built.steps, recorder, on_progress)
+
+
+def _series_quantities(simulation: Simulation) -> dict[str, dict[str, Sequence[Quantity]]]:
+    """What the columns of each group's series are; of several components that set one, the last has its say."""
+    quantities: dict[str, dict[str, Sequence[Quantity]]] = {}
+    for slot in simulation.slots:
+        quantities.setdefault(slot.group.name, {}).update(slot.components[0].series_quantities(slot.group))
+    return quantities
 
 
 def _attach(writer: LogWriter, built: Built) -> None:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from symaware_cli.core import AgentGroup, GroupComponent, Parameters
+from symaware_cli.core import AgentGroup, GroupComponent, Parameters, Quantity
 from symaware_cli.core.time import SECOND
 
 Array = NDArray[np.float64]
@@ -24,6 +26,10 @@ class Steering(GroupComponent):
     def check(self, group: AgentGroup) -> None:
         """The model can be steered by a velocity."""
         group.model.follow_velocity(group.initial_state, np.zeros((len(group), len(group.model.position))))
+
+    def series_quantities(self, group: AgentGroup) -> Mapping[str, Sequence[Quantity]]:
+        """The intent consists of positions."""
+        return {"intent": [group.model.state[index] for index in group.model.position]}
 
     def initialise_component(self, group: AgentGroup) -> None:
         """Lay out the instants of the intent."""

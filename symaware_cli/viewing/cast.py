@@ -1,0 +1,196 @@
+"""The cast of a log: who and what is to be seen, as the manifest tells it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import ValidationError
+
+from symaware_cli.core import Shape
+from symaware_cli.recording.error import LogError
+from symaware_cli.recording.reader import Log
+from symaware_cli.viewing.palette import agent_colours
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Troupe:
+    """A group of agents.
+
+    Attributes:
+        name: The group's.
+        agents: Their ids, in the order of rows.
+        colours: (n, 3).
+        shape: Their outline; None for points.
+        state: Name and unit of each element of the state.
+        control_input: The same of the control input.
+        position: Where the position stands in the state; 2 or 3 indices.
+        heading: Where the heading stands in the state; None if it has none.
+        perception_range: How far they see [m]; None if that is not limited or not known.
+    """
+
+    name: str
+    agents: tuple[str, ...]
+    colours: NDArray[np.uint8]
+    shape: Shape | None
+    state: tuple[tuple[str, str], ...]
+    control_input: tuple[tuple[str, str], ...]
+    position: tuple[int, ...]
+    heading: int | None
+    perception_range: float | None = None
+
+    @property
+    def radius(self) -> float:
+        """The radius of the smallest circle around the body; 0 for a point [m]."""
+        return self.shape.radius if self.shape else 0.0
+
+    def positions(self, states: Array) -> Array:
+        """Pick the positions in space out of states; (..., nx) to (..., 3), where a plane lies at height 0 [m]."""
+        return in_space(states[..., list(self.position)])
+
+    def headings(self, states: Array) -> Array | None:
+        """Pick the headings out of states; (..., nx) to (...) [rad]; None if the state has none."""
+        return None if self.heading is None else states[..., self.heading]
+
+
+@dataclass(frozen=True)
+class Prop:
+    """An entity of the environment.
+
+    Attributes:
+        name: Its name.
+        shape: Its outline.
+        position: Where it stands at the beginning; (3,) [m].
+        heading: Where its x axis points at the beginning [rad].
+        moves: Whether /world/<name>/state says where it is.
+    """
+
+    name: str
+    shape: Shape
+    position: Array
+    heading: float
+    moves: bool
+
+
+@dataclass(frozen=True)
+class Cast:
+    """Everybody and everything in a log.
+
+    Attributes:
+        name: The scenario's.
+        seed: The seed of the run.
+        troupes: By name of the group, in the order of the manifest.
+        props: By name.
+        roster: Who can be known of, in the order of `Awareness.entities`.
+    """
+
+    name: str
+    seed: int
+    troupes: Mapping[str, Troupe]
+    props: Mapping[str, Prop]
+    roster: tuple[str, ...]
+
+    @property
+    def agent_count(self) -> int:
+        """How many agents there are."""
+        return sum(len(troupe.agents) for troupe in self.troupes.values())
+
+    @property
+    def is_spatial(self) -> bool:
+        """Whether anybody moves in space, or all keep to a plane."""
+        return any(len(troupe.position) == 3 for troupe in self.troupes.values())
+
+    @cached_property
+    def place(self) -> Mapping[str, tuple[str, int]]:
+        """The group and the row in it of each agent."""
+        return {
+            agent: (troupe.name, row) for troupe in self.troupes.values() for row, agent in enumerate(troupe.agents)
+        }
+
+    @property
+    def agents(self) -> Sequence[str]:
+        """The ids of all agents."""
+        return list(self.place)
+
+
+def cast_of(log: Log) -> Cast:
+    """Read who takes part in a log.
+
+    Raises:
+        LogError: It is not one of ours, or its manifest is damaged.
+    """
+    manifest = log.manifest
+    if not manifest:
+        why = "was not written by SymAware" if log.foreign else "broke off before it says who takes part"
+        raise LogError(f"{log.path} {why}")
+    try:
+        groups = manifest["groups"]
+        colours = agent_colours([len(group["agents"]) for group in groups.values()])
+        ranges = _perception_ranges(log)
+        return Cast(
+            name=manifest["name"],
+            seed=manifest["seed"],
+            troupes={
+                name: _troupe(name, group, colour, ranges.get(name))
+                for (name, group), colour in zip(groups.items(), colours, strict=True)
+            },
+            props={name: _prop(name, entity) for name, entity in manifest["entities"].items()},
+            roster=tuple(manifest["roster"]),
+        )
+    except (KeyError, TypeError, ValueError, AttributeError, ValidationError) as error:
+        raise LogError(f"the manifest in {log.path} is damaged") from error
+
+
+def in_space(positions: Array) -> Array:
+    """Add the height 0 to positions in a plane; (..., 2 or 3) to (..., 3)."""
+    if positions.shape[-1] == 3:
+        return positions
+    return np.concatenate([positions, np.zeros((*positions.shape[:-1], 1))], axis=-1)
+
+
+def _troupe(name: str, group: Mapping[str, Any], colours: NDArray[np.uint8], perception_range: float | None) -> Troupe:
+    model, shape = group["model"], group["entity"].get("shape")
+    return Troupe(
+        name=name,
+        agents=tuple(group["agents"]),
+        colours=colours,
+        shape=Shape.model_validate(shape) if shape else None,
+        state=tuple((quantity, unit) for quantity, unit in model["state"]),
+        control_input=tuple((quantity, unit) for quantity, unit in model["control_input"]),
+        position=tuple(model["position"]),
+        heading=model["heading"],
+        perception_range=perception_range,
+    )
+
+
+def _prop(name: str, entity: Mapping[str, Any]) -> Prop:
+    return Prop(
+        name=name,
+        shape=Shape.model_validate(entity["shape"]),
+        position=in_space(np.array(entity["position"], float)),
+        heading=float(entity["heading"]),
+        moves=bool(entity.get("path")),
+    )
+
+
+def _perception_ranges(log: Log) -> dict[str, float]:
+    """How far each group sees, as far as the resolved scenario tells."""
+    import yaml
+
+    try:
+        document = yaml.safe_load(log.attachments.get("resolved.yaml", b"")) or {}
+        return {
+            name: float(component["with"]["range"])
+            for name, agents in document.get("agents", {}).items()
+            for component in agents.get("components", {}).values()
+            if component.get("use", "").startswith("perception.") and (component.get("with") or {}).get("range")
+        }
+    except (yaml.YAMLError, ValueError, TypeError, AttributeError):
+        # The scenario is what the user wrote, and of a later version perhaps: a replay does without.
+        return {}

@@ -1,0 +1,71 @@
+"""The colours of agents, risks and levels, the same in replays, plots and exports."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Colour = tuple[int, int, int]
+"""Red, green and blue, 0 to 255."""
+
+#: Told apart by most people who see colours differently: P. Tol's "bright" scheme, a little darker where it is pale,
+#: and four more between. Red is left out: it stands for risk.
+AGENTS: tuple[Colour, ...] = (
+    (68, 119, 170),
+    (34, 136, 51),
+    (204, 150, 40),
+    (102, 204, 238),
+    (170, 51, 119),
+    (0, 153, 136),
+    (136, 130, 205),
+    (153, 153, 51),
+    (221, 130, 100),
+    (100, 110, 120),
+)
+
+RISK: Colour = (230, 40, 50)
+SCENERY: Colour = (128, 128, 136)
+GOAL: Colour = (120, 170, 90)
+CONTACT: Colour = (255, 60, 60)
+
+#: What one agent can be told apart by: beyond this many, agents share the colour of their group.
+DISTINCT = 2 * len(AGENTS)
+
+
+def agent_colours(sizes: Sequence[int]) -> list[NDArray[np.uint8]]:
+    """Choose a colour for every agent: its own if there are few, its group's if there are many.
+
+    Args:
+        sizes: How many agents each group has.
+
+    Returns:
+        For each group an array (n, 3).
+    """
+    own = sum(sizes) <= DISTINCT
+    colours, first = [], 0
+    for number, size in enumerate(sizes):
+        chosen = range(first, first + size) if own else [number] * size
+        colours.append(np.array([AGENTS[index % len(AGENTS)] for index in chosen], np.uint8).reshape(-1, 3))
+        first += size
+    return colours
+
+
+def tinted(colours: NDArray[np.uint8], risk: ArrayLike) -> NDArray[np.uint8]:
+    """Mix colours with that of risk.
+
+    Args:
+        colours: Shape (..., 3).
+        risk: Shape (...), from 0, which leaves the colour as it is, to 1; what is above or infinite counts as 1, what
+            is unknown (NaN) as 0.
+
+    Returns:
+        Shape (..., 3).
+    """
+    share = np.clip(np.nan_to_num(np.asarray(risk, float), nan=0.0, posinf=1.0, neginf=0.0), 0.0, 1.0)[..., None]
+    mixed: NDArray[np.uint8] = np.round(colours + share * (np.array(RISK, float) - colours)).astype(np.uint8)
+    return mixed
+
+
+def hexadecimal(colour: ArrayLike) -> str:
+    """Write a colour as ``#rrggbb``."""
+    return "#" + "".join(f"{int(part):02x}" for part in np.asarray(colour)[:3])
