@@ -23,6 +23,7 @@ AGENTS: tuple[Colour, ...] = (
     (100, 110, 120),
 )
 
+BACKGROUND: Colour = (16, 18, 24)
 RISK: Colour = (230, 40, 50)
 SCENERY: Colour = (128, 128, 136)
 GOAL: Colour = (120, 170, 90)
@@ -64,6 +65,20 @@ def tinted(colours: NDArray[np.uint8], risk: ArrayLike) -> NDArray[np.uint8]:
     share = np.clip(np.nan_to_num(np.asarray(risk, float), nan=0.0, posinf=1.0, neginf=0.0), 0.0, 1.0)[..., None]
     mixed: NDArray[np.uint8] = np.round(colours + share * (np.array(RISK, float) - colours)).astype(np.uint8)
     return mixed
+
+
+def faded(colours: NDArray[np.uint8], share: ArrayLike) -> NDArray[np.uint8]:
+    """Mix colours with the background of replays, whose lines cannot be transparent.
+
+    Args:
+        colours: Shape (..., 3).
+        share: How much of the background, from 0 to 1; shape (...).
+
+    Returns:
+        Shape (..., 3).
+    """
+    mixed = colours + np.asarray(share, float)[..., None] * (np.array(BACKGROUND, float) - colours)
+    return np.round(mixed).astype(np.uint8)
 
 
 def hexadecimal(colour: ArrayLike) -> str:

@@ -1,0 +1,161 @@
+"""``symaware replay``."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from symaware_cli.cli.terminal import (
+    DATA_LOST,
+    FAILED,
+    INTERRUPTED,
+    WRONG_INPUT,
+    Json,
+    fail,
+    print_json,
+    size_in_words,
+    trouble_shown,
+)
+
+if TYPE_CHECKING:
+    from symaware_cli.viewing.foreign import ForeignScreening
+    from symaware_cli.viewing.screening import Screening
+
+
+def replay(
+    path: Annotated[Path, typer.Argument(help="A log.", metavar="LOG")],
+    save: Annotated[
+        Path | None, typer.Option("--save", help="Write an .rrd file, which any Rerun viewer shows, and open nothing.")
+    ] = None,
+    screenshot: Annotated[
+        Path | None, typer.Option("--screenshot", help="Write a PNG of the viewer; needs no screen.")
+    ] = None,
+    at: Annotated[
+        float | None, typer.Option("--at", help="The instant of the screenshot [s]; by default the middle.")
+    ] = None,
+    size: Annotated[str, typer.Option("--size", help="Width and height of the screenshot.", metavar="WxH")] = "1600x1000",
+    web: Annotated[bool, typer.Option("--web", help="Serve the viewer to browsers and print the link.")] = False,
+    port: Annotated[int, typer.Option("--port", min=1, max=65535, help="Where --web serves.")] = 9090,
+    bind: Annotated[
+        str, typer.Option("--bind", help="The address to listen on; others than this machine reach 0.0.0.0.")
+    ] = "127.0.0.1",
+    connect: Annotated[
+        str | None,
+        typer.Option("--connect", help="Send to a viewer that runs already.", metavar="URL"),
+    ] = None,
+    agents: Annotated[
+        str | None, typer.Option("--agents", help="Whom to look at closely: ids or groups, separated by commas.")
+    ] = None,
+    start: Annotated[float | None, typer.Option("--from", help="Leave out what is before [s].")] = None,
+    end: Annotated[float | None, typer.Option("--to", help="Leave out what is from there on [s].")] = None,
+    as_json: Json = False,
+) -> None:
+    """Show a log in the Rerun viewer: who was where, and what each believed, intended, feared and said."""
+    if sum(bool(way) for way in (save, screenshot, web, connect)) > 1:
+        fail("choose one of --save, --screenshot, --web and --connect", WRONG_INPUT, as_json)
+    with trouble_shown(as_json):
+        from symaware_cli.recording.reader import open_log
+        from symaware_cli.viewing.viewer import ViewerError, require
+
+        log = open_log(path)
+        require()
+        if log.foreign:
+            from symaware_cli.viewing.foreign import ForeignScreening
+
+            shown: Screening | ForeignScreening = ForeignScreening(log)
+        else:
+            from symaware_cli.viewing.screening import screening
+
+            names = [name.strip() for name in agents.split(",") if name.strip()] if agents else []
+            shown = screening(log, names, _nanoseconds(start), _nanoseconds(end))
+    from symaware_cli.recording.error import LogError
+
+    quiet = as_json or not sys.stderr.isatty()
+    facts: dict[str, object] = {"log": str(path), "shown": shown.words}
+    try:
+        with _progress(log.start_time or 0, log.end_time or 0, quiet) as on_progress:
+            if save:
+                shown.save(save, on_progress)
+                facts |= {"file": str(save), "size": save.stat().st_size}
+            elif screenshot:
+                views = shown.picture(screenshot, _nanoseconds(at), size, on_progress)
+                reports = [f"{view.name}: {report.summary}" for view in views for report in view.reports]
+                facts |= {"file": str(screenshot), "size": screenshot.stat().st_size, "reports": reports}
+        if save or screenshot:
+            _tell(facts, as_json)
+        else:
+            _present(shown, facts, web=web, bind=bind, port=port, connect=connect, quiet=quiet, as_json=as_json)
+    except (LogError, ViewerError) as error:
+        fail(str(error), FAILED, as_json)
+    except KeyboardInterrupt:
+        raise typer.Exit(INTERRUPTED) from None
+    if log.damage and log.damage.lost:
+        typer.echo(f"symaware: {log.damage}", err=True)
+        raise typer.Exit(DATA_LOST)
+
+
+def _present(
+    shown: Screening | ForeignScreening,
+    facts: dict[str, object],
+    *,
+    web: bool,
+    bind: str,
+    port: int,
+    connect: str | None,
+    quiet: bool,
+    as_json: bool,
+) -> None:
+    """Send everything to a viewer, and wait until somebody closes it or presses Ctrl-C."""
+    from symaware_cli.viewing import viewer
+
+    running = nullcontext() if connect else viewer.viewer(web=web, bind=bind, web_port=port)
+    with running as started:
+        url = connect or (started.url if started else "")
+        log = shown.log
+        with _progress(log.start_time or 0, log.end_time or 0, quiet) as on_progress:
+            recording = shown.send(url, on_progress)
+        if web:
+            facts["link"] = viewer.web_link(bind, url, port)
+        _tell(facts, as_json)
+        if started:
+            sys.stdout.flush()
+            # Everything has been shown: to end it is not to interrupt it.
+            with suppress(KeyboardInterrupt):
+                started.wait()
+        del recording
+
+
+def _tell(facts: dict[str, object], as_json: bool) -> None:
+    if as_json:
+        print_json(facts)
+        return
+    if "file" in facts:
+        typer.echo(f"{facts['file']}: {size_in_words(int(str(facts['size'])))}")
+    if "link" in facts:
+        typer.echo(f"{facts['link']}\nCtrl-C ends it.")
+    typer.echo(f"  {facts['shown']}")
+    for report in facts.get("reports", ()):  # type: ignore[attr-defined]
+        typer.echo(f"  {report}", err=True)
+
+
+@contextmanager
+def _progress(start: int, end: int, quiet: bool) -> Iterator[Callable[[int], None] | None]:
+    """Show a bar of simulated time on the terminal."""
+    if quiet:
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task("drawing", total=max(end - start, 1))
+        yield lambda now: progress.update(task, completed=now - start)
+
+
+def _nanoseconds(time: float | None) -> int | None:
+    return None if time is None else round(time * 1e9)

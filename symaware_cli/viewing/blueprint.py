@@ -1,0 +1,175 @@
+"""The layout of a replay: which views there are, and what each shows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symaware_cli.viewing.cast import Cast
+from symaware_cli.viewing.detail import Detail
+from symaware_cli.viewing.palette import BACKGROUND
+from symaware_cli.viewing.stage import TIMELINE
+
+if TYPE_CHECKING:
+    import rerun.blueprint as rrb
+
+Array = NDArray[np.float64]
+
+#: The tangent of half the angle that the eye of Rerun's 3-D view sees from top to bottom.
+_HALF_VIEW = 0.52
+#: Width to height of the main view in a window of usual size.
+_ASPECT = 1.15
+#: How far around itself an agent's tab shows at most [m].
+_NEAR = 12.0
+#: Legends of more curves than this would hide the curves.
+_LEGEND = 6
+
+
+@dataclass(frozen=True)
+class Content:
+    """What a log has that needs a view of its own.
+
+    Attributes:
+        low: The lower corner of where everything is (3,) [m].
+        high: The upper corner (3,) [m].
+        topics: Of all channels with messages.
+    """
+
+    low: Array
+    high: Array
+    topics: frozenset[str]
+
+
+def blueprint(cast: Cast, detail: Detail, content: Content) -> rrb.Blueprint:
+    """Lay out the views for a log."""
+    import rerun.blueprint as rrb
+
+    scene = _spatial(cast, detail, content, "Scene", ["+ world/**", "+ minds/**"])
+    return rrb.Blueprint(
+        rrb.Horizontal(
+            rrb.Tabs(scene, *(_agent(cast, detail, content, agent) for agent in detail.focus), active_tab=0),
+            rrb.Vertical(*_overviews(cast, detail, content), row_shares=[*([3] * _curve_count(cast, content)), 4]),
+            column_shares=[5, 3],
+        ),
+        rrb.TimePanel(timeline=TIMELINE, state="collapsed"),
+        rrb.BlueprintPanel(state="hidden"),
+        rrb.SelectionPanel(state="hidden"),
+        auto_views=False,
+    )
+
+
+def _spatial(
+    cast: Cast, detail: Detail, content: Content, name: str, contents: list[str], follow: str | None = None
+) -> rrb.Spatial3DView:
+    """A view of the world: from above if it is a plane, from aslant if it is space; of all of it, or along with one."""
+    import rerun.blueprint as rrb
+
+    middle, size = 0.5 * (content.low + content.high), np.maximum(content.high - content.low, 1.0)
+    if follow:
+        reach = cast.troupes[cast.place[follow][0]].perception_range or np.inf
+        size = np.minimum(size, 2.0 * min(reach, _NEAR))
+    if cast.is_spatial:
+        distance = 1.1 * float(np.linalg.norm(size))
+        position, up = middle + distance * np.array([-0.45, -0.75, 0.5]), (0.0, 0.0, 1.0)
+    else:
+        distance = 0.5 * 1.12 * max(float(size[1]), float(size[0]) / _ASPECT) / _HALF_VIEW
+        position, up = middle + np.array([0.0, 0.0, distance]), (0.0, 1.0, 0.0)
+    eye = rrb.EyeControls3D(kind=rrb.Eye3DKind.Orbital, position=position, look_target=middle, eye_up=up)
+    if follow:
+        eye = rrb.EyeControls3D(
+            kind=rrb.Eye3DKind.Orbital,
+            position=position - middle,
+            look_target=(0.0, 0.0, 0.0),
+            eye_up=up,
+            tracking_entity=f"as/{follow}/place",
+        )
+    spacing = 10.0 ** np.floor(np.log10(max(float(size.max()), 1e-3) / 4.0))
+    grid = rrb.LineGrid3D(visible=True, spacing=spacing, color=(110, 115, 130, 60))
+    overrides: dict[Any, Any] = {f"world/{name}/trail": _lately(detail.trail) for name in cast.troupes}
+    background = rrb.Background(color=BACKGROUND, kind=rrb.BackgroundKind.SolidColor)
+    return rrb.Spatial3DView(
+        origin="/",
+        name=name,
+        contents=contents,
+        eye_controls=eye,
+        line_grid=grid,
+        background=background,
+        overrides=overrides,
+    )
+
+
+def _agent(cast: Cast, detail: Detail, content: Content, agent: str) -> rrb.Vertical:
+    """The tab of an agent: the world as it believes it to be, and all it is aware of as curves."""
+    import rerun.blueprint as rrb
+
+    group, _ = cast.place[agent]
+    bodies = [f"+ world/{name}/{part}" for name in cast.troupes for part in ("body", "heading", "label")]
+    contents = ["+ world/scenery/**", f"+ world/{group}/goal", f"+ minds/{group}/uncertainty", *bodies]
+    contents += [f"+ minds/{group}/samples", "+ world/messages", "+ world/contacts", f"+ as/{agent}/**"]
+    view = _spatial(cast, detail, content, f"as {agent} believes", contents, follow=agent)
+    curves = [
+        _curves(f"{field} of {agent}", [f"+ curves/{agent}/{field}"])
+        for field, topic in (
+            ("state", "state"),
+            ("control", "control"),
+            ("uncertainty", "uncertainty"),
+            ("risk", "risk"),
+        )
+        if f"/agents/{group}/{topic}" in content.topics
+    ]
+    return rrb.Vertical(view, rrb.Grid(*curves, grid_columns=2), row_shares=[3, 2], name=agent)
+
+
+def _overviews(cast: Cast, detail: Detail, content: Content) -> Iterable[Any]:
+    import rerun.blueprint as rrb
+
+    if _has_risk(content):
+        yield _curves("Risk", ["+ curves/risk/**"], legend=not detail.curves or cast.agent_count <= _LEGEND)
+    if cast.agent_count > 1:
+        yield _curves("Separation", ["+ curves/separation/**"])
+    journals = [_log("Events", "log/events")]
+    if "/messages" in content.topics:
+        journals.append(_log("Messages", "log/messages"))
+    modes = rrb.StateTimelineView(origin="modes", name="Modes")
+    about = rrb.TextDocumentView(origin="about", name="About")
+    yield rrb.Tabs(*journals, modes, about, active_tab=0)
+
+
+def _log(name: str, origin: str) -> rrb.TextLogView:
+    import rerun.blueprint as rrb
+
+    # The texts begin with their times, for which the column of their own is too narrow.
+    columns = rrb.TextLogColumns(
+        timeline_columns=[rrb.encodings.TimelineColumn(TIMELINE, visible=False)], text_log_columns=["LogLevel", "Body"]
+    )
+    return rrb.TextLogView(origin=origin, name=name, columns=columns)
+
+
+def _curve_count(cast: Cast, content: Content) -> int:
+    return _has_risk(content) + (cast.agent_count > 1)
+
+
+def _has_risk(content: Content) -> bool:
+    return any(topic.startswith("/agents/") and topic.endswith("/risk") for topic in content.topics)
+
+
+def _curves(name: str, contents: list[str], legend: bool = True) -> rrb.TimeSeriesView:
+    import rerun.blueprint as rrb
+
+    shown = rrb.PlotLegend(corner=rrb.Corner2D.LeftTop, visible=legend)
+    return rrb.TimeSeriesView(origin="/", name=name, contents=contents, plot_legend=shown)
+
+
+def _lately(seconds: float) -> Any:
+    """What shows what was drawn up to some time ago [s] besides what is drawn now."""
+    import rerun.blueprint as rrb
+
+    return rrb.VisibleTimeRanges(
+        timeline=TIMELINE,
+        start=rrb.TimeRangeBoundary.cursor_relative(seconds=-seconds),
+        end=rrb.TimeRangeBoundary.cursor_relative(),
+    )

@@ -1,0 +1,84 @@
+"""How much of each agent a replay shows, chosen by how many there are."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from symaware_cli.recording.error import LogError
+from symaware_cli.viewing.cast import Cast
+
+#: Up to so many agents everything is drawn, and each has a tab.
+FEW = 12
+#: Up to so many the intents and uncertainties of all are drawn; beyond, nobody could tell them apart.
+MANY = 100
+#: How many have a tab where not all do.
+TABS = 4
+
+
+@dataclass(frozen=True)
+class Detail:
+    """What a replay shows.
+
+    Attributes:
+        focus: Who has a tab, with what they believe of others.
+        labels: Whether all agents have labels; otherwise only the focus has.
+        minds: Whether the intents and uncertainties of all are drawn; otherwise only those of the focus.
+        curves: Whether risks are plotted agent by agent; otherwise as quantiles of a group.
+        trail: How long trails are [s].
+        words: The same for people.
+    """
+
+    focus: tuple[str, ...]
+    labels: bool
+    minds: bool
+    curves: bool
+    trail: float
+    words: str
+
+
+def detail_of(cast: Cast, agents: Sequence[str] = ()) -> Detail:
+    """Choose what to show.
+
+    Args:
+        cast: Who takes part.
+        agents: Whom to look at closely; a group stands for its agents. Empty: as many as fit.
+
+    Raises:
+        LogError: There is no such agent.
+    """
+    count = cast.agent_count
+    chosen = tuple(dict.fromkeys(agent for name in agents for agent in _named(cast, name)))
+    focus = chosen or tuple(cast.agents[: count if count <= FEW else TABS])
+    minds = count <= MANY
+    trail = 10.0 if minds else 3.0
+    shown = [f"{count} agent{'s' if count != 1 else ''}: bodies tinted by risk, trails of {trail:g} s"]
+    shown.append("intents and uncertainties of all" if minds else f"intents and uncertainties of {_list(focus)} only")
+    if count > FEW:
+        shown.append("labels of those with a tab only; risk as quantiles")
+    who = "everybody" if len(focus) == count else _list(focus)
+    hint = "" if chosen or count <= FEW else " (--agents chooses)"
+    return Detail(
+        focus=focus,
+        labels=count <= FEW,
+        minds=minds,
+        curves=count <= FEW,
+        trail=trail,
+        words=f"{', '.join(shown)}; tabs for {who}{hint}",
+    )
+
+
+def _named(cast: Cast, name: str) -> Sequence[str]:
+    if name in cast.troupes:
+        return cast.troupes[name].agents
+    if name in cast.place:
+        return [name]
+    near = difflib.get_close_matches(name, [*cast.troupes, *cast.agents], 1)
+    raise LogError(f"there is no agent {name!r}{f'; did you mean {near[0]!r}?' if near else ''}")
+
+
+def _list(names: Sequence[str]) -> str:
+    if len(names) > TABS:
+        return f"{', '.join(names[:TABS])} and {len(names) - TABS} more"
+    return f"{', '.join(names[:-1])} and {names[-1]}" if len(names) > 1 else "".join(names)

@@ -1,0 +1,290 @@
+"""What agents intend, and how sure they are: paths ahead, ellipses of 95 %, fans of samples."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symaware_cli.viewing.cast import Cast, Troupe, in_space
+from symaware_cli.viewing.detail import Detail
+from symaware_cli.viewing.drawing.base import Drawing
+from symaware_cli.viewing.excerpt import Excerpt, Strips
+from symaware_cli.viewing.palette import faded
+from symaware_cli.viewing.stage import Stage
+
+Array = NDArray[np.float64]
+Colours = NDArray[np.uint8]
+Times = NDArray[np.int64]
+
+#: How many deviations an ellipse or ellipsoid reaches that holds 95 % of a normal distribution: the root of the 95 %
+#: quantile of the chi-square distribution with 2 or 3 degrees of freedom.
+DEVIATIONS = {2: 2.4477, 3: 2.7955}
+
+#: A fading line has so many pieces at most.
+_PIECES = 12
+
+
+class Intents(Drawing):
+    """The ways that agents mean to go, fading with time."""
+
+    def __init__(self, cast: Cast, detail: Detail, stage: Stage, columns: Mapping[str, Sequence[str]]) -> None:
+        """Look up where positions stand in the intents.
+
+        Args:
+            cast: Who takes part.
+            detail: How much to show.
+            stage: Where to draw.
+            columns: The names of the columns of each topic.
+        """
+        super().__init__(cast, detail, stage)
+        self._places = {
+            troupe.name: position_columns(troupe, columns.get(f"/agents/{troupe.name}/intent", ()))
+            for troupe in cast.troupes.values()
+        }
+
+    def begin(self) -> None:
+        """Put up how thick they are."""
+        import rerun as rr
+
+        for troupe in self.cast.troupes.values():
+            width = rr.LineStrips3D.from_fields(radii=rr.Radius.ui_points([1.5]))
+            self.stage.static(f"minds/{troupe.name}/intent", width)
+
+    def draw(self, excerpt: Excerpt) -> None:
+        """Draw the intents of all who are shown."""
+        for troupe in self.cast.troupes.values():
+            strips = excerpt.strips.get(f"/agents/{troupe.name}/intent")
+            if strips is None:
+                continue
+            rows = [row for row, id in enumerate(troupe.agents) if self.detail.minds or id in self.detail.focus]
+            path = f"minds/{troupe.name}/intent"
+            fading(self.stage, path, troupe, strips, rows, self._columns(troupe, strips))
+
+    def _columns(self, troupe: Troupe, strips: Strips) -> list[int] | None:
+        return self._places[troupe.name] or unnamed_position(troupe, strips)
+
+
+class Uncertainties(Drawing):
+    """How far the truth may be from what agents believe of themselves, and what else they hold possible."""
+
+    def __init__(self, cast: Cast, detail: Detail, stage: Stage, columns: Mapping[str, Sequence[str]]) -> None:
+        """Look up what the uncertainties consist of.
+
+        Args:
+            cast: Who takes part.
+            detail: How much to show.
+            stage: Where to draw.
+            columns: The names of the columns of each topic.
+        """
+        super().__init__(cast, detail, stage)
+        named = {name: columns.get(f"/agents/{name}/uncertainty", ()) for name in cast.troupes}
+        self._covariance = {name: _covariance_columns(cast.troupes[name], names) for name, names in named.items()}
+        self._samples = {name: _sample_columns(cast.troupes[name], names) for name, names in named.items()}
+        self._believed: dict[str, Array] = {}
+
+    def begin(self) -> None:
+        """Put up how thick the lines are."""
+        import rerun as rr
+
+        thin = rr.Radius.ui_points([0.75])
+        for troupe in self.cast.troupes.values():
+            self.stage.static(
+                f"minds/{troupe.name}/uncertainty",
+                rr.Ellipsoids3D.from_fields(line_radii=thin, fill_mode="majorwireframe"),
+            )
+            self.stage.static(f"minds/{troupe.name}/samples", rr.LineStrips3D.from_fields(radii=thin))
+
+    def draw(self, excerpt: Excerpt) -> None:
+        """Draw the uncertainties of all who are shown."""
+        for troupe in self.cast.troupes.values():
+            strips = excerpt.strips.get(f"/agents/{troupe.name}/uncertainty")
+            believed = excerpt.frames.get(f"/agents/{troupe.name}/state")
+            rows = [row for row, id in enumerate(troupe.agents) if self.detail.minds or id in self.detail.focus]
+            if strips is None or not rows:
+                continue
+            covariance, samples = self._covariance[troupe.name], self._samples[troupe.name]
+            if covariance is not None and believed is not None:
+                states = believed.at(strips.times)
+                if states is not None:
+                    centres = troupe.positions(states)[:, rows]
+                    matrices = strips.firsts()[:, rows][..., covariance]
+                    self._draw_ellipses(troupe, strips.times, centres, matrices, rows)
+            if samples is not None:
+                self._draw_samples(troupe, strips, rows, samples)
+
+    def _draw_ellipses(
+        self, troupe: Troupe, times: Times, centres: Array, matrices: Array, rows: Sequence[int]
+    ) -> None:
+        half_sizes, quaternions = ellipsoids(matrices.reshape(-1, *matrices.shape[2:]))
+        colours = np.broadcast_to(faded(troupe.colours[rows], 0.15), (*centres.shape[:2], 3))
+        self.stage.ellipsoids(
+            f"minds/{troupe.name}/uncertainty",
+            times,
+            centres.reshape(-1, 3),
+            half_sizes,
+            quaternions,
+            [len(rows)] * len(times),
+            colours.reshape(-1, 3),
+        )
+
+    def _draw_samples(self, troupe: Troupe, strips: Strips, rows: Sequence[int], columns: NDArray[np.intp]) -> None:
+        """Draw the ways of all samples; columns (samples, d)."""
+        points: list[Array] = []
+        lengths: list[int] = []
+        counts: list[int] = []
+        colours: list[Colours] = []
+        ends = np.cumsum(strips.lengths.ravel()).reshape(strips.lengths.shape)
+        for place in range(len(strips.times)):
+            before = len(lengths)
+            for row in rows:
+                length = int(strips.lengths[place, row])
+                series = strips.values[ends[place, row] - length : ends[place, row]]
+                if length > 1:
+                    ways = in_space(series[:, columns].swapaxes(0, 1))
+                    points.append(ways.reshape(-1, 3))
+                    lengths += [length] * len(ways)
+                    colours.append(np.broadcast_to(faded(troupe.colours[row], 0.5), (len(ways), 3)))
+            counts.append(len(lengths) - before)
+        if points:
+            self.stage.strips(
+                f"minds/{troupe.name}/samples",
+                strips.times,
+                np.concatenate(points),
+                lengths,
+                counts,
+                np.concatenate(colours),
+            )
+
+
+def fading(
+    stage: Stage, path: str, troupe: Troupe, strips: Strips, rows: Sequence[int], columns: Sequence[int] | None
+) -> None:
+    """Draw the series of some rows as lines that fade with time.
+
+    Args:
+        stage: Where to draw.
+        path: The Rerun entity.
+        troupe: Whose they are.
+        strips: The series.
+        rows: Of whom.
+        columns: Which columns are the position; nothing is drawn without.
+    """
+    if columns is None or not rows:
+        return
+    length = int(strips.lengths.max(initial=0))
+    if length < 2 or (strips.lengths != length).any():
+        _fading_ragged(stage, path, troupe, strips, rows, columns)
+        return
+    chosen = _pieces(length)
+    shape = (len(strips.times), -1, length, strips.values.shape[1])
+    of_all = (
+        strips.values.reshape(shape)[:, rows] if len(rows) < strips.lengths.shape[1] else strips.values.reshape(shape)
+    )
+    points = in_space(of_all[:, :, chosen][..., list(columns)])
+    segments = np.stack([points[:, :, :-1], points[:, :, 1:]], axis=3)
+    shades = faded(troupe.colours[list(rows)][:, None], _shares(len(chosen) - 1))
+    count = int(np.prod(segments.shape[:3]))
+    stage.strips(
+        path,
+        strips.times,
+        segments.reshape(-1, 3),
+        np.full(count, 2),
+        [segments.shape[1] * segments.shape[2]] * len(strips.times),
+        np.broadcast_to(shades, (len(strips.times), *shades.shape)).reshape(-1, 3),
+    )
+
+
+def _fading_ragged(
+    stage: Stage, path: str, troupe: Troupe, strips: Strips, rows: Sequence[int], columns: Sequence[int]
+) -> None:
+    """The same for series of which each has a length of its own."""
+    points, colours, counts = [], [], []
+    ends = np.cumsum(strips.lengths.ravel()).reshape(strips.lengths.shape)
+    for place in range(len(strips.times)):
+        count = 0
+        for row in rows:
+            length = int(strips.lengths[place, row])
+            if length < 2:
+                continue
+            series = strips.values[ends[place, row] - length : ends[place, row]]
+            chosen = in_space(series[_pieces(length)][:, list(columns)])
+            points.append(np.stack([chosen[:-1], chosen[1:]], axis=1).reshape(-1, 3))
+            colours.append(faded(troupe.colours[row], _shares(len(chosen) - 1)))
+            count += len(chosen) - 1
+        counts.append(count)
+    flat = np.concatenate(points) if points else np.empty((0, 3))
+    shades = np.concatenate(colours) if colours else np.empty((0, 3), np.uint8)
+    stage.strips(path, strips.times, flat, np.full(sum(counts), 2), counts, shades)
+
+
+def ellipsoids(covariances: Array) -> tuple[Array, Array]:
+    """The ellipses or ellipsoids that hold 95 % of normal distributions.
+
+    Args:
+        covariances: (m, d, d) of positions in the plane or in space [m^2].
+
+    Returns:
+        Half sizes (m, 3) [m] and quaternions (m, 4), x, y, z, w; those of a plane are flat. Where a covariance is not
+        known (NaN), the half sizes are 0.
+    """
+    dimension = covariances.shape[-1]
+    known = np.asarray(np.isfinite(covariances).all(axis=(-1, -2)))
+    sound = np.where(known[:, None, None], covariances, 0.0)
+    variances, axes = np.linalg.eigh(0.5 * (sound + sound.swapaxes(-1, -2)))
+    half_sizes = np.zeros((len(sound), 3))
+    half_sizes[:, :dimension] = DEVIATIONS[dimension] * np.sqrt(np.maximum(variances, 0.0))
+    quaternions = np.zeros((len(sound), 4))
+    if dimension == 2:
+        half = 0.5 * np.arctan2(axes[:, 1, 0], axes[:, 0, 0])
+        quaternions[:, 2], quaternions[:, 3] = np.sin(half), np.cos(half)
+        return half_sizes, quaternions
+    from scipy.spatial.transform import Rotation
+
+    # Eigenvectors may make a mirror image; a rotation does not.
+    axes[:, :, 2] *= np.sign(np.linalg.det(axes))[:, None]
+    return half_sizes, Rotation.from_matrix(axes).as_quat()
+
+
+def position_columns(troupe: Troupe, names: Sequence[str]) -> list[int] | None:
+    """Where the elements of the position stand among named columns; None if any is missing."""
+    wanted = [troupe.state[index][0] for index in troupe.position]
+    return [names.index(name) for name in wanted] if all(name in names for name in wanted) else None
+
+
+def unnamed_position(troupe: Troupe, strips: Strips) -> list[int] | None:
+    """Where the position stands in an intent whose columns have no names: states, or positions alone."""
+    columns = strips.values.shape[1]
+    if columns == len(troupe.state):
+        return list(troupe.position)
+    return list(range(columns)) if columns == len(troupe.position) else None
+
+
+def _covariance_columns(troupe: Troupe, names: Sequence[str]) -> NDArray[np.intp] | None:
+    """Where the covariance of the position stands, (d, d)."""
+    elements = [troupe.state[index][0] for index in troupe.position]
+    wanted = [[f"cov_{one}_{other}" for other in elements] for one in elements]
+    if not all(name in names for row in wanted for name in row):
+        return None
+    return np.array([[names.index(name) for name in row] for row in wanted])
+
+
+def _sample_columns(troupe: Troupe, names: Sequence[str]) -> NDArray[np.intp] | None:
+    """Where the positions of numbered samples stand, (samples, d)."""
+    elements = [troupe.state[index][0] for index in troupe.position]
+    numbers = sorted({int(found[1]) for name in names if (found := re.fullmatch(r".+\.(\d+)", name))})
+    samples = [[f"{element}.{number}" for element in elements] for number in numbers]
+    whole = [sample for sample in samples if all(name in names for name in sample)]
+    return np.array([[names.index(name) for name in sample] for sample in whole]) if whole else None
+
+
+def _pieces(length: int) -> NDArray[np.intp]:
+    """Which points of a long line to keep."""
+    return np.unique(np.linspace(0, length - 1, min(length, _PIECES + 1)).round().astype(np.intp))
+
+
+def _shares(count: int) -> Array:
+    """How much each piece of a fading line has of the background."""
+    return np.linspace(0.05, 0.8, count)

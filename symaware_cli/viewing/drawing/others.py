@@ -1,0 +1,110 @@
+"""What the agents in focus believe of others: ghosts where these are believed to be, and how sure that is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symaware_cli.viewing.beliefs import Beliefs, Reading
+from symaware_cli.viewing.cast import Cast, in_space
+from symaware_cli.viewing.detail import Detail
+from symaware_cli.viewing.drawing.base import Drawing
+from symaware_cli.viewing.drawing.minds import ellipsoids, fading, position_columns, unnamed_position
+from symaware_cli.viewing.excerpt import Excerpt
+from symaware_cli.viewing.outline import circle
+from symaware_cli.viewing.palette import SCENERY, faded
+from symaware_cli.viewing.stage import Stage
+
+Array = NDArray[np.float64]
+
+#: The age at which a belief is drawn half as strong [s].
+_FADING = 1.0
+#: How big a ghost without a body is [m].
+_POINT = 0.2
+#: A ghost is a ring just wider than the body, so that both are seen where they coincide.
+_RING = in_space(circle(1.3, corners=20))
+
+
+class Others(Drawing):
+    """The world as each agent in focus believes it to be, in a place of its own: as/<agent>."""
+
+    def __init__(self, cast: Cast, detail: Detail, stage: Stage, columns: Mapping[str, Sequence[str]]) -> None:
+        """Look up who is in focus.
+
+        Args:
+            cast: Who takes part.
+            detail: How much to show.
+            stage: Where to draw.
+            columns: The names of the columns of each topic.
+        """
+        super().__init__(cast, detail, stage)
+        self._columns = columns
+        self._focus: dict[str, list[tuple[str, int]]] = {}
+        for agent in detail.focus:
+            group, row = cast.place[agent]
+            self._focus.setdefault(group, []).append((agent, row))
+        self._readings = {group: Reading(cast, len(cast.troupes[group].position)) for group in self._focus}
+        looks = [self._looks(name) for name in cast.roster]
+        #: Of each in the roster.
+        self._colours = np.array([colour for colour, _ in looks], np.uint8).reshape(-1, 3)
+        self._radii = np.array([radius for _, radius in looks])
+
+    def begin(self) -> None:
+        """Put up how far they see, and how thick lines are."""
+        import rerun as rr
+
+        thin, thick = rr.Radius.ui_points([1.0]), rr.Radius.ui_points([1.75])
+        doubts = rr.Ellipsoids3D.from_fields(line_radii=thin, fill_mode="majorwireframe")
+        for group, agents in self._focus.items():
+            reach = self.cast.troupes[group].perception_range
+            for agent, _ in agents:
+                self.stage.static(f"as/{agent}/others", rr.LineStrips3D.from_fields(radii=thick))
+                self.stage.static(f"as/{agent}/doubts", doubts)
+                self.stage.static(f"as/{agent}/intent", rr.LineStrips3D.from_fields(radii=thick))
+                if reach:
+                    colour = faded(np.array([180, 180, 190], np.uint8), 0.5)
+                    ring = rr.LineStrips3D([in_space(circle(reach, corners=96))], colors=[colour], radii=thin)
+                    self.stage.static(f"as/{agent}/place/range", ring)
+
+    def draw(self, excerpt: Excerpt) -> None:
+        """Draw what they believe."""
+        for group, agents in self._focus.items():
+            troupe = self.cast.troupes[group]
+            frames = excerpt.frames.get(f"/world/{group}/state")
+            strips = excerpt.strips.get(f"/agents/{group}/intent")
+            for agent, row in agents:
+                if frames is not None:
+                    places = troupe.positions(frames.values[:, row])
+                    # What stands here moves along, and so does the eye that looks at it.
+                    self.stage.poses(f"as/{agent}/place", frames.times, places, np.zeros(len(places)))
+                if strips is not None:
+                    names = self._columns.get(f"/agents/{group}/intent", ())
+                    columns = position_columns(troupe, names) or unnamed_position(troupe, strips)
+                    fading(self.stage, f"as/{agent}/intent", troupe, strips, [row], columns)
+            entries = excerpt.entries.get(f"/agents/{group}/awareness")
+            if entries:
+                beliefs = self._readings[group].read(entries, len(troupe.agents), [row for _, row in agents])
+                for agent, row in agents:
+                    self._draw(agent, row, beliefs)
+
+    def _draw(self, agent: str, row: int, beliefs: Beliefs) -> None:
+        times, counts, mine = beliefs.of(row)
+        who, places = beliefs.who[mine], beliefs.places[mine]
+        colours = faded(self._colours[who], 1.0 - 0.5 ** (beliefs.ages[mine] / _FADING))
+        rings = places[:, None] + self._radii[who, None, None] * _RING
+        lengths = np.full(len(rings), len(_RING))
+        self.stage.strips(f"as/{agent}/others", times, rings.reshape(-1, 3), lengths, counts, colours)
+        if beliefs.covariances is not None:
+            half_sizes, quaternions = ellipsoids(beliefs.covariances[mine])
+            path = f"as/{agent}/doubts"
+            self.stage.ellipsoids(path, times, places, half_sizes, quaternions, counts, faded(colours, 0.2))
+
+    def _looks(self, name: str) -> tuple[Sequence[int], float]:
+        """The colour of somebody and the radius [m]."""
+        if name not in self.cast.place:
+            return SCENERY, self.cast.props[name].shape.radius
+        group, row = self.cast.place[name]
+        troupe = self.cast.troupes[group]
+        return troupe.colours[row].tolist(), troupe.radius or _POINT

@@ -1,0 +1,266 @@
+"""Excerpts: stretches of a log, short enough for memory, with the values of each channel in columns."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symaware_cli.recording import wire
+from symaware_cli.recording.reader import LogMessage
+
+Array = NDArray[np.float64]
+Times = NDArray[np.int64]
+
+#: A stretch ends with the instant in which it reaches this size [bytes of messages].
+EXCERPT_SIZE = 4 << 20
+
+
+@dataclass(frozen=True)
+class Frames:
+    """Values of all rows of a group at some instants; rows that a message left out keep theirs.
+
+    Attributes:
+        times: (k,) simulated time [ns].
+        values: (k, n, columns); NaN before the first value of a row.
+        before: (n, columns) what was known before the first instant; None if nothing.
+    """
+
+    times: Times
+    values: Array
+    before: Array | None
+
+    def at(self, times: Times) -> Array | None:
+        """The values that held at other instants; (len(times), n, columns), or None where nothing was known yet."""
+        if self.before is None:
+            if not len(self.times) or (len(times) and times[0] < self.times[0]):
+                unknown = np.full((1, *self.values.shape[1:]), np.nan)
+                known = np.concatenate([unknown, self.values]) if len(self.times) else None
+            else:
+                return self.values[np.searchsorted(self.times, times, side="right") - 1]
+        else:
+            known = np.concatenate([self.before[None], self.values])
+        return None if known is None else known[np.searchsorted(self.times, times, side="right")]
+
+
+@dataclass(frozen=True)
+class Strips:
+    """A series of each row of a group at some instants; rows that a message left out keep theirs.
+
+    Attributes:
+        times: (k,) simulated time of each message [ns].
+        lengths: (k, n) points of each row's series.
+        values: (sum of lengths, columns), one series after another.
+    """
+
+    times: Times
+    lengths: NDArray[np.int64]
+    values: Array
+
+    def firsts(self) -> Array:
+        """The first point of each series, (k, n, columns); NaN where a series is empty."""
+        ends = np.cumsum(self.lengths.ravel())
+        starts = ends - self.lengths.ravel()
+        firsts = np.full((self.lengths.size, self.values.shape[1]), np.nan)
+        some = self.lengths.ravel() > 0
+        firsts[some] = self.values[starts[some]]
+        return firsts.reshape(*self.lengths.shape, -1)
+
+
+@dataclass(frozen=True)
+class Excerpt:
+    """A stretch of a log.
+
+    Attributes:
+        frames: States, by topic; of control inputs those applied.
+        strips: Intents, uncertainties and risks, by topic.
+        entries: All other messages of ours, by topic: the time and what was decoded.
+        start: The first instant [ns].
+        end: The last instant [ns].
+    """
+
+    frames: Mapping[str, Frames]
+    strips: Mapping[str, Strips]
+    entries: Mapping[str, list[tuple[int, Any]]]
+    start: int
+    end: int
+
+
+class Gathering:
+    """Puts messages together to excerpts."""
+
+    def __init__(self, counts: Mapping[str, int]) -> None:
+        """Begin with nothing.
+
+        Args:
+            counts: How many rows the group or entity of each topic has, where that is known.
+        """
+        self._counts = counts
+        self._tables: dict[str, _Table] = {}
+        self._series: dict[str, _Series] = {}
+        self._entries: defaultdict[str, list[tuple[int, Any]]] = defaultdict(list)
+        self._size = 0
+        self._start: int | None = None
+        self._end = 0
+
+    def excerpts(self, messages: Iterable[LogMessage], size: int = EXCERPT_SIZE) -> Iterator[Excerpt]:
+        """Cut messages, which come in the order of time, into excerpts; an instant is never cut."""
+        for message in messages:
+            if self._size >= size and message.time > self._end:
+                yield self.drain()
+            self.take(message.channel.topic, message.time, message.decode(), len(message.data))
+        if self._start is not None:
+            yield self.drain()
+
+    def take(self, topic: str, time: int, content: Any, size: int = 0) -> None:
+        """Take in a message.
+
+        Args:
+            topic: Its channel's.
+            time: Simulated time [ns].
+            content: What `LogMessage.decode` returns.
+            size: As serialised [bytes].
+        """
+        match content:
+            case wire.Rows():
+                self._table(topic, content.values).take(time, content.rows, content.values)
+            case wire.Control():
+                self._table(topic, content.applied).take(time, content.rows, content.applied)
+            case wire.SeriesRows():
+                series = self._series.get(topic)
+                if series is None:
+                    series = self._series[topic] = _Series(self._counts.get(topic, 0))
+                series.take(time, content)
+            case _:
+                self._entries[topic].append((time, content))
+        self._size += size
+        self._start = time if self._start is None else self._start
+        self._end = time
+
+    def drain(self) -> Excerpt:
+        """Hand out what was taken in since the last time."""
+        excerpt = Excerpt(
+            {topic: table.drain() for topic, table in self._tables.items() if table.times},
+            {topic: series.drain() for topic, series in self._series.items() if series.times},
+            dict(self._entries),
+            self._start or 0,
+            self._end,
+        )
+        self._entries.clear()
+        self._size, self._start = 0, None
+        return excerpt
+
+    def last(self, topic: str) -> Array | None:
+        """The values of all rows on a topic as they stand, (n, columns); None if nothing is known."""
+        table = self._tables.get(topic)
+        return None if table is None else table.last
+
+    def _table(self, topic: str, values: Array) -> _Table:
+        table = self._tables.get(topic)
+        if table is None:
+            table = self._tables[topic] = _Table(self._counts.get(topic) or len(values), values.shape[1])
+        return table
+
+
+class _Table:
+    """Gathers a value of each row."""
+
+    def __init__(self, count: int, columns: int) -> None:
+        self.times: list[int] = []
+        self.last: Array | None = None
+        self._frames: list[Array] = []
+        self._before: Array | None = None
+        self._shape = (count, columns)
+
+    def take(self, time: int, rows: NDArray[np.uint32] | None, values: Array) -> None:
+        if rows is None and values.shape == self._shape:
+            frame = values
+        else:
+            frame = np.full(self._shape, np.nan) if self.last is None else self.last.copy()
+            width = min(values.shape[1], self._shape[1])
+            chosen = np.arange(len(values)) if rows is None else rows
+            inside = chosen < self._shape[0]
+            frame[chosen[inside], :width] = values[inside, :width]
+        if self.times and self.times[-1] == time:
+            self._frames[-1] = frame
+        else:
+            self.times.append(time)
+            self._frames.append(frame)
+        self.last = frame
+
+    def drain(self) -> Frames:
+        frames = Frames(np.array(self.times, np.int64), np.stack(self._frames), self._before)
+        # A copy: the frame may be a view of a message, or of a whole chunk.
+        self._before = self.last = None if self.last is None else self.last.copy()
+        self.times, self._frames = [], []
+        return frames
+
+
+class _Series:
+    """Gathers a time series of each row."""
+
+    def __init__(self, count: int) -> None:
+        self.times: list[int] = []
+        self._count = count
+        self._columns = 0
+        self._lengths: list[NDArray[np.int64]] = []
+        self._values: list[Array] = []
+        #: What was known at the end of the last excerpt.
+        self._held: tuple[NDArray[np.int64], Array] | None = None
+
+    def take(self, time: int, message: wire.SeriesRows) -> None:
+        columns = message.values.shape[1]
+        self._columns = max(self._columns, columns)
+        if message.rows is None and len(message.lengths) == 1 and message.lengths[0]:
+            # The common case: everybody has a series of the same length.
+            length = int(message.lengths[0])
+            count = len(message.values) // length
+            lengths, values = np.full(count, length), message.values[: count * length]
+            self._count = max(self._count, count)
+        else:
+            lengths, values = self._merged(message)
+        if self.times and self.times[-1] == time:
+            self._lengths[-1], self._values[-1] = lengths, values
+        else:
+            self.times.append(time)
+            self._lengths.append(lengths)
+            self._values.append(values)
+
+    def _merged(self, message: wire.SeriesRows) -> tuple[NDArray[np.int64], Array]:
+        """The series of all rows, those that the message leaves out as they were."""
+        series = [values for _, values in message]
+        rows = range(len(series)) if message.rows is None else message.rows.tolist()
+        self._count = max([self._count, *(row + 1 for row in rows)])
+        held: list[Array] = [np.empty((0, self._columns))] * self._count
+        known = (self._lengths[-1], self._values[-1]) if self._lengths else self._held
+        if known:
+            for row, values in enumerate(np.split(known[1], np.cumsum(known[0])[:-1])):
+                held[row] = values
+        for row, values in zip(rows, series, strict=True):
+            held[row] = values
+        held = [_padded(values, self._columns) for values in held]
+        return np.array([len(values) for values in held], np.int64), np.concatenate(held)
+
+    def drain(self) -> Strips:
+        lengths = np.zeros((len(self.times), self._count), np.int64)
+        for place, known in enumerate(self._lengths):
+            lengths[place, : len(known)] = known
+        values = [_padded(values, self._columns) for values in self._values]
+        strips = Strips(np.array(self.times, np.int64), lengths, np.concatenate(values))
+        # A copy: the values may be a view of a message, or of a whole chunk.
+        self._held = self._lengths[-1], self._values[-1].copy()
+        self.times, self._lengths, self._values = [], [], []
+        return strips
+
+
+def _padded(values: Array, columns: int) -> Array:
+    """The points with at least that many columns, NaN where they had none."""
+    if values.shape[1] == columns:
+        return values
+    wider = np.full((len(values), columns), np.nan)
+    wider[:, : values.shape[1]] = values
+    return wider

@@ -1,0 +1,77 @@
+"""Logs of other software, shown as far as Rerun understands them by itself."""
+
+from __future__ import annotations
+
+import tempfile
+import uuid
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from symaware_cli.recording.error import LogError
+from symaware_cli.recording.output import whole_file
+from symaware_cli.recording.reader import Log
+
+if TYPE_CHECKING:
+    import rerun as rr
+    from rerun.experimental import View
+
+
+@dataclass(frozen=True)
+class ForeignScreening:
+    """An MCAP that SymAware did not write.
+
+    Attributes:
+        log: The log.
+        words: What of it is shown, for people.
+    """
+
+    log: Log
+    words: str = "not written by SymAware: what Rerun knows of it by itself (foxglove.*, ROS 2 and protobuf messages)"
+
+    def save(self, path: Path, on_progress: Callable[[int], None] | None = None) -> None:
+        """Write an .rrd file.
+
+        Raises:
+            LogError: It cannot be written, or Rerun cannot read the log.
+        """
+        from rerun.chunk import McapReader
+
+        del on_progress  # Rerun does not tell how far it is.
+        with whole_file(path, self.log.path) as partial:
+            try:
+                reader = McapReader(str(self.log.path))
+                reader.stream().write_rrd(
+                    str(partial), application_id=f"symaware {self.log.path.name}", recording_id=str(uuid.uuid4())
+                )
+            except (RuntimeError, ValueError, OSError) as error:
+                raise LogError(f"Rerun cannot read {self.log.path}: {error}") from error
+
+    def send(self, url: str, on_progress: Callable[[int], None] | None = None) -> rr.RecordingStream:
+        """Send everything to a viewer; the recording must be kept for as long as the viewer is to have it."""
+        import rerun as rr
+
+        recording = rr.RecordingStream(f"symaware {self.log.path.name}", recording_id=str(uuid.uuid4()))
+        recording.connect_grpc(url)
+        recording.log_file_from_path(self.log.path)
+        recording.flush()
+        return recording
+
+    def picture(
+        self, path: Path, moment: int | None, size: str, on_progress: Callable[[int], None] | None = None
+    ) -> list[View]:
+        """Write a PNG of what the viewer shows.
+
+        Raises:
+            LogError: It cannot be written, or Rerun cannot read the log.
+            ViewerError: The viewer failed.
+        """
+        from symaware_cli.viewing import viewer
+
+        with tempfile.TemporaryDirectory() as folder, whole_file(path, self.log.path) as partial:
+            recording = Path(folder) / "picture.rrd"
+            self.save(recording, on_progress)
+            png, views = viewer.picture(recording, moment, size)
+            partial.write_bytes(png)
+        return views

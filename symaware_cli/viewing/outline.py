@@ -1,0 +1,85 @@
+"""Outlines of shapes as polygons."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from symaware_cli.core import Shape
+
+Array = NDArray[np.float64]
+
+#: Corners of a full circle.
+_CORNERS = 32
+
+
+def outlines(shape: Shape) -> list[Array]:
+    """The convex pieces of a shape, counter-clockwise, relative to its position, x along its heading [m].
+
+    Returns:
+        For each piece its corners, (m, 2); round ones have 32 corners a turn.
+    """
+    return [_rounded(np.array(core, float), radius) for core, radius in shape.pieces]
+
+
+def circle(radius: float = 1.0, corners: int = _CORNERS) -> Array:
+    """A circle around the origin, closed: the last point is the first; (corners + 1, 2) [m]."""
+    angles = np.linspace(0.0, 2.0 * np.pi, corners + 1)
+    return radius * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+
+
+def placed(outline: Array, positions: Array, headings: ArrayLike) -> Array:
+    """Turn an outline and move it to where bodies are.
+
+    Args:
+        outline: (m, 2) [m].
+        positions: (..., 3) [m].
+        headings: (...) [rad].
+
+    Returns:
+        (..., m, 3) [m].
+    """
+    cosine, sine = np.cos(headings)[..., None], np.sin(headings)[..., None]
+    corners = np.empty((*positions.shape[:-1], len(outline), 3))
+    corners[..., 0] = positions[..., None, 0] + cosine * outline[:, 0] - sine * outline[:, 1]
+    corners[..., 1] = positions[..., None, 1] + sine * outline[:, 0] + cosine * outline[:, 1]
+    corners[..., 2] = positions[..., None, 2]
+    return corners
+
+
+def mesh(outline: Array, low: float, high: float) -> tuple[Array, NDArray[np.uint32]]:
+    """The surface of a prism over a convex outline.
+
+    Args:
+        outline: (m, 2) [m].
+        low: Where it begins [m].
+        high: Where it ends [m]; flat if that is the same.
+
+    Returns:
+        Its vertices (v, 3) and triangles (t, 3).
+    """
+    count = len(outline)
+    fan = np.array([(0, index, index + 1) for index in range(1, count - 1)], np.uint32)
+    top = np.column_stack([outline, np.full(count, high)])
+    if high == low:
+        return top, fan
+    bottom = np.column_stack([outline, np.full(count, low)])
+    sides = [
+        triangle
+        for index in range(count)
+        for following in [(index + 1) % count]
+        for triangle in ((index, index + count, following), (following, index + count, following + count))
+    ]
+    triangles = np.concatenate([fan, fan[:, ::-1] + count, np.array(sides)]).astype(np.uint32)
+    return np.concatenate([top, bottom]), triangles
+
+
+def _rounded(core: Array, radius: float) -> Array:
+    """The outline of a convex core, (m, 2) counter-clockwise, grown by a radius."""
+    if radius == 0.0:
+        return core
+    from scipy.spatial import ConvexHull
+
+    around = circle(radius)[:-1]
+    points = (core[:, None] + around).reshape(-1, 2)
+    return points[ConvexHull(points).vertices]

@@ -1,0 +1,182 @@
+"""A replay: everything that a log tells, drawn excerpt by excerpt."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symaware_cli.recording.reader import Log, LogMessage
+from symaware_cli.viewing.blueprint import Content
+from symaware_cli.viewing.cast import Cast, in_space
+from symaware_cli.viewing.detail import Detail
+from symaware_cli.viewing.drawing.base import Drawing
+from symaware_cli.viewing.drawing.bodies import Bodies, Trails
+from symaware_cli.viewing.drawing.curves import Awareness, Risks, Separation
+from symaware_cli.viewing.drawing.goals import Goals
+from symaware_cli.viewing.drawing.journal import Contacts, Events, Knowledge, Messages
+from symaware_cli.viewing.drawing.minds import Intents, Uncertainties
+from symaware_cli.viewing.drawing.others import Others
+from symaware_cli.viewing.drawing.scenery import Scenery
+from symaware_cli.viewing.excerpt import Excerpt, Gathering
+from symaware_cli.viewing.stage import Stage
+
+Array = NDArray[np.float64]
+
+#: How many places of a log are looked at to find where everything is.
+_SOUNDINGS = 9
+
+
+class Replay:
+    """Draws a run onto a stage."""
+
+    def __init__(
+        self,
+        cast: Cast,
+        detail: Detail,
+        stage: Stage,
+        columns: Mapping[str, Sequence[str]],
+        units: Mapping[str, Sequence[str]],
+    ) -> None:
+        """Put up what holds for all times.
+
+        Args:
+            cast: Who takes part.
+            detail: How much to show.
+            stage: Where to draw.
+            columns: The names of the columns of each topic.
+            units: Their units.
+        """
+        self._cast, self._detail, self._stage = cast, detail, stage
+        self._places: dict[str, Array] = {}
+        given = (cast, detail, stage)
+        self._drawings: tuple[Drawing, ...] = (
+            Scenery(*given),
+            Goals(*given),
+            Bodies(*given),
+            Trails(*given),
+            Intents(*given, columns),
+            Uncertainties(*given, columns),
+            Others(*given, columns),
+            Messages(*given, self._place_of),
+            Contacts(*given, self._place_of),
+            Events(*given),
+            Knowledge(*given),
+            Risks(*given),
+            Separation(*given),
+            Awareness(*given, columns, units),
+        )
+        for drawing in self._drawings:
+            drawing.begin()
+        self._explain()
+
+    def gathering(self) -> Gathering:
+        """What puts messages together to excerpts for this replay."""
+        counts = {
+            f"/{root}/{troupe.name}/{field}": len(troupe.agents)
+            for troupe in self._cast.troupes.values()
+            for root, field in (("world", "state"), *(("agents", field) for field in _FIELDS))
+        }
+        return Gathering(counts)
+
+    def draw(self, messages: Iterable[LogMessage], on_progress: Callable[[int], None] | None = None) -> None:
+        """Draw messages, which come in the order of time.
+
+        Args:
+            messages: Of a log of ours.
+            on_progress: Called now and then with simulated time [ns].
+        """
+        for excerpt in self.gathering().excerpts(messages):
+            self.draw_excerpt(excerpt)
+            if on_progress:
+                on_progress(excerpt.end)
+
+    def draw_excerpt(self, excerpt: Excerpt) -> None:
+        """Draw a stretch of the log; in the order of time."""
+        for drawing in self._drawings:
+            drawing.draw(excerpt)
+        for troupe in self._cast.troupes.values():
+            frames = excerpt.frames.get(f"/world/{troupe.name}/state")
+            if frames is not None:
+                self._places[troupe.name] = troupe.positions(frames.values[-1])
+        self._stage.flush()
+
+    def _place_of(self, who: str, time: int, excerpt: Excerpt) -> Array | None:
+        """Where somebody is at an instant of the excerpt that is being drawn; (3,) [m]."""
+        if who not in self._cast.place:
+            prop = self._cast.props.get(who)
+            return None if prop is None or prop.moves else prop.position
+        group, row = self._cast.place[who]
+        frames = excerpt.frames.get(f"/world/{group}/state")
+        place = -1 if frames is None else int(np.searchsorted(frames.times, time, side="right")) - 1
+        if frames is None or place < 0:
+            known = self._places.get(group)
+            return None if known is None else known[row]
+        position: Array = self._cast.troupes[group].positions(frames.values[place, row])
+        return position
+
+    def _explain(self) -> None:
+        import rerun as rr
+
+        cast = self._cast
+        text = f"""# {cast.name}
+
+Seed {cast.seed}. Time is simulated time.
+
+**Shown:** {self._detail.words}.
+
+| | |
+|---|---|
+| bodies | where agents truly are; redder with risk |
+| lines behind | where they came from |
+| fading lines ahead | their intents |
+| ellipses | 95 % of where they may be |
+| thin fans | samples of what may happen |
+| crosses | goals and waypoints |
+| red rings | contacts |
+| yellow arrows | messages as they arrive |
+
+In the tab of an agent, rings stand where it believes others to be, fainter the older the belief; ellipses hold 95 %.
+"""
+        self._stage.static("about", rr.TextDocument(text, media_type="text/markdown"))
+
+
+_FIELDS = ("state", "control", "intent", "uncertainty", "risk")
+
+
+def content_of(log: Log, cast: Cast, start: int | None = None, end: int | None = None) -> Content:
+    """Find out what a log has, and where everything is, from a few looks at it.
+
+    Args:
+        log: One of ours.
+        cast: Who takes part in it.
+        start: The first instant to be shown [ns].
+        end: The first instant not to be shown any more [ns].
+    """
+    topics = frozenset(topic for topic, channel in log.channels.items() if channel.count)
+    first = start if start is not None else log.start_time or 0
+    last = min(end, log.end_time or 0) if end is not None else log.end_time or 0
+    corners = [prop.position + side * prop.shape.radius for prop in cast.props.values() for side in (-1.0, 1.0)]
+    corners = [np.array([x, y, 0.0]) for x, y, _ in corners]
+    for troupe in cast.troupes.values():
+        topic = f"/world/{troupe.name}/state"
+        if topic not in log.channels:
+            topic = f"/agents/{troupe.name}/state"
+        for moment in np.linspace(first, last, _SOUNDINGS).astype(np.int64).tolist():
+            message = next(log.messages(topic, start=moment), None)
+            if message is not None and message.time <= last:
+                places = in_space(troupe.positions(message.decode().values))
+                margin = troupe.radius + 0.5
+                corners += [places.min(axis=0) - margin, places.max(axis=0) + margin]
+    known = [corner for corner in corners if np.isfinite(corner).all()] or [np.full(3, -5.0), np.full(3, 5.0)]
+    return Content(np.min(known, axis=0), np.max(known, axis=0), topics)
+
+
+def names_of(log: Log, key: str) -> dict[str, tuple[str, ...]]:
+    """The ``columns`` or ``units`` of each topic."""
+    return {
+        topic: tuple(channel.metadata[key].split(","))
+        for topic, channel in log.channels.items()
+        if channel.metadata.get(key)
+    }

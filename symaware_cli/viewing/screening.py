@@ -1,0 +1,146 @@
+"""Screening a log: into a file, a viewer on the screen, a browser, or a picture."""
+
+from __future__ import annotations
+
+import tempfile
+import uuid
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from symaware_cli.recording.error import LogError, reason
+from symaware_cli.recording.output import whole_file
+from symaware_cli.recording.reader import Log
+from symaware_cli.viewing.blueprint import blueprint
+from symaware_cli.viewing.cast import Cast, cast_of
+from symaware_cli.viewing.detail import Detail, detail_of
+from symaware_cli.viewing.replay import Replay, content_of, names_of
+from symaware_cli.viewing.stage import Stage
+
+if TYPE_CHECKING:
+    import rerun as rr
+    from rerun.experimental import View
+
+Progress = Callable[[int], None] | None
+
+
+@dataclass(frozen=True)
+class Screening:
+    """What of a log is to be shown, and how closely.
+
+    Attributes:
+        log: The log.
+        cast: Who takes part in it.
+        detail: How much to show.
+        start: The first instant [ns]; None for the beginning.
+        end: The first instant not shown any more [ns]; None for the end.
+    """
+
+    log: Log
+    cast: Cast
+    detail: Detail
+    start: int | None = None
+    end: int | None = None
+
+    @property
+    def words(self) -> str:
+        """What is shown, for people."""
+        return self.detail.words
+
+    def save(self, path: Path, on_progress: Progress = None) -> None:
+        """Write an .rrd file, blueprint inside.
+
+        Raises:
+            LogError: It cannot be written; nothing is left of it.
+        """
+        with whole_file(path, self.log.path) as partial:
+            self._write(partial, path, on_progress)
+
+    def send(self, url: str, on_progress: Progress = None) -> rr.RecordingStream:
+        """Send everything to a viewer; the recording must be kept for as long as the viewer is to have it."""
+        recording = self._recording()
+        recording.connect_grpc(url, default_blueprint=self._blueprint())
+        self._draw(recording, on_progress)
+        return recording
+
+    def picture(self, path: Path, moment: int | None, size: str, on_progress: Progress = None) -> list[View]:
+        """Write a PNG of what the viewer shows at an instant [ns], and return the views with what they report.
+
+        Raises:
+            LogError: It cannot be written.
+            ViewerError: The viewer failed.
+        """
+        from symaware_cli.viewing import viewer
+
+        shown = self._middle() if moment is None else moment
+        with tempfile.TemporaryDirectory() as folder, whole_file(path, self.log.path) as partial:
+            recording = Path(folder) / "picture.rrd"
+            self._write(recording, recording, on_progress)
+            png, views = viewer.picture(recording, shown, size)
+            partial.write_bytes(png)
+        return views
+
+    def _write(self, partial: Path, path: Path, on_progress: Progress) -> None:
+        # Rerun does not say why it cannot write, so ask first.
+        partial.write_bytes(b"")
+        recording = self._recording()
+        try:
+            recording.save(partial, default_blueprint=self._blueprint())
+            self._draw(recording, on_progress)
+            recording.flush()
+            recording.disconnect()
+        except RuntimeError as error:
+            raise LogError(f"cannot write {path}: {_why(partial) or error}") from error
+
+    def _draw(self, recording: rr.RecordingStream, on_progress: Progress) -> None:
+        columns, units = names_of(self.log, "columns"), names_of(self.log, "units")
+        replay = Replay(self.cast, self.detail, Stage(recording), columns, units)
+        replay.draw(self.log.messages(start=self.start, end=self.end), on_progress)
+
+    def _recording(self) -> rr.RecordingStream:
+        import rerun as rr
+
+        # Rerun keeps one blueprint for each application.
+        name = self.cast.name
+        recording = rr.RecordingStream(f"symaware {name}", recording_id=f"{name}-{uuid.uuid4()}")
+        recording.send_recording_name(f"{name}, seed {self.cast.seed}")
+        return recording
+
+    def _blueprint(self) -> Any:
+        return blueprint(self.cast, self.detail, content_of(self.log, self.cast, self.start, self.end))
+
+    def _middle(self) -> int:
+        first = self.log.start_time or 0 if self.start is None else self.start
+        last = self.log.end_time or 0 if self.end is None else self.end
+        return (first + last) // 2
+
+
+def screening(log: Log, agents: Sequence[str] = (), start: int | None = None, end: int | None = None) -> Screening:
+    """Choose what of a log to show.
+
+    Args:
+        log: One of ours.
+        agents: Whom to look at closely; empty for as many as fit.
+        start: The first instant [ns].
+        end: The first instant not to be shown any more [ns].
+
+    Raises:
+        LogError: It is not one of ours, has no such agents, or has nothing in that stretch.
+    """
+    cast = cast_of(log)
+    detail = detail_of(cast, agents)
+    if next(log.messages(start=start, end=end), None) is None:
+        raise LogError(f"{log.path} has nothing to show" + (" in that stretch" if start or end else ""))
+    return Screening(log, cast, detail, start, end)
+
+
+def _why(path: Path) -> str | None:
+    """Why nothing more can be written to a file; None if it can."""
+    try:
+        with open(path, "ab") as file:
+            file.write(bytes(1 << 16))
+    except OSError as error:
+        return reason(error)
+    return None
