@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext, suppress
@@ -23,6 +24,7 @@ from symaware_cli.cli.terminal import (
 )
 
 if TYPE_CHECKING:
+    from symaware_cli.recording.reader import Log
     from symaware_cli.viewing.foreign import ForeignScreening
     from symaware_cli.viewing.screening import Screening
 
@@ -38,7 +40,9 @@ def replay(
     at: Annotated[
         float | None, typer.Option("--at", help="The instant of the screenshot [s]; by default the middle.")
     ] = None,
-    size: Annotated[str, typer.Option("--size", help="Width and height of the screenshot.", metavar="WxH")] = "1600x1000",
+    size: Annotated[
+        str, typer.Option("--size", help="Width and height of the screenshot.", metavar="WxH")
+    ] = "1600x1000",
     web: Annotated[bool, typer.Option("--web", help="Serve the viewer to browsers and print the link.")] = False,
     port: Annotated[int, typer.Option("--port", min=1, max=65535, help="Where --web serves.")] = 9090,
     bind: Annotated[
@@ -48,6 +52,7 @@ def replay(
         str | None,
         typer.Option("--connect", help="Send to a viewer that runs already.", metavar="URL"),
     ] = None,
+    follow: Annotated[bool, typer.Option("--follow", help="Show a log while it is still being written.")] = False,
     agents: Annotated[
         str | None, typer.Option("--agents", help="Whom to look at closely: ids or groups, separated by commas.")
     ] = None,
@@ -58,12 +63,17 @@ def replay(
     """Show a log in the Rerun viewer: who was where, and what each believed, intended, feared and said."""
     if sum(bool(way) for way in (save, screenshot, web, connect)) > 1:
         fail("choose one of --save, --screenshot, --web and --connect", WRONG_INPUT, as_json)
+    if follow and (save or screenshot or start is not None or end is not None):
+        fail(
+            "--follow shows a whole log in a viewer; leave out --save, --screenshot, --from and --to",
+            WRONG_INPUT,
+            as_json,
+        )
     with trouble_shown(as_json):
-        from symaware_cli.recording.reader import open_log
         from symaware_cli.viewing.viewer import ViewerError, require
 
-        log = open_log(path)
         require()
+        log = _opened(path, follow)
         if log.foreign:
             from symaware_cli.viewing.foreign import ForeignScreening
 
@@ -89,12 +99,23 @@ def replay(
         if save or screenshot:
             _tell(facts, as_json)
         else:
-            _present(shown, facts, web=web, bind=bind, port=port, connect=connect, quiet=quiet, as_json=as_json)
+            _present(
+                shown,
+                facts,
+                web=web,
+                bind=bind,
+                port=port,
+                connect=connect,
+                follow=follow,
+                quiet=quiet,
+                as_json=as_json,
+            )
     except (LogError, ViewerError) as error:
         fail(str(error), FAILED, as_json)
     except KeyboardInterrupt:
         raise typer.Exit(INTERRUPTED) from None
-    if log.damage and log.damage.lost:
+    # A log that is still being written always lacks its end.
+    if not follow and log.damage and log.damage.lost:
         typer.echo(f"symaware: {log.damage}", err=True)
         raise typer.Exit(DATA_LOST)
 
@@ -107,27 +128,49 @@ def _present(
     bind: str,
     port: int,
     connect: str | None,
+    follow: bool,
     quiet: bool,
     as_json: bool,
 ) -> None:
     """Send everything to a viewer, and wait until somebody closes it or presses Ctrl-C."""
     from symaware_cli.viewing import viewer
 
+    # So that the viewer ends with this, whoever ends it.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     running = nullcontext() if connect else viewer.viewer(web=web, bind=bind, web_port=port)
     with running as started:
         url = connect or (started.url if started else "")
-        log = shown.log
-        with _progress(log.start_time or 0, log.end_time or 0, quiet) as on_progress:
-            recording = shown.send(url, on_progress)
         if web:
             facts["link"] = viewer.web_link(bind, url, port)
-        _tell(facts, as_json)
+        if follow:
+            _tell(facts, as_json)
+        try:
+            if follow:
+                recording = shown.follow(url, lambda: started is None or not started.closed)
+            else:
+                with _progress(shown.log.start_time or 0, shown.log.end_time or 0, quiet) as on_progress:
+                    recording = shown.send(url, on_progress)
+                _tell(facts, as_json)
+        except viewer.ViewerError:
+            if started and started.closed:
+                # Somebody has seen enough.
+                return
+            raise
         if started:
-            sys.stdout.flush()
             # Everything has been shown: to end it is not to interrupt it.
             with suppress(KeyboardInterrupt):
                 started.wait()
         del recording
+
+
+def _opened(path: Path, follow: bool) -> Log:
+    if follow:
+        from symaware_cli.viewing.following import await_beginning
+
+        return await_beginning(path, lambda: True)
+    from symaware_cli.recording.reader import open_log
+
+    return open_log(path)
 
 
 def _tell(facts: dict[str, object], as_json: bool) -> None:
@@ -141,6 +184,8 @@ def _tell(facts: dict[str, object], as_json: bool) -> None:
     typer.echo(f"  {facts['shown']}")
     for report in facts.get("reports", ()):  # type: ignore[attr-defined]
         typer.echo(f"  {report}", err=True)
+    # Whoever reads this through a pipe has it before the viewer is closed.
+    sys.stdout.flush()
 
 
 @contextmanager

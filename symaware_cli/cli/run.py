@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -25,7 +26,9 @@ from symaware_cli.cli.terminal import (
 )
 
 if TYPE_CHECKING:
+    from symaware_cli.runtime.pacer import Pace
     from symaware_cli.runtime.summary import Extreme, Summary
+    from symaware_cli.scenario.build import Built
 
 
 def run(
@@ -38,7 +41,15 @@ def run(
             "--output", "-o", help="The log; replaced if it exists. By default NAME.mcap, or NAME-2.mcap, ..."
         ),
     ] = None,
+    timeout: Annotated[
+        float | None,
+        typer.Option("--timeout", min=0.001, help="Wall time after which the run is ended and its log finished [s]."),
+    ] = None,
     no_record: Annotated[bool, typer.Option("--no-record", help="Write no log.")] = False,
+    live: Annotated[bool, typer.Option("--live", help="Show the run in the Rerun viewer while it goes on.")] = False,
+    connect: Annotated[
+        str | None, typer.Option("--connect", help="The same in a viewer that runs already.", metavar="URL")
+    ] = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show neither progress nor summary.")] = False,
     as_json: Json = False,
 ) -> None:
@@ -47,30 +58,53 @@ def run(
         from symaware_cli.scenario.execution import open_scenario
 
         built = open_scenario(scenario, overrides or (), seed)
-    from symaware_cli.recording.error import LogError
-    from symaware_cli.scenario.execution import execute, unused_path
+    from symaware_cli.scenario.execution import unused_path
 
     if output and output.exists() and output.samefile(scenario):
         fail(f"{output} is the scenario; the log needs a file of its own", WRONG_INPUT, as_json)
     log = None if no_record else output or unused_path(built.document.name)
+    with ExitStack() as stack:
+        path = log
+        if live or connect:
+            path = stack.enter_context(_live(log, connect, as_json))
+        summary = _execute(built, path, timeout, quiet, as_json)
+        if log is None:
+            summary = replace(summary, log=None, log_size=None)
+        if as_json:
+            print_json(summary.to_json())
+        elif not quiet:
+            typer.echo(_text(summary))
+        if summary.failure and not as_json:
+            typer.echo(f"symaware: {summary.failure}", err=True)
+            if summary.log:
+                typer.echo(f"The traceback is in the log: symaware inspect --events {summary.log}", err=True)
+        sys.stdout.flush()
+    raise typer.Exit({"finished": 0, "failed": FAILED, "interrupted": INTERRUPTED}[summary.status])
+
+
+def _execute(built: Built, log: Path | None, timeout: float | None, quiet: bool, as_json: bool) -> Summary:
+    from symaware_cli.recording.error import LogError
+    from symaware_cli.scenario.execution import execute
+
     duration = built.steps * built.simulation.environment.time_step
     shown = sys.stderr.isatty() and not quiet and not as_json
     try:
         with _progress(built.document.name, duration, shown) as on_progress:
-            summary = execute(built, log, on_progress)
+            return execute(built, log, on_progress, timeout)
     except LogError as error:
         fail(str(error), FAILED, as_json)
     except KeyboardInterrupt:
         raise typer.Exit(INTERRUPTED) from None
-    if as_json:
-        print_json(summary.to_json())
-    elif not quiet:
-        typer.echo(_text(summary))
-    if summary.failure and not as_json:
-        typer.echo(f"symaware: {summary.failure}", err=True)
-        if summary.log:
-            typer.echo(f"The traceback is in the log: symaware inspect --events {summary.log}", err=True)
-    raise typer.Exit({"finished": 0, "failed": FAILED, "interrupted": INTERRUPTED}[summary.status])
+
+
+def _live(log: Path | None, connect: str | None, as_json: bool) -> AbstractContextManager[Path]:
+    from symaware_cli.cli.live import live_view
+
+    with trouble_shown(as_json):
+        from symaware_cli.viewing.viewer import require
+
+        require()
+    return live_view(log, connect)
 
 
 @contextmanager
@@ -102,6 +136,10 @@ def _text(summary: Summary) -> str:
         _line("agents", f"{agents}, {summary.steps:,} steps, seed {summary.seed}"),
         _line("wall time", f"{summary.wall_time:.2f} s, {_factor(summary.real_time_factor)} real time"),
     ]
+    if summary.overruns or summary.failures:
+        lines.append(_line("trouble", f"{summary.overruns:,} overruns, {summary.failures:,} failures survived"))
+    if summary.pace:
+        lines.append(_line("pace", _pace(summary.pace)))
     if summary.goals_reached:
         lines.append(_line("goals reached", f"{len(summary.goals_reached)} of {agents}"))
     lines.append(_line("contacts", f"{summary.contacts}"))
@@ -114,6 +152,11 @@ def _text(summary: Summary) -> str:
         lines.append(_line("recorded", f"{summary.updates:,} updates, {size}"))
         lines.append(_line("log", summary.log))
     return "\n".join(lines)
+
+
+def _pace(pace: Pace) -> str:
+    kept = f"{pace.factor:g} x real time, {pace.late:,} of {pace.instants:,} instants late"
+    return f"{kept}, by {1e3 * pace.worst:.3g} ms at most" if pace.late else kept
 
 
 def _line(label: str, text: str) -> str:

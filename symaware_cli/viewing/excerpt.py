@@ -105,12 +105,23 @@ class Gathering:
         self._entries: defaultdict[str, list[tuple[int, Any]]] = defaultdict(list)
         self._size = 0
         self._start: int | None = None
-        self._end = 0
+        #: The instant of the last message [ns].
+        self.end = 0
+
+    @property
+    def empty(self) -> bool:
+        """Whether nothing was taken in since the last excerpt."""
+        return self._start is None
+
+    @property
+    def is_full(self) -> bool:
+        """Whether it is time for an excerpt."""
+        return self._size >= EXCERPT_SIZE
 
     def excerpts(self, messages: Iterable[LogMessage], size: int = EXCERPT_SIZE) -> Iterator[Excerpt]:
         """Cut messages, which come in the order of time, into excerpts; an instant is never cut."""
         for message in messages:
-            if self._size >= size and message.time > self._end:
+            if self._size >= size and message.time > self.end:
                 yield self.drain()
             self.take(message.channel.topic, message.time, message.decode(), len(message.data))
         if self._start is not None:
@@ -139,7 +150,7 @@ class Gathering:
                 self._entries[topic].append((time, content))
         self._size += size
         self._start = time if self._start is None else self._start
-        self._end = time
+        self.end = time
 
     def drain(self) -> Excerpt:
         """Hand out what was taken in since the last time."""
@@ -148,7 +159,7 @@ class Gathering:
             {topic: series.drain() for topic, series in self._series.items() if series.times},
             dict(self._entries),
             self._start or 0,
-            self._end,
+            self.end,
         )
         self._entries.clear()
         self._size, self._start = 0, None

@@ -58,6 +58,14 @@ class ForeignScreening:
         recording.flush()
         return recording
 
+    def follow(self, url: str, wanted: Callable[[], bool]) -> rr.RecordingStream:
+        """Refuse to: how somebody else's log grows is not known.
+
+        Raises:
+            LogError: Always.
+        """
+        raise LogError(f"{self.log.path} was not written by SymAware; --follow cannot show it")
+
     def picture(
         self, path: Path, moment: int | None, size: str, on_progress: Callable[[int], None] | None = None
     ) -> list[View]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 import uuid
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -59,10 +59,34 @@ class Screening:
             self._write(partial, path, on_progress)
 
     def send(self, url: str, on_progress: Progress = None) -> rr.RecordingStream:
-        """Send everything to a viewer; the recording must be kept for as long as the viewer is to have it."""
+        """Send everything to a viewer; the recording must be kept for as long as the viewer is to have it.
+
+        Raises:
+            ViewerError: The viewer cannot be reached, or not any more.
+        """
         recording = self._recording()
-        recording.connect_grpc(url, default_blueprint=self._blueprint())
-        self._draw(recording, on_progress)
+        with _connection(url):
+            recording.connect_grpc(url, default_blueprint=self._blueprint())
+            self._draw(recording, on_progress)
+        return recording
+
+    def follow(self, url: str, wanted: Callable[[], bool]) -> rr.RecordingStream:
+        """Send everything to a viewer while the log is still being written.
+
+        Args:
+            url: Of the viewer.
+            wanted: Whether to go on; asked whenever there is nothing new.
+
+        Raises:
+            LogError: The log is damaged.
+            ViewerError: The viewer cannot be reached, or not any more.
+        """
+        from symaware_cli.viewing.following import FollowingAbandoned, follow
+
+        recording = self._recording()
+        with suppress(FollowingAbandoned), _connection(url):
+            recording.connect_grpc(url, default_blueprint=self._blueprint())
+            follow(self.log.path, self._replay(recording), wanted)
         return recording
 
     def picture(self, path: Path, moment: int | None, size: str, on_progress: Progress = None) -> list[View]:
@@ -95,9 +119,11 @@ class Screening:
             raise LogError(f"cannot write {path}: {_why(partial) or error}") from error
 
     def _draw(self, recording: rr.RecordingStream, on_progress: Progress) -> None:
+        self._replay(recording).draw(self.log.messages(start=self.start, end=self.end), on_progress)
+
+    def _replay(self, recording: rr.RecordingStream) -> Replay:
         columns, units = names_of(self.log, "columns"), names_of(self.log, "units")
-        replay = Replay(self.cast, self.detail, Stage(recording), columns, units)
-        replay.draw(self.log.messages(start=self.start, end=self.end), on_progress)
+        return Replay(self.cast, self.detail, Stage(recording), columns, units)
 
     def _recording(self) -> rr.RecordingStream:
         import rerun as rr
@@ -134,6 +160,17 @@ def screening(log: Log, agents: Sequence[str] = (), start: int | None = None, en
     if next(log.messages(start=start, end=end), None) is None:
         raise LogError(f"{log.path} has nothing to show" + (" in that stretch" if start or end else ""))
     return Screening(log, cast, detail, start, end)
+
+
+@contextmanager
+def _connection(url: str) -> Iterator[None]:
+    """Say in our words that a viewer cannot be reached, or not any more."""
+    from symaware_cli.viewing.viewer import ViewerError
+
+    try:
+        yield
+    except (RuntimeError, ValueError) as error:
+        raise ViewerError(f"the viewer at {url} cannot be reached: {error}") from error
 
 
 def _why(path: Path) -> str | None:

@@ -44,6 +44,11 @@ class Viewer:
     process: subprocess.Popen[bytes]
     url: str
 
+    @property
+    def closed(self) -> bool:
+        """Whether somebody closed it."""
+        return self.process.poll() is not None
+
     def wait(self) -> None:
         """Wait until somebody closes it."""
         self.process.wait()

@@ -1,0 +1,132 @@
+"""Following a log while it is written: its messages, as soon as they are in the file."""
+
+from __future__ import annotations
+
+import io
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from mcap.exceptions import McapError
+from mcap.records import Channel, Message, Schema
+from mcap.stream_reader import StreamReader
+
+from symaware_cli.recording.error import LogError
+from symaware_cli.recording.index import ChannelInfo
+from symaware_cli.recording.message import LogMessage
+from symaware_cli.recording.reader import Log, open_log
+from symaware_cli.viewing.excerpt import Gathering
+from symaware_cli.viewing.replay import Replay
+
+#: How often to look whether there is more [s]; logs are flushed twice a second.
+_INTERVAL = 0.1
+
+
+class FollowingAbandoned(Exception):  # noqa: N818 (nothing went wrong)
+    """Nobody wants to follow any more."""
+
+
+class _Tail(io.RawIOBase):
+    """A file that somebody else writes: reading waits until there is something to read."""
+
+    def __init__(self, path: Path, wanted: Callable[[], bool], on_rest: Callable[[], None]) -> None:
+        """Open the file.
+
+        Args:
+            path: The file.
+            wanted: Whether to go on waiting.
+            on_rest: Called before waiting, when everything that is there has been read.
+        """
+        self._file = open(path, "rb")  # noqa: SIM115 (closed with this)
+        self._wanted = wanted
+        self._on_rest = on_rest
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: memoryview) -> int:  # type: ignore[override]
+        while not (count := self._file.readinto(buffer)):
+            self._on_rest()
+            if not self._wanted():
+                raise FollowingAbandoned
+            time.sleep(_INTERVAL)
+        return count
+
+    def close(self) -> None:
+        self._file.close()
+        super().close()
+
+
+def await_beginning(path: Path, wanted: Callable[[], bool]) -> Log:
+    """Wait until a log tells who takes part and where they are at first.
+
+    Args:
+        path: The file, which need not exist yet.
+        wanted: Whether to go on waiting.
+
+    Raises:
+        FollowingAbandoned: Nobody wants to any more.
+        LogError: The file is not one of our logs.
+    """
+    while wanted():
+        if path.exists() and path.stat().st_size:
+            try:
+                log = open_log(path)
+            except LogError:
+                # The writer is in the middle of its first words.
+                time.sleep(_INTERVAL)
+                continue
+            if log.foreign and log.header.profile:
+                raise LogError(f"{path} was not written by SymAware")
+            if log.manifest and log.message_count:
+                return log
+        time.sleep(_INTERVAL)
+    raise FollowingAbandoned
+
+
+def follow(path: Path, replay: Replay, wanted: Callable[[], bool]) -> None:
+    """Draw a log from its beginning to its end, as it grows.
+
+    Args:
+        path: The file.
+        replay: Draws what has come.
+        wanted: Whether to go on; asked whenever there is nothing new.
+
+    Raises:
+        FollowingAbandoned: Nobody wants to any more.
+        LogError: The log is damaged.
+    """
+    gathering = replay.gathering()
+
+    def draw() -> None:
+        if not gathering.empty:
+            replay.draw_excerpt(gathering.drain())
+
+    with _Tail(path, wanted, draw) as tail:
+        try:
+            for message in _messages(tail):
+                _take(gathering, message, draw)
+        except McapError as error:
+            raise LogError(f"{path} is damaged: {error}") from error
+    draw()
+
+
+def _take(gathering: Gathering, message: LogMessage, draw: Callable[[], None]) -> None:
+    if gathering.is_full and message.time > gathering.end:
+        draw()
+    gathering.take(message.channel.topic, message.time, message.decode(), len(message.data))
+
+
+def _messages(tail: _Tail) -> Iterator[LogMessage]:
+    """Read messages in the order of the file, which in our logs is that of time."""
+    schemas: dict[int, str] = {}
+    channels: dict[int, ChannelInfo] = {}
+    for record in StreamReader(io.BufferedReader(tail)).records:
+        match record:
+            case Schema():
+                schemas[record.id] = record.name
+            case Channel():
+                schema = schemas.get(record.schema_id, "")
+                channels[record.id] = ChannelInfo(record.topic, schema, record.message_encoding, record.metadata, 0)
+            case Message():
+                yield LogMessage(channels[record.channel_id], record.log_time, record.sequence, record.data)
