@@ -1,0 +1,158 @@
+"""``symaware export``."""
+
+from __future__ import annotations
+
+import enum
+import signal
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from symaware_cli.cli.run import _progress
+from symaware_cli.cli.terminal import (
+    DATA_LOST,
+    INTERRUPTED,
+    WRONG_INPUT,
+    Json,
+    fail,
+    print_json,
+    size_in_words,
+    trouble_shown,
+)
+
+if TYPE_CHECKING:
+    from symaware_cli.recording.reader import Log
+
+Progress = Callable[[int], None] | None
+
+
+class Target(enum.StrEnum):
+    """What a log can be turned into."""
+
+    parquet = "parquet"
+    csv = "csv"
+    foxglove = "foxglove"
+
+
+def export(
+    path: Annotated[Path, typer.Argument(help="A log.", metavar="LOG")],
+    to: Annotated[Target, typer.Option("--to", help="A folder of tables, or an MCAP for Foxglove.")],
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            help="A new or empty folder for tables, a file for Foxglove. By default named after the log.",
+        ),
+    ] = None,
+    fields: Annotated[
+        str | None, typer.Option("--fields", help="Only these tables, separated by commas, such as `state,risk`.")
+    ] = None,
+    agents: Annotated[
+        str | None, typer.Option("--agents", help="Only these agents, groups and entities, separated by commas.")
+    ] = None,
+    start: Annotated[float | None, typer.Option("--from", help="Leave out what is before this time, in s.")] = None,
+    end: Annotated[float | None, typer.Option("--until", help="Leave out what is after this time, in s.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Turn a log into tables (Parquet, CSV), or into an MCAP that Foxglove shows."""
+    filters = {"--fields": fields, "--agents": agents, "--from": start, "--until": end}
+    given = [option for option, value in filters.items() if value is not None]
+    if to is Target.foxglove and given:
+        fail(f"{given[0]} goes with tables only; Foxglove is given all of the log", WRONG_INPUT, as_json)
+    # Whoever ends it finds nothing half-written either.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        with trouble_shown(as_json):
+            from symaware_cli.recording.reader import open_log
+
+            log = open_log(path)
+            place = output or Path(f"{path.stem}-{to}{'.mcap' if to is Target.foxglove else ''}")
+            shown = sys.stderr.isatty() and not as_json
+            with _progress(path.name, log.end_time or 0, shown) as on_progress:
+                if to is Target.foxglove:
+                    report = _foxglove(log, place, on_progress)
+                else:
+                    span = _span(start, end, as_json)
+                    report = _tables(log, place, to, _names(fields), _names(agents), span, on_progress)
+    except KeyboardInterrupt:
+        raise typer.Exit(INTERRUPTED) from None
+    lost = bool(log.damage and log.damage.lost)
+    if as_json:
+        print_json(
+            {"log": str(path), "output": str(place), **report, "damage": str(log.damage) if log.damage else None}
+        )
+    else:
+        typer.echo(_text(path, place, report))
+        if lost:
+            typer.echo(f"symaware: {log.damage}", err=True)
+    raise typer.Exit(DATA_LOST if lost else 0)
+
+
+def _tables(
+    log: Log,
+    folder: Path,
+    to: Target,
+    fields: Sequence[str] | None,
+    agents: Sequence[str] | None,
+    span: tuple[int | None, int | None],
+    on_progress: Progress,
+) -> dict[str, Any]:
+    from dataclasses import asdict
+
+    from symaware_cli.exporting.conversion import export_tables
+    from symaware_cli.exporting.parquet import PARQUET
+    from symaware_cli.exporting.selection import select
+    from symaware_cli.exporting.text import CSV
+
+    start, last = span
+    # Instants are whole nanoseconds: what is after the last one begins with the next.
+    end = None if last is None else last + 1
+    selection = select(log, fields=fields, agents=agents, start=start, end=end)
+    written = export_tables(log, folder, CSV if to is Target.csv else PARQUET, selection, on_progress)
+    return {"tables": [asdict(each) for each in written]}
+
+
+def _foxglove(log: Log, place: Path, on_progress: Progress) -> dict[str, Any]:
+    from symaware_cli.viewing.foxglove import export_foxglove
+
+    topics = export_foxglove(log, place, on_progress)
+    return {"topics": dict(sorted(topics.items())), "size": place.stat().st_size}
+
+
+def _names(listed: str | None) -> list[str] | None:
+    return None if listed is None else [name.strip() for name in listed.split(",") if name.strip()]
+
+
+def _span(start: float | None, end: float | None, as_json: bool) -> tuple[int | None, int | None]:
+    first, last = _instant("--from", start, as_json), _instant("--until", end, as_json)
+    if first is not None and last is not None and first > last:
+        fail(f"--from {start:g} is later than --until {end:g}", WRONG_INPUT, as_json)
+    return first, last
+
+
+def _instant(option: str, time: float | None, as_json: bool) -> int | None:
+    if time is None:
+        return None
+    if not abs(time) < 1e9:
+        fail(f"{option} takes a time in seconds, not {time:g}", WRONG_INPUT, as_json)
+    from symaware_cli.core import nanoseconds
+
+    return nanoseconds(time)
+
+
+def _text(path: Path, place: Path, report: dict[str, Any]) -> str:
+    if "topics" in report:
+        count = sum(report["topics"].values())
+        topics = [f"  {topic:<32} {messages:>9,}" for topic, messages in report["topics"].items()]
+        head = f"{path}: {count:,} messages, {size_in_words(report['size'])} in {place}"
+        return "\n".join([head, "", f"  {'topic':<32} {'messages':>9}", *topics])
+    tables = report["tables"]
+    rows, size = (sum(table[key] for table in tables) for key in ("rows", "size"))
+    width = max(len(table["file"]) for table in tables)
+    lines = [f"  {table['file']:<{width}} {table['rows']:>10,} {size_in_words(table['size']):>9}" for table in tables]
+    head = f"{path}: {len(tables)} tables, {rows:,} rows, {size_in_words(size)} in {place}"
+    return "\n".join([head, "", f"  {'table':<{width}} {'rows':>10} {'size':>9}", *lines])

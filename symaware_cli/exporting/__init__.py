@@ -1,0 +1,1 @@
+"""Tables of a log, for whoever goes on in pandas, Polars, R, MATLAB or a spreadsheet."""

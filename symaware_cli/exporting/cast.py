@@ -1,0 +1,104 @@
+"""Who and what took part in a run, and what else there is to say of it: the tables that do not depend on time."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from symaware_cli.exporting.selection import Selection
+from symaware_cli.exporting.table import Column, Table, Values
+from symaware_cli.recording.reader import Log
+
+AGENTS = Table(
+    "agents",
+    (
+        Column("agent", "text", "", "its id"),
+        Column("group", "text", "", "the entry of the scenario it belongs to"),
+        Column("model", "text", "", "its dynamics"),
+        Column("shape", "text", "", "its outline, JSON; lengths in m"),
+        Column("mass", "number", "kg", "its mass"),
+        Column("components", "text", "", "its components in the order of their turns, JSON"),
+    ),
+)
+ENTITIES = Table(
+    "entities",
+    (
+        Column("entity", "text", "", "its name"),
+        Column("shape", "text", "", "its outline, JSON; lengths in m"),
+        Column("mass", "number", "kg", "its mass"),
+        Column("x", "number", "m", "where it is at the beginning"),
+        Column("y", "number", "m", "where it is at the beginning"),
+        Column("z", "number", "m", "where it is at the beginning; NaN in a plane"),
+        Column("heading", "number", "rad", "where its x axis points at the beginning"),
+    ),
+)
+RUN = Table(
+    "run", (Column("key", "text", "", "what about the run"), Column("value", "text", "", "text, or JSON for the rest"))
+)
+COLUMNS = Table(
+    "columns",
+    (
+        Column("table", "text", "", "the file, without .csv"),
+        Column("column", "text", "", "the name in its header"),
+        Column("unit", "text", "", "of its numbers; empty for what is no number or not known"),
+        Column("description", "text", "", "in a few words"),
+    ),
+)
+
+
+def about(log: Log) -> dict[str, str]:
+    """Say what a log is of; values that are not text are JSON."""
+    facts: dict[str, Any] = {key: log.manifest.get(key) for key in ("name", "seed", "mode", "time_step", "format")}
+    facts["time_step"] = None if facts["time_step"] is None else facts["time_step"] / 1e9  # in s, as all else here
+    facts["status"] = (log.outcome or {}).get("status", "broken off")
+    facts["versions"] = log.attachments.get("versions.json", b"{}").decode(errors="replace")
+    return {key: value if isinstance(value, str) else json.dumps(value) for key, value in facts.items()}
+
+
+def agent_rows(log: Log, selection: Selection) -> list[Values]:
+    """List the agents."""
+    rows = [
+        (
+            agent,
+            name,
+            group.get("model", {}).get("use", ""),
+            json.dumps(group.get("entity", {}).get("shape")),
+            group.get("entity", {}).get("mass", np.nan),
+            json.dumps(group.get("components", {})),
+        )
+        for name, group in log.manifest.get("groups", {}).items()
+        for agent in group["agents"]
+        if selection.has_agent(agent)
+    ]
+    return AGENTS.values(rows)
+
+
+def entity_rows(log: Log, selection: Selection) -> list[Values]:
+    """List the entities of the environment."""
+    rows = [
+        (
+            name,
+            json.dumps(entity.get("shape")),
+            entity.get("mass", np.nan),
+            *(*entity.get("position", ()), np.nan, np.nan, np.nan)[:3],
+            entity.get("heading", np.nan),
+        )
+        for name, entity in log.manifest.get("entities", {}).items()
+        if selection.has_agent(name)
+    ]
+    return ENTITIES.values(rows)
+
+
+def run_rows(facts: Mapping[str, str]) -> list[Values]:
+    """List what `about` says."""
+    return RUN.values(list(facts.items()))
+
+
+def column_rows(tables: Sequence[Table]) -> list[Values]:
+    """List the columns of tables."""
+    return COLUMNS.values(
+        [(table.path, column.name, column.unit, column.description) for table in tables for column in table.columns]
+    )

@@ -1,0 +1,187 @@
+"""Tables of entries: events, messages, contacts, and the like, each a row by itself."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from symaware_cli.exporting.selection import Selection
+from symaware_cli.exporting.table import Column, Table, Values
+from symaware_cli.recording import journal
+
+TIME = Column("time", "number", "s", "simulated time")
+"""The first column of every table but those that do not depend on time."""
+
+EVENTS = Table(
+    "events",
+    (
+        TIME,
+        Column("name", "text", "", "what happened"),
+        Column("source", "text", "", "where, such as agents.robot.2.steer"),
+        Column("level", "text", "", "DEBUG, INFO, WARNING or ERROR"),
+        Column("text", "text", "", "in words"),
+        Column("data", "text", "", "more about it, JSON"),
+    ),
+)
+RECURRING = Table(
+    "recurring",
+    (
+        TIME,
+        Column("name", "text", "", "what happens with every step, turn or message"),
+        Column("source", "text", "", "where"),
+    ),
+    optional=True,
+)
+MESSAGES = Table(
+    "messages",
+    (
+        TIME,
+        Column("id", "integer", "", "the same in all stages of one message"),
+        Column("sender", "text", "", "who sent it"),
+        Column("receiver", "text", "", "who it is for"),
+        Column("kind", "text", "", "what it is about"),
+        Column("stage", "text", "", "SENT, DELIVERED or DROPPED"),
+        Column("sent_time", "number", "s", "when it was sent"),
+        Column("reason", "text", "", "why it was dropped"),
+        Column("payload", "text", "", "what it says, JSON; empty where a stage does not repeat it"),
+        Column("size", "integer", "byte", "size on the simulated channel"),
+    ),
+)
+CONTACTS = Table(
+    "contacts",
+    (
+        TIME,
+        Column("a", "text", "", "the one"),
+        Column("b", "text", "", "the other"),
+        Column("stage", "text", "", "BEGIN or END"),
+        Column("x", "number", "m", "where"),
+        Column("y", "number", "m", "where"),
+        Column("z", "number", "m", "where; NaN in a plane"),
+        Column("depth", "number", "m", "how deep they overlap"),
+        Column("impulse", "number", "N*s", "how hard they hit each other; 0 in worlds without forces"),
+    ),
+)
+TIMING = Table(
+    "timing",
+    (
+        TIME,
+        Column("wall_time", "number", "s", "since the run started"),
+        Column("cpu_time", "number", "s", "used by the process"),
+        Column("steps", "integer", "1", "steps done"),
+        Column("pace", "number", "1", "simulated time per wall time that was asked for; 0 for as fast as possible"),
+        Column("instants", "integer", "1", "instants that had to be kept"),
+        Column("late", "integer", "1", "how many of them began late"),
+        Column("worst_lateness", "number", "s", "by how much the latest"),
+    ),
+)
+
+
+@dataclass(frozen=True)
+class EntrySource:
+    """Makes a table of the messages of a channel.
+
+    Attributes:
+        table: The table.
+        rows: Makes rows of the time [ns] and the content of a message; none if it is not wanted.
+        names: What the columns of names stand for.
+    """
+
+    table: Table
+    rows: Callable[[int, Any], Iterable[Sequence[Any]]]
+    names: Sequence[str] = ()
+
+    def convert(self, entries: Sequence[tuple[int, Any]]) -> list[Values]:
+        """Make rows of messages.
+
+        Args:
+            entries: Time [ns] and content of each message, in order.
+
+        Raises:
+            ValueError: A message is damaged.
+        """
+        return self.table.values([row for time, message in entries for row in self.rows(time, message)], self.names)
+
+
+def event_source(selection: Selection) -> EntrySource:
+    """Make the table of events."""
+
+    def rows(time: int, message: Any) -> Iterable[Sequence[Any]]:
+        event = journal.event(time, message)
+        if selection.has_source(event.source):
+            yield time / 1e9, event.name, event.source, event.level, event.text, message.data
+
+    return EntrySource(EVENTS, rows)
+
+
+def recurring_source(selection: Selection) -> EntrySource:
+    """Make the table of events that recur."""
+
+    def rows(time: int, message: Any) -> Iterable[Sequence[Any]]:
+        wanted = [selection.has_source(source) for source in message.sources]
+        for name, source in zip(message.name, message.source, strict=True):
+            if wanted[source]:
+                yield time / 1e9, message.names[name], message.sources[source]
+
+    return EntrySource(RECURRING, rows)
+
+
+def message_source(selection: Selection) -> EntrySource:
+    """Make the table of messages between agents."""
+
+    def rows(time: int, message: Any) -> Iterable[Sequence[Any]]:
+        entry = journal.communication(time, message)
+        if selection.has_agent(entry.sender, entry.receiver):
+            about = (entry.sender, entry.receiver, entry.kind, entry.stage)
+            yield time / 1e9, entry.id, *about, entry.sent_time / 1e9, entry.reason, message.payload, entry.size
+
+    return EntrySource(MESSAGES, rows)
+
+
+def contact_source(selection: Selection) -> EntrySource:
+    """Make the table of contacts."""
+
+    def rows(time: int, message: Any) -> Iterable[Sequence[Any]]:
+        contact = journal.contact(time, message)
+        if selection.has_agent(contact.a, contact.b):
+            point = (*contact.point, np.nan, np.nan, np.nan)[:3]
+            yield time / 1e9, contact.a, contact.b, contact.stage, *point, contact.depth, message.impulse
+
+    return EntrySource(CONTACTS, rows)
+
+
+def timing_source() -> EntrySource:
+    """Make the table of how fast the machine was."""
+
+    def rows(time: int, message: Any) -> Iterable[Sequence[Any]]:
+        pace = (message.pace, message.instants, message.late, message.worst_lateness)
+        yield time / 1e9, message.wall_time, message.cpu_time, message.steps, *pace
+
+    return EntrySource(TIMING, rows)
+
+
+def knowledge_source(path: str, ids: Sequence[str], selection: Selection) -> EntrySource:
+    """Make the table of what the agents of a group know, at a path."""
+    table = Table(
+        path,
+        (
+            TIME,
+            Column("agent", "name", "", "whose knowledge it is"),
+            Column("key", "text", "", "what is known"),
+            Column("value", "text", "", "JSON"),
+        ),
+        optional=True,
+    )
+
+    place = {id: row for row, id in enumerate(ids)}
+
+    def rows(time: int, message: Any) -> Iterable[Sequence[Any]]:
+        for entry in journal.knowledge(time, message, ids):
+            if selection.has_agent(entry.agent):
+                for key, value in entry.values.items():
+                    yield time / 1e9, place[entry.agent], key, json.dumps(value, sort_keys=True)
+
+    return EntrySource(table, rows, ids)

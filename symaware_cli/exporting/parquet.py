@@ -1,0 +1,87 @@
+"""Tables as Parquet: units and descriptions in the metadata of the columns, what the log is in that of the file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from symaware_cli.exporting.table import Column, Form, Names, Table, Values
+from symaware_cli.recording.error import LogError
+
+if TYPE_CHECKING:
+    import pyarrow  # type: ignore[import-untyped]
+
+
+class ParquetSheet:
+    """A Parquet file, in which everything written at once is a row group."""
+
+    def __init__(self, path: Path, table: Table, about: Mapping[str, str]) -> None:
+        """Create the file.
+
+        Args:
+            path: Where.
+            table: What is to be written.
+            about: What there is to say of the log.
+
+        Raises:
+            OSError: It cannot be created.
+            LogError: pyarrow is not installed.
+        """
+        try:
+            import pyarrow
+            from pyarrow import parquet
+        except ModuleNotFoundError as error:
+            raise LogError(
+                "Parquet needs the module `pyarrow`, which is not installed: pip install 'symaware-cli[export]'"
+            ) from error
+
+        self._schema = pyarrow.schema(
+            [_field(column) for column in table.columns], {f"symaware.{key}": value for key, value in about.items()}
+        )
+        # Opened here, for an OSError that says why.
+        self._file = open(path, "wb")  # noqa: SIM115 (closed by close)
+        # Dictionaries pay for what repeats: names, and the times that all agents share.
+        repeating = [column.name for column in table.columns if column.kind != "number" or column.name == "time"]
+        self._writer = parquet.ParquetWriter(
+            self._file, self._schema, compression="zstd", use_dictionary=repeating or False
+        )
+
+    def write(self, values: Sequence[Values]) -> None:
+        """Append rows."""
+        import pyarrow
+
+        arrays = [_array(each, field.type) for each, field in zip(values, self._schema, strict=True)]
+        self._writer.write_table(pyarrow.Table.from_arrays(arrays, schema=self._schema))
+
+    def close(self) -> None:
+        """Finish the file."""
+        try:
+            self._writer.close()
+        finally:
+            self._file.close()
+
+
+PARQUET = Form(".parquet", ParquetSheet, explains=True)
+
+
+def _field(column: Column) -> pyarrow.Field:
+    import pyarrow
+
+    types = {
+        "number": pyarrow.float64(),
+        "integer": pyarrow.int64(),
+        "name": pyarrow.dictionary(pyarrow.int32(), pyarrow.string()),
+        "text": pyarrow.string(),
+    }
+    notes = {"unit": column.unit, "description": column.description}
+    return pyarrow.field(column.name, types[column.kind], metadata={key: note for key, note in notes.items() if note})
+
+
+def _array(values: Values, kind: pyarrow.DataType) -> pyarrow.Array:
+    import pyarrow
+
+    if isinstance(values, Names):
+        codes = pyarrow.array(values.codes, mask=values.codes < 0)
+        return pyarrow.DictionaryArray.from_arrays(codes, pyarrow.array(values.names, pyarrow.string()))
+    return pyarrow.array(values, kind)

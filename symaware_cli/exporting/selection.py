@@ -1,0 +1,88 @@
+"""What of a log is wanted."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+from symaware_cli.recording.error import UnknownNameError
+from symaware_cli.recording.reader import Log
+
+FIELDS = (
+    *("state", "world", "control", "intent", "uncertainty", "risk", "awareness", "knowledge"),
+    *("events", "recurring", "messages", "contacts", "timing"),
+)
+"""What there are tables of, beside those of who takes part."""
+
+
+@dataclass(frozen=True, slots=True)
+class Selection:
+    """What of a log is wanted.
+
+    Attributes:
+        fields: Of `FIELDS`; None for all.
+        agents: Ids of agents and names of entities that are wanted; None for all.
+        start: The first simulated time [ns]; None for the beginning.
+        end: The first simulated time not wanted any more [ns]; None for the end.
+    """
+
+    fields: frozenset[str] | None = None
+    agents: frozenset[str] | None = None
+    start: int | None = None
+    end: int | None = None
+
+    def has_field(self, field: str) -> bool:
+        """Whether there is to be a table of it."""
+        return self.fields is None or field in self.fields
+
+    def has_agent(self, *names: str) -> bool:
+        """Whether one of these agents or entities is wanted."""
+        return self.agents is None or not self.agents.isdisjoint(names)
+
+    def has_source(self, source: str) -> bool:
+        """Whether what happened there, such as ``agents.robot.2.steer``, concerns a wanted agent."""
+        if self.agents is None:
+            return True
+        parts = source.split(".")
+        return parts[0] == "agents" and self.has_agent(parts[1] if len(parts) > 1 else "", ".".join(parts[1:3]))
+
+
+def select(
+    log: Log,
+    *,
+    fields: Iterable[str] | None = None,
+    agents: Iterable[str] | None = None,
+    start: int | None = None,
+    end: int | None = None,
+) -> Selection:
+    """Choose what of a log is wanted.
+
+    Args:
+        log: The log.
+        fields: Of `FIELDS`; None for all.
+        agents: Agents, groups and entities; None for all.
+        start: The first simulated time [ns].
+        end: The first simulated time not wanted any more [ns].
+
+    Raises:
+        UnknownNameError: There is no such field or nobody of that name.
+    """
+    wanted = None if fields is None else frozenset(fields)
+    for field in sorted(wanted or ()):
+        if field not in FIELDS:
+            raise UnknownNameError(f"there is no field `{field}`, only {', '.join(FIELDS)}", field, FIELDS)
+    return Selection(wanted, None if agents is None else _agents(log, agents), start, end)
+
+
+def _agents(log: Log, names: Iterable[str]) -> frozenset[str]:
+    groups: dict[str, Any] = log.manifest.get("groups", {})
+    members = {name: frozenset(group.get("agents", ())) for name, group in groups.items()}
+    members |= {agent: frozenset([agent]) for agents in list(members.values()) for agent in agents}
+    members |= {entity: frozenset([entity]) for entity in log.manifest.get("entities", {})}
+    chosen: set[str] = set()
+    for name in names:
+        if name not in members:
+            raise UnknownNameError(f"{log.path} knows no `{name}`", name, sorted(members))
+        chosen |= members[name]
+    return frozenset(chosen)

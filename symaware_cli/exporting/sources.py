@@ -1,0 +1,264 @@
+"""Which tables a log has, with the names and units of their columns."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from itertools import zip_longest
+from typing import Any, Protocol
+from urllib.parse import quote
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symaware_cli.exporting import entries, rows
+from symaware_cli.exporting.selection import Selection
+from symaware_cli.exporting.table import Column, Table, Values
+from symaware_cli.recording import wire
+from symaware_cli.recording.reader import Log
+
+Quantities = Sequence[tuple[str, str]]
+"""Name and unit of each number."""
+
+_SERIES = {
+    "intent": "what the agent means to do at that time",
+    "uncertainty": "what the agent is not sure of at that time",
+    "risk": "how much at risk the agent deems itself at that time",
+}
+
+
+class Source(Protocol):
+    """Makes a table of the messages of a channel."""
+
+    @property
+    def table(self) -> Table:
+        """The table."""
+
+    def convert(self, entries: Sequence[tuple[int, Any]]) -> list[Values]:
+        """Make rows of messages.
+
+        Args:
+            entries: Time [ns] and content of each message, in order; no instant may continue in a later call.
+
+        Raises:
+            ValueError: A message does not fit.
+        """
+
+
+@dataclass
+class Extent:
+    """What numbers the messages of a channel hold.
+
+    Attributes:
+        widths: How many at a time: in a row, in a point, or for each other agent.
+        covariances: Whether there are covariances.
+    """
+
+    widths: set[int] = field(default_factory=set)
+    covariances: bool = False
+
+    @property
+    def width(self) -> int:
+        """The most numbers at a time."""
+        return max(self.widths, default=0)
+
+
+def sources_of(log: Log, selection: Selection) -> dict[str, Source]:
+    """Find out which tables a log has.
+
+    Args:
+        log: The log, with a manifest.
+        selection: What of it is wanted.
+
+    Returns:
+        By topic.
+
+    Raises:
+        LogError: The log cannot be read any more.
+    """
+    extents = _extents(log, selection)
+    sources: dict[str, Source] = {}
+    for name, group in log.manifest.get("groups", {}).items():
+        ids = tuple(group["agents"])
+        chosen = np.array([selection.has_agent(id) for id in ids], bool)
+        if chosen.any():
+            sources |= _Group(log, name, ids, group.get("model", {}), chosen, extents).sources(selection)
+    for name in log.manifest.get("entities", {}):
+        topic = f"/world/{name}/state"
+        if topic in log.channels and selection.has_field("world") and selection.has_agent(name):
+            sources[topic] = _Group(log, name, (name,), {}, np.ones(1, bool), extents).world(topic)
+    journal: Mapping[str, tuple[str, Source]] = {
+        "events": ("/events", entries.event_source(selection)),
+        "recurring": ("/events/recurring", entries.recurring_source(selection)),
+        "messages": ("/messages", entries.message_source(selection)),
+        "contacts": ("/contacts", entries.contact_source(selection)),
+        "timing": ("/timing", entries.timing_source()),
+    }
+    return sources | dict(each for kind, each in journal.items() if selection.has_field(kind))
+
+
+def _extents(log: Log, selection: Selection) -> dict[str, Extent]:
+    """Read the channels whose metadata do not bind what is in them."""
+    extents = {
+        topic: Extent()
+        for topic, info in log.channels.items()
+        if selection.has_field(topic.split("/")[1 if topic.startswith("/world/") else -1])
+        and (
+            info.schema in ("symaware.v1.SeriesRows", "symaware.v1.Awareness")
+            or (info.schema in ("symaware.v1.Rows", "symaware.v1.Control") and "columns" not in info.metadata)
+        )
+    }
+    for message in log.messages(extents, selection.start, selection.end):
+        extent, content = extents[message.channel.topic], message.decode()
+        match content:
+            case wire.Awareness():
+                extent.widths.update(content.columns.tolist() if len(content.entities) else ())
+                extent.covariances |= len(content.covariances) > 0
+            case wire.Control():
+                extent.widths.add(content.requested.shape[1])
+            case _:
+                extent.widths.add(content.values.shape[1])
+    return extents
+
+
+@dataclass(frozen=True)
+class _Group:
+    """A group of agents, or an entity that moves."""
+
+    log: Log
+    name: str
+    ids: tuple[str, ...]
+    model: Mapping[str, Any]
+    chosen: NDArray[np.bool_]
+    extents: Mapping[str, Extent]
+
+    def sources(self, selection: Selection) -> dict[str, Source]:
+        """The tables of the group, by topic."""
+        prefix = f"/agents/{self.name}"
+        makers: dict[str, tuple[str, Callable[[str], Source]]] = {
+            f"{prefix}/state": ("state", self.state),
+            f"/world/{self.name}/state": ("world", self.world),
+            f"{prefix}/control": ("control", self.control),
+            f"{prefix}/awareness": ("awareness", self.awareness),
+            f"{prefix}/knowledge": ("knowledge", partial(self.knowledge, selection)),
+        }
+        makers |= {f"{prefix}/{kind}": (kind, partial(self.series, kind)) for kind in _SERIES}
+        return {
+            topic: make(topic)
+            for topic, (kind, make) in makers.items()
+            if topic in self.log.channels and selection.has_field(kind)
+        }
+
+    def state(self, topic: str) -> Source:
+        """What the agents believe their own states to be."""
+        quantities = self._quantities(topic)
+        lay_out = partial(rows.lay_out_rows, width=len(quantities))
+        return self._source("state", _numbers(quantities, "as believed"), lay_out)
+
+    def world(self, topic: str) -> Source:
+        """What is so."""
+        quantities = self._quantities(topic)
+        lay_out = partial(rows.lay_out_rows, width=len(quantities))
+        return self._source("world", _numbers(quantities, "in truth"), lay_out)
+
+    def control(self, topic: str) -> Source:
+        """The control inputs."""
+        quantities = self._quantities(topic)
+        requested = [(f"{name}_requested", unit) for name, unit in quantities]
+        columns = [*_numbers(quantities, "as applied"), *_numbers(requested, "as the controller asked for")]
+        return self._source("control", columns, partial(rows.lay_out_control, width=len(quantities)))
+
+    def series(self, kind: str, topic: str) -> Source:
+        """A time series."""
+        quantities = self._quantities(topic)
+        columns = [
+            Column("point", "integer", "1", "number of the point in its series"),
+            Column("point_time", "number", "s", "simulated time that the point speaks of; NaN if the series is empty"),
+            *_numbers(quantities, _SERIES[kind]),
+        ]
+        return self._source(kind, columns, partial(rows.lay_out_series, width=len(quantities)))
+
+    def awareness(self, topic: str) -> Source:
+        """What the agents believe of others."""
+        extent = self.extents[topic]
+        quantities = self._believed(extent)
+        columns = [
+            Column("other", "name", "", "whom the agent knows of; none if it knows of nobody"),
+            Column("age", "number", "s", "since the other was last seen"),
+            *_numbers(quantities, "of the other, as believed"),
+        ]
+        if extent.covariances:
+            pairs = [(one, other) for one in quantities for other in quantities]
+            spread = [(f"cov_{one[0]}_{other[0]}", f"{one[1]}*{other[1]}".strip("*")) for one, other in pairs]
+            columns += _numbers(spread, "covariance")
+        lay_out = partial(rows.lay_out_awareness, width=len(quantities), covariances=extent.covariances)
+        return self._source("awareness", columns, lay_out, self.log.manifest.get("roster", ()))
+
+    def knowledge(self, selection: Selection, topic: str) -> Source:
+        """What the agents know."""
+        return entries.knowledge_source(_path("knowledge", self.name), self.ids, selection)
+
+    def _source(
+        self,
+        kind: str,
+        columns: Sequence[Column],
+        lay_out: Callable[[Any, int], rows.Piece],
+        index_names: Sequence[str] | None = None,
+    ) -> Source:
+        keys = (entries.TIME, Column("agent", "name", "", "whose row it is"))
+        table = Table(_path(kind, self.name), _distinct([*keys, *columns]), optional=True)
+        chosen = None if self.chosen.all() else self.chosen
+        return rows.RowSource(table, self.ids, lay_out, index_names, chosen)
+
+    def _quantities(self, topic: str) -> Quantities:
+        """The names and units that the channel announces, unless its messages are of another width."""
+        metadata = self.log.channels[topic].metadata
+        names, units = (metadata[key].split(",") if metadata.get(key) else [] for key in ("columns", "units"))
+        announced = list(zip_longest(names, units[: len(names)], fillvalue=""))
+        extent = self.extents.get(topic)
+        return announced if extent is None or extent.width in (0, len(announced)) else _numbered(extent.width)
+
+    def _believed(self, extent: Extent) -> Quantities:
+        """What the numbers are by which an agent knows of another.
+
+        A perception that measures gives positions and velocities; one that copies gives states. The log does not say
+        which, so names are given where only one can be meant.
+        """
+        state = [(name, unit) for name, unit in self.model.get("state", ())]
+        position = [state[place] for place in self.model.get("position", ())]
+        moving = [*position, *((f"v{name}", f"{unit}/s") for name, unit in position)]
+        states = [
+            [(name, unit) for name, unit in group.get("model", {}).get("state", ())]
+            for group in self.log.manifest["groups"].values()
+        ]
+        candidates = [moving] if extent.covariances else [moving, *states]
+        fitting = [each for each in candidates if each and extent.widths == {len(each)}]
+        certain = fitting and all(each == fitting[0] for each in fitting)
+        return fitting[0] if certain else _numbered(extent.width)
+
+
+def _path(kind: str, name: str) -> str:
+    """Where a table stands; a name from a log cannot lead out of the folder."""
+    return f"{kind}/{quote(name, safe='')}"
+
+
+def _numbers(quantities: Quantities, description: str) -> list[Column]:
+    return [Column(name, "number", unit, description) for name, unit in quantities]
+
+
+def _numbered(width: int) -> Quantities:
+    return [(f"value_{place}", "") for place in range(width)]
+
+
+def _distinct(columns: Sequence[Column]) -> tuple[Column, ...]:
+    """Tell columns of one name apart: a state may well have an element called `time`."""
+    taken: set[str] = set()
+    distinct = []
+    for column in columns:
+        name, number = column.name, 2
+        while name in taken:
+            name, number = f"{column.name}_{number}", number + 1
+        taken.add(name)
+        distinct.append(Column(name, column.kind, column.unit, column.description))
+    return tuple(distinct)

@@ -1,0 +1,148 @@
+"""An MCAP of protobuf messages, each channel with all that it takes to decode it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from types import TracebackType
+from typing import Any, BinaryIO
+
+import numpy as np
+from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+from google.protobuf.message import Message
+from mcap.writer import Writer
+from numpy.typing import NDArray
+
+_LIBRARY = "symaware export"
+_FIELD = descriptor_pb2.FieldDescriptorProto
+
+
+class Output:
+    """Writes messages.
+
+    Attributes:
+        counts: How many were written on each topic.
+    """
+
+    def __init__(self, file: BinaryIO) -> None:
+        """Begin.
+
+        Args:
+            file: Where to write.
+
+        Raises:
+            OSError: It cannot be written.
+        """
+        self.counts: dict[str, int] = {}
+        self._writer = Writer(file)
+        self._writer.start(profile="", library=_LIBRARY)
+        self._schemas: dict[str, int] = {}
+        self._channels: dict[str, int] = {}
+
+    def write(self, topic: str, time: int, message: Message, metadata: Mapping[str, str] | None = None) -> None:
+        """Write a message.
+
+        Args:
+            topic: Its channel, which is opened with its first message; all of its messages are of one class.
+            time: Simulated time [ns].
+            message: The message.
+            metadata: What else there is to say of the channel when it is opened.
+
+        Raises:
+            OSError: It cannot be written.
+        """
+        if topic not in self._channels:
+            self._open(topic, message, metadata or {})
+        data = message.SerializeToString(deterministic=True)
+        self._writer.add_message(self._channels[topic], time, data, time, self.counts[topic])
+        self.counts[topic] += 1
+
+    def _open(self, topic: str, message: Message, metadata: Mapping[str, str]) -> None:
+        name = message.DESCRIPTOR.full_name
+        if name not in self._schemas:
+            self._schemas[name] = self._writer.register_schema(name, "protobuf", _files(message.DESCRIPTOR.file))
+        self._channels[topic] = self._writer.register_channel(topic, "protobuf", self._schemas[name], dict(metadata))
+        self.counts[topic] = 0
+
+    def __enter__(self) -> Output:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        if error is None:
+            self._writer.finish()  # type: ignore[no-untyped-call]
+
+
+class Columns:
+    """A channel of numbers that can be plotted: a field for each column, in it a number for each agent.
+
+    So ``/agents/robot/state.x[2]`` is the x of the third robot.
+    """
+
+    def __init__(self, output: Output, topic: str, quantities: Sequence[tuple[str, str]], ids: Sequence[str]) -> None:
+        """Prepare the channel.
+
+        Args:
+            output: Where.
+            topic: Its name.
+            quantities: Name and unit of each column.
+            ids: The agents, in the order of their numbers.
+        """
+        self._output = output
+        self._topic = topic
+        self._fields = _distinct([_identifier(name) for name, _ in quantities])
+        self._kind = _class(_identifier(topic.strip("/")), self._fields)
+        self._metadata = {
+            "rows": ",".join(ids),
+            "columns": ",".join(self._fields),
+            "units": ",".join(unit for _, unit in quantities),
+        }
+
+    def write(self, time: int, values: NDArray[np.float64]) -> None:
+        """Write the numbers (agents, columns) of an instant [ns]."""
+        fields = zip(self._fields, values.T.tolist(), strict=True)
+        self._output.write(self._topic, time, self._kind(**dict(fields)), self._metadata)
+
+
+def _class(name: str, fields: Sequence[str]) -> type[Message]:
+    """Make a class of messages with a repeated number for each field."""
+    file = descriptor_pb2.FileDescriptorProto(
+        name=f"symaware/plot/{name}.proto", package="symaware.plot", syntax="proto3"
+    )
+    message = file.message_type.add(name=name)
+    for number, field in enumerate(fields, 1):
+        message.field.add(name=field, number=number, type=_FIELD.TYPE_DOUBLE, label=_FIELD.LABEL_REPEATED)
+    pool = descriptor_pool.DescriptorPool()
+    pool.Add(file)
+    return message_factory.GetMessageClass(pool.FindMessageTypeByName(f"symaware.plot.{name}"))
+
+
+def _files(file: Any) -> bytes:
+    """Serialise a file and all that it imports, imports first."""
+    found: dict[str, Any] = {}
+
+    def visit(one: Any) -> None:
+        if one.name not in found:
+            for imported in one.dependencies:
+                visit(imported)
+            found[one.name] = one
+
+    visit(file)
+    files = descriptor_pb2.FileDescriptorSet()
+    for each in found.values():
+        each.CopyToProto(files.file.add())
+    return files.SerializeToString(deterministic=True)
+
+
+def _identifier(name: str) -> str:
+    """Make a name one that protobuf allows."""
+    word = re.sub(r"\W", "_", name, flags=re.ASCII)
+    return word if re.match("[A-Za-z_]", word) else f"_{word}"
+
+
+def _distinct(names: Sequence[str]) -> list[str]:
+    taken: list[str] = []
+    for name in names:
+        taken.append(name if name not in taken else f"{name}_{len(taken)}")
+    return taken

@@ -1,0 +1,384 @@
+"""What Foxglove is shown of a log, message by message."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
+from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
+from foxglove_schemas_protobuf.Log_pb2 import Log as LogLine
+from foxglove_schemas_protobuf.SceneEntity_pb2 import SceneEntity
+from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
+from numpy.typing import NDArray
+
+from symaware_cli.recording import journal, wire
+from symaware_cli.recording.index import ChannelInfo
+from symaware_cli.viewing.cast import Cast, Prop, Troupe, in_space
+from symaware_cli.viewing.detail import MANY
+from symaware_cli.viewing.drawing.goals import _crosses as crosses
+from symaware_cli.viewing.drawing.goals import _ways as known_ways
+from symaware_cli.viewing.drawing.minds import _covariance_columns as covariance_columns
+from symaware_cli.viewing.drawing.minds import _sample_columns as sample_columns
+from symaware_cli.viewing.drawing.minds import ellipsoids, position_columns
+from symaware_cli.viewing.foxglove import entities
+from symaware_cli.viewing.foxglove.entities import WORLD, Layer, colour, entity
+from symaware_cli.viewing.foxglove.output import Columns, Output
+from symaware_cli.viewing.palette import CONTACT, GOAL, tinted
+from symaware_cli.viewing.stage import turned
+
+Array = NDArray[np.float64]
+Take = Callable[[int, Any], None]
+
+#: How often a trail has a point, and how many; those of a crowd are shorter [ns].
+_TRAIL = (200_000_000, 50)
+_TRAIL_OF_MANY = (300_000_000, 10)
+#: How long a message between agents is to be seen [ns].
+_ARROW = 300_000_000
+#: In how many steps bodies become redder with risk, so that a small change needs no message.
+_TINTS = 20
+
+_LEVELS = {
+    "DEBUG": LogLine.DEBUG,
+    "INFO": LogLine.INFO,
+    "WARNING": LogLine.WARNING,
+    "ERROR": LogLine.ERROR,
+}
+
+
+class Show:
+    """Draws a run for Foxglove.
+
+    Attributes:
+        topics: The topics that it wants to be told of.
+    """
+
+    def __init__(self, cast: Cast, channels: Mapping[str, ChannelInfo], output: Output, start: int) -> None:
+        """Put up what holds for all times.
+
+        Args:
+            cast: Who takes part.
+            channels: What the log has.
+            output: Where to draw.
+            start: The first instant [ns].
+        """
+        self._cast, self._channels, self._output = cast, channels, output
+        self._takers: dict[str, Take] = {}
+        self._places: dict[str, Array] = {}
+        self._put_up_scenery(start)
+        for troupe in cast.troupes.values():
+            shown = _Troupe(troupe, channels, output, start, crowd=cast.agent_count > MANY, places=self._places)
+            self._takers |= shown.takers
+        for prop in cast.props.values():
+            self._takers[f"/world/{prop.name}/state"] = _Mover(prop, output).take
+        self._contacts = Layer(output, "/contacts")
+        self._touching: dict[str, SceneEntity] = {}
+        self._takers |= {"/events": self._event, "/messages": self._message, "/contacts": self._contact}
+        self._takers = {topic: take for topic, take in self._takers.items() if topic in channels}
+
+    @property
+    def topics(self) -> Sequence[str]:
+        """The topics that it wants to be told of."""
+        return list(self._takers)
+
+    def take(self, topic: str, time: int, content: Any) -> None:
+        """Draw a message.
+
+        Args:
+            topic: One of `topics`.
+            time: Simulated time [ns], ascending.
+            content: What `LogMessage.decode` returned.
+
+        Raises:
+            ValueError: It does not fit the group.
+        """
+        self._takers[topic](time, content)
+
+    def _put_up_scenery(self, start: int) -> None:
+        props = self._cast.props.values()
+        spatial = self._cast.is_spatial
+        Layer(self._output, "/scenery").show(start, [entities.scenery(prop, start, spatial=spatial) for prop in props])
+        still = [prop for prop in props if not prop.moves]
+        if still:
+            positions = np.stack([prop.position for prop in still])
+            headings = np.array([prop.heading for prop in still])
+            names = [prop.name for prop in still]
+            self._output.write("/tf_static", start, _transforms(start, names, positions, headings))
+
+    def _event(self, time: int, message: Any) -> None:
+        event = journal.event(time, message)
+        line = LogLine(
+            timestamp=entities.timestamp(time),
+            level=_LEVELS.get(event.level, LogLine.UNKNOWN),
+            message=f"{event.name} {event.text}".rstrip(),
+            name=event.source,
+        )
+        self._output.write("/events", time, line)
+
+    def _message(self, time: int, message: Any) -> None:
+        entry = journal.communication(time, message)
+        places = [place for who in (entry.sender, entry.receiver) if (place := self._place(who)) is not None]
+        if entry.stage == "SENT" or len(places) < 2:
+            return
+        arrow = entity(f"{entry.id} {entry.stage.lower()}", time, lifetime=_ARROW)
+        shade = colour((230, 200, 60) if entry.stage == "DELIVERED" else (130, 130, 130))
+        arrow.lines.append(entities.line(np.stack(places), shade, 2.0))
+        self._output.write("/messages", time, SceneUpdate(entities=[arrow]))
+
+    def _contact(self, time: int, message: Any) -> None:
+        contact = journal.contact(time, message)
+        pair = f"{contact.a} {contact.b}"
+        place = in_space(np.array([contact.point])) if contact.point else self._place(contact.a)
+        if contact.stage == "END":
+            self._touching.pop(pair, None)
+        elif place is not None:
+            self._touching[pair] = entity(pair, time)
+            sizes = np.full(3, 0.15)
+            ball = entities.ellipsoid(place.ravel(), sizes, np.array([0.0, 0.0, 0.0, 1.0]), colour(CONTACT, 0.8))
+            self._touching[pair].spheres.append(ball)
+        self._contacts.show(time, self._touching.values())
+
+    def _place(self, who: str) -> Array | None:
+        """Where somebody is now, (3,) [m]; None if that is not known."""
+        if who in self._cast.place:
+            group, row = self._cast.place[who]
+            return self._places[group][row] if group in self._places else None
+        return self._cast.props[who].position if who in self._cast.props else None
+
+
+class _Mover:
+    """An entity of the environment that moves."""
+
+    def __init__(self, prop: Prop, output: Output) -> None:
+        self._name, self._output = prop.name, output
+
+    def take(self, time: int, message: wire.Rows) -> None:
+        """Move it."""
+        topic = f"/tf/{self._name}"
+        transforms = _transforms(time, [self._name], in_space(message.values[:, :-1]), message.values[:, -1])
+        self._output.write(topic, time, transforms)
+
+
+class _Held:
+    """The values of all rows; those that a message leaves out keep theirs."""
+
+    def __init__(self, count: int) -> None:
+        self._count = count
+        self._values: Array | None = None
+
+    def update(self, rows: NDArray[np.uint32] | None, values: Array) -> Array:
+        """Take over the values (m, columns) of some rows, and return those of all."""
+        if self._values is None or self._values.shape[1] < values.shape[1]:
+            wider = np.full((self._count, values.shape[1]), np.nan)
+            if self._values is not None:
+                wider[:, : self._values.shape[1]] = self._values
+            self._values = wider
+        self._values[slice(len(values)) if rows is None else rows, : values.shape[1]] = values
+        return self._values
+
+
+class _Troupe:
+    """A group of agents: bodies, trails, minds and curves."""
+
+    def __init__(
+        self,
+        troupe: Troupe,
+        channels: Mapping[str, ChannelInfo],
+        output: Output,
+        start: int,
+        *,
+        crowd: bool,
+        places: dict[str, Array],
+    ) -> None:
+        self._troupe, self._channels, self._output, self._places = troupe, channels, output, places
+        self._agents = f"/agents/{troupe.name}"
+        self._held: dict[str, _Held] = {}
+        self._columns: dict[str, Columns] = {}
+        self._tints: NDArray[np.intp] = np.full(len(troupe.agents), -1)
+        self._believed: Array | None = None
+        self._goals: dict[str, SceneEntity] = {}
+        self._ahead: dict[str, SceneEntity] = {}
+        self._trail_step, length = _TRAIL_OF_MANY if crowd else _TRAIL
+        self._trail: deque[Array] = deque(maxlen=length)
+        self._trail_due = 0
+        layers = ("bodies", "labels", "trails", "goals", "intents", "uncertainties")
+        self._layers = {kind: Layer(output, f"/{kind}/{troupe.name}") for kind in layers}
+        self._show_bodies(start, np.zeros(len(troupe.agents)))
+        # The names of a crowd would hide it.
+        rows = range(0 if crowd else len(troupe.agents))
+        self._layers["labels"].show(start, [entities.label(troupe, row, start) for row in rows])
+        self.takers: dict[str, Take] = {
+            f"/world/{troupe.name}/state": self._world,
+            f"{self._agents}/state": self._state,
+            f"{self._agents}/control": self._control,
+            f"{self._agents}/risk": self._risk,
+            f"{self._agents}/intent": self._intent,
+            f"{self._agents}/uncertainty": self._uncertainty,
+            f"{self._agents}/knowledge": self._knowledge,
+        }
+
+    def _world(self, time: int, message: wire.Rows) -> None:
+        topic = f"/world/{self._troupe.name}/state"
+        values = self._update(topic, message.rows, message.values)
+        self._plot(topic, time, values)
+        self._move(time, values)
+
+    def _state(self, time: int, message: wire.Rows) -> None:
+        topic = f"{self._agents}/state"
+        self._believed = self._update(topic, message.rows, message.values)
+        self._plot(topic, time, self._believed)
+        if f"/world/{self._troupe.name}/state" not in self._channels:
+            # The truth was not recorded.
+            self._move(time, self._believed)
+
+    def _control(self, time: int, message: wire.Control) -> None:
+        topic = f"{self._agents}/control"
+        both = np.concatenate([message.applied, message.requested], axis=1)
+        quantities = self._quantities(topic, message.applied.shape[1])
+        requested = [(f"{name}_requested", unit) for name, unit in quantities]
+        self._plot(topic, time, self._update(topic, message.rows, both), [*quantities, *requested])
+
+    def _risk(self, time: int, message: wire.SeriesRows) -> None:
+        values = self._firsts(f"{self._agents}/risk", time, message)
+        if values.shape[1]:
+            self._show_bodies(time, values[:, 0])
+
+    def _intent(self, time: int, message: wire.SeriesRows) -> None:
+        troupe = self._troupe
+        names = [name for name, _ in self._quantities(f"{self._agents}/intent", message.values.shape[1])]
+        columns = position_columns(troupe, names)
+        if columns is None and message.values.shape[1] == len(troupe.position):
+            columns = list(range(len(troupe.position)))
+        if columns is None:
+            return
+        ways = replace(message, values=in_space(message.values[:, columns]))
+        sound = bool(np.isfinite(ways.values).all())
+        for row, (_, points) in zip(self._rows(message.rows), ways, strict=False):
+            id = troupe.agents[row]
+            self._ahead.pop(id, None)
+            if len(points) > 1 and (sound or np.isfinite(points).all()):
+                self._ahead[id] = entity(id, time)
+                self._ahead[id].lines.append(entities.line(points, colour(troupe.colours[row], 0.7), 2.0))
+        self._layers["intents"].show(time, self._ahead.values())
+
+    def _uncertainty(self, time: int, message: wire.SeriesRows) -> None:
+        troupe, topic = self._troupe, f"{self._agents}/uncertainty"
+        values = self._firsts(topic, time, message)
+        names = [name for name, _ in self._quantities(topic, message.values.shape[1])]
+        covariance, samples = covariance_columns(troupe, names), sample_columns(troupe, names)
+        shown: list[SceneEntity] = []
+        if covariance is not None and self._believed is not None:
+            centres = troupe.positions(self._believed)
+            half_sizes, quaternions = ellipsoids(values[:, covariance])
+            for row in np.flatnonzero(np.isfinite(centres).all(axis=1) & (half_sizes[:, 0] > 0.0)).tolist():
+                shade = colour(troupe.colours[row], 0.3)
+                made = entity(troupe.agents[row], time)
+                made.spheres.append(entities.ellipsoid(centres[row], half_sizes[row], quaternions[row], shade))
+                shown.append(made)
+        if samples is not None:
+            for row, (_, points) in zip(self._rows(message.rows), message, strict=False):
+                made = entity(f"{troupe.agents[row]} samples", time)
+                strips = in_space(points[:, samples].swapaxes(0, 1))
+                shade = colour(troupe.colours[row], 0.4)
+                made.lines.extend(entities.line(strip, shade, 1.0) for strip in strips if np.isfinite(strip).all())
+                shown.append(made)
+        self._layers["uncertainties"].show(time, shown)
+
+    def _knowledge(self, time: int, message: Any) -> None:
+        troupe = self._troupe
+        size = 0.8 * troupe.radius or 0.2
+        for entry in journal.knowledge(time, message, troupe.agents):
+            made = entity(entry.agent, time)
+            for way in known_ways(entry.values, len(troupe.position)):
+                strokes = crosses(way, size)
+                made.lines.append(entities.line(np.concatenate(strokes), colour(GOAL), 2.0, pairs=True))
+                if len(way) > 1:
+                    made.lines.append(entities.line(way, colour(GOAL, 0.5), 1.0))
+            self._goals[entry.agent] = made
+        self._layers["goals"].show(time, [made for made in self._goals.values() if made.lines])
+
+    def _move(self, time: int, states: Array) -> None:
+        """Move the bodies to where they are, and draw on the trails."""
+        troupe = self._troupe
+        positions, headings = troupe.positions(states), troupe.headings(states)
+        self._places[troupe.name] = positions
+        still = np.zeros(len(positions)) if headings is None else headings
+        self._output.write(f"/tf/{troupe.name}", time, _transforms(time, troupe.agents, positions, still))
+        if time >= self._trail_due:
+            self._trail_due = time + self._trail_step
+            self._trail.append(positions)
+            trails = np.stack(self._trail, axis=1)
+            self._layers["trails"].show(time, self._trails(time, trails) if len(self._trail) > 1 else ())
+
+    def _trails(self, time: int, trails: Array) -> Sequence[SceneEntity]:
+        shown = []
+        for row, points in enumerate(trails):
+            known = points[np.isfinite(points).all(axis=1)]
+            made = entity(self._troupe.agents[row], time)
+            made.lines.append(entities.line(known, colour(self._troupe.colours[row], 0.5), 1.5))
+            shown.append(made)
+        return shown
+
+    def _show_bodies(self, time: int, risk: Array) -> None:
+        """Draw the bodies anew if the risk of any has visibly changed."""
+        tints = np.round(_TINTS * np.clip(np.nan_to_num(risk, posinf=1.0), 0.0, 1.0)).astype(np.intp)
+        if np.array_equal(tints, self._tints):
+            return
+        self._tints = tints
+        troupe = self._troupe
+        colours = tinted(troupe.colours, tints / _TINTS)
+        rows = range(len(troupe.agents))
+        self._layers["bodies"].show(time, [entities.body(troupe, row, colours[row], time) for row in rows])
+
+    def _firsts(self, topic: str, time: int, message: wire.SeriesRows) -> Array:
+        """Plot the first point of each series, NaN where there is none; (n, columns)."""
+        rows = self._rows(message.rows)
+        firsts = np.full((len(rows), message.values.shape[1]), np.nan)
+        for place, (_, values) in zip(range(len(rows)), message, strict=False):
+            firsts[place] = values[0] if len(values) else np.nan
+        values = self._update(topic, None if message.rows is None else message.rows, firsts)
+        self._plot(topic, time, values)
+        return values
+
+    def _rows(self, rows: NDArray[np.uint32] | None) -> Sequence[int]:
+        return range(len(self._troupe.agents)) if rows is None else rows.tolist()
+
+    def _update(self, topic: str, rows: NDArray[np.uint32] | None, values: Array) -> Array:
+        if topic not in self._held:
+            self._held[topic] = _Held(len(self._troupe.agents))
+        return self._held[topic].update(rows, values)
+
+    def _plot(self, topic: str, time: int, values: Array, quantities: Sequence[tuple[str, str]] | None = None) -> None:
+        if topic not in self._columns:
+            columns = self._quantities(topic, values.shape[1]) if quantities is None else quantities
+            self._columns[topic] = Columns(self._output, topic, columns, self._troupe.agents)
+        self._columns[topic].write(time, values)
+
+    def _quantities(self, topic: str, width: int) -> Sequence[tuple[str, str]]:
+        """Name and unit of each column, as the log announces them."""
+        metadata = self._channels[topic].metadata
+        names, units = (metadata.get(key, "").split(",") for key in ("columns", "units"))
+        if len(names) == len(units) == width and all(names):
+            return list(zip(names, units, strict=True))
+        return [(f"value_{place}", "") for place in range(width)]
+
+
+def _transforms(time: int, names: Sequence[str], positions: Array, headings: Array) -> FrameTransforms:
+    """Where everything is; (n, 3) [m] and (n,) [rad]. Who is nowhere yet is left out."""
+    rotations = turned(headings).astype(float)
+    known = np.isfinite(positions).all(axis=1) & np.isfinite(headings)
+    return FrameTransforms(
+        transforms=[
+            FrameTransform(
+                timestamp=entities.timestamp(time),
+                parent_frame_id=WORLD,
+                child_frame_id=names[row],
+                translation=entities.vector(positions[row].tolist()),
+                rotation=entities.quaternion(rotations[row].tolist()),
+            )
+            for row in np.flatnonzero(known).tolist()
+        ]
+    )

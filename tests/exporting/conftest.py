@@ -1,0 +1,53 @@
+"""Logs to export: of a real run, and put together message by message."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pyarrow
+import pytest
+from pyarrow import parquet
+
+from symaware_cli.exporting.conversion import export_tables
+from symaware_cli.exporting.parquet import PARQUET
+from symaware_cli.recording.reader import open_log
+from symaware_cli.recording.writer import LogWriter
+from symaware_cli.scenario.build import build
+from symaware_cli.scenario.execution import execute
+
+
+@pytest.fixture(scope="session")
+def noisy(scenarios, tmp_path_factory) -> Path:
+    """A log of three agents that know how unsure they are of themselves and of each other."""
+    path = tmp_path_factory.mktemp("noisy") / "noisy.mcap"
+    execute(build(scenarios / "noisy.yaml", ["run.duration=2"], None), path)
+    return path
+
+
+@pytest.fixture
+def write(tmp_path: Path) -> Callable[..., Path]:
+    """Write a log of one group of three, out of (time, message) on /agents/robot/<field>."""
+
+    def write(field, message_name, entries, metadata=None, group="robot") -> Path:
+        with LogWriter(tmp_path / "log.mcap") as writer:
+            agents = [f"{group}.0", f"{group}.1", f"{group}.2"]
+            manifest = {"format": 1, "groups": {group: {"agents": agents}}, "entities": {}, "roster": agents}
+            writer.attach("manifest.json", "application/json", json.dumps(manifest).encode())
+            channel = writer.channel(f"/agents/{group}/{field}", message_name, metadata)
+            for time, data in entries:
+                writer.add(channel, time, data)
+            writer.finish({})
+        return writer.path
+
+    return write
+
+
+@pytest.fixture
+def table(tmp_path: Path) -> Callable[[Path, str], pyarrow.Table]:
+    """Export a log, and read one of its tables back."""
+
+    def table(log: Path, name: str) -> pyarrow.Table:
+        export_tables(open_log(log), tmp_path / "tables", PARQUET)
+        return parquet.read_table(tmp_path / "tables" / f"{name}.parquet", partitioning=None)
+
+    return table

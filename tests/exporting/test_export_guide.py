@@ -1,0 +1,29 @@
+"""What the guide shows does what it says."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from symaware_cli.exporting.conversion import export_tables
+from symaware_cli.exporting.parquet import PARQUET
+from symaware_cli.recording.reader import open_log
+
+GUIDE = Path(__file__).parents[2] / "docs" / "export.md"
+
+
+def test_the_functions_of_the_guide_read_what_was_exported(noisy, tmp_path):
+    log = open_log(noisy)
+    export_tables(log, tmp_path / "tables", PARQUET)
+    guide = {}
+    for block in re.findall(r"(?ms)^```python\n(.*?)^```$", GUIDE.read_text(encoding="utf-8")):
+        exec(block, guide)
+    units = guide["units"](tmp_path / "tables" / "state" / "turner.parquet")
+    assert units == {"time": "s", "agent": "", "x": "m", "y": "m", "heading": "rad"}
+    errors = guide["estimation_errors"](tmp_path / "tables", "turner")
+    believed, true = log.series("turner", "state"), log.series("turner", "world")
+    expected = np.linalg.norm(believed.values[:, :2] - true.values[: len(believed.times), :2], axis=1)
+    assert [agent for _, agent, _ in errors] == ["turner"] * len(expected)
+    assert [distance for *_, distance in errors] == pytest.approx(expected.tolist())
+    assert max(expected) > 0.1

@@ -1,0 +1,341 @@
+"""What Foxglove is given: read back with nothing but what the file itself says."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from google.protobuf import descriptor_pool, message_factory
+from google.protobuf.descriptor_pb2 import FileDescriptorSet
+from mcap.reader import make_reader
+
+from symaware_cli.recording import symaware_v1_pb2 as v1
+from symaware_cli.recording import wire
+from symaware_cli.recording.error import LogError, OutputError
+from symaware_cli.recording.reader import open_log
+from symaware_cli.recording.writer import LogWriter
+from symaware_cli.scenario.build import build
+from symaware_cli.scenario.execution import execute
+from symaware_cli.viewing.foxglove import export_foxglove
+
+SECOND = 1_000_000_000
+
+
+def read(path):
+    """The messages of an MCAP, decoded with the schemas in it: topic -> [(time, message)]."""
+    kinds, messages = {}, {}
+    with open(path, "rb") as file:
+        for schema, channel, message in make_reader(file).iter_messages(log_time_order=False):
+            if schema.id not in kinds:
+                pool = descriptor_pool.DescriptorPool()
+                for each in FileDescriptorSet.FromString(schema.data).file:
+                    pool.Add(each)
+                kinds[schema.id] = message_factory.GetMessageClass(pool.FindMessageTypeByName(schema.name))
+            messages.setdefault(channel.topic, []).append((message.log_time, kinds[schema.id].FromString(message.data)))
+            assert message.publish_time == message.log_time
+    return messages
+
+
+def nanoseconds(time):
+    return time.seconds * SECOND + time.nanos
+
+
+def exported(log, folder):
+    path = folder / "foxglove.mcap"
+    export_foxglove(open_log(log), path)
+    return read(path)
+
+
+@pytest.fixture(scope="session")
+def crossing(scenarios, tmp_path_factory) -> Path:
+    """A log of robots with risks, intents, uncertainties and walls around them."""
+    path = tmp_path_factory.mktemp("crossing") / "crossing.mcap"
+    execute(build(scenarios / "crossing.yaml", ["run.duration=4"], None), path)
+    return path
+
+
+@pytest.fixture(scope="session")
+def shown(crossing, tmp_path_factory):
+    """The same for Foxglove."""
+    return exported(crossing, tmp_path_factory.mktemp("shown"))
+
+
+@pytest.fixture
+def write(tmp_path):
+    """Write a log of two robots and a moving cart out of (time, topic, kind, data)."""
+    model = {"use": "unicycle", "state": [["x", "m"], ["y", "m"], ["heading", "rad"]], "control_input": []}
+    model |= {"position": [0, 1], "heading": 2}
+    agents = ["robot.0", "robot.1"]
+    body = {"shape": {"box": {"length": 2.0, "width": 1.0}}, "mass": 1.0}
+    cart = body | {"position": [5.0, 5.0], "heading": 0.0, "path": {"times": [0, 1], "positions": [[5, 5], [6, 5]]}}
+    group = {"agents": agents, "indexed": True, "model": model, "entity": body, "components": {}}
+    manifest = {"format": 1, "name": "hand", "seed": 1, "mode": "synchronous", "time_step": SECOND, "steps": 3}
+    manifest |= {"groups": {"robot": group}, "entities": {"cart": cart}, "roster": [*agents, "cart"]}
+
+    def write(*entries):
+        with LogWriter(tmp_path / "hand.mcap") as writer:
+            writer.attach("manifest.json", "application/json", json.dumps(manifest).encode())
+            channels = {}
+            for time, topic, kind, data in entries:
+                metadata = {"columns": "x,y", "units": "m,m"} if kind == "SeriesRows" else {}
+                if kind == "Rows":
+                    metadata = {"columns": "x,y,heading", "units": "m,m,rad"}
+                channel = channels.setdefault(topic, None) or writer.channel(topic, kind, metadata)
+                channels[topic] = channel
+                writer.add(channel, time, data if isinstance(data, bytes) else data.SerializeToString())
+            writer.finish({})
+        return writer.path
+
+    return write
+
+
+class Scene:
+    """What is up, as Foxglove keeps it: an update deletes, then adds or replaces."""
+
+    def __init__(self):
+        self.up = {}
+
+    def apply(self, update):
+        for deletion in update.deletions:
+            entity = self.up.get(deletion.id)
+            if entity is not None and nanoseconds(entity.timestamp) < nanoseconds(deletion.timestamp):
+                del self.up[deletion.id]
+        for entity in update.entities:
+            self.up[entity.id] = entity
+
+    def at(self, time):
+        lasting = {id: nanoseconds(entity.timestamp) + nanoseconds(entity.lifetime) for id, entity in self.up.items()}
+        return {id for id, end in lasting.items() if end == nanoseconds(self.up[id].timestamp) or time < end}
+
+
+def test_every_agent_is_a_frame_that_moves_as_it_truly_did(crossing, shown):
+    log = open_log(crossing)
+    series = log.series("robot", "world")
+    frames = shown["/tf/robot"]
+    assert [time for time, _ in frames] == series.times.tolist()
+    for (time, message), values in zip(frames, series.values, strict=True):
+        assert [each.child_frame_id for each in message.transforms] == log.manifest["groups"]["robot"]["agents"]
+        assert {each.parent_frame_id for each in message.transforms} == {"world"}
+        assert {nanoseconds(each.timestamp) for each in message.transforms} == {time}
+        places = [(each.translation.x, each.translation.y, each.translation.z) for each in message.transforms]
+        np.testing.assert_array_equal(places, np.column_stack([values[:, :2], np.zeros(len(values))]))
+        turns = [2.0 * np.arctan2(each.rotation.z, each.rotation.w) for each in message.transforms]
+        np.testing.assert_allclose(np.cos(turns), np.cos(values[:, 2]), atol=1e-6)
+        np.testing.assert_allclose(np.sin(turns), np.sin(values[:, 2]), atol=1e-6)
+
+
+def test_a_body_keeps_its_name_and_stays_in_its_frame(crossing, shown):
+    agents = open_log(crossing).manifest["groups"]["robot"]["agents"]
+    for _, update in shown["/bodies/robot"]:
+        assert [entity.id for entity in update.entities] == agents
+        assert all(entity.frame_id == entity.id and entity.frame_locked for entity in update.entities)
+        assert all(round(entity.cylinders[0].size.x, 9) == 0.6 for entity in update.entities)
+        assert not update.deletions
+
+
+def test_a_body_is_the_redder_the_more_risk_it_is_at(write, tmp_path):
+    risks = [[0.0, 0.0], [1.0, 0.5], [1.0, 0.51], [np.inf, 0.0]]
+    messages = exported(
+        write(
+            *(
+                (time, "/agents/robot/risk", "SeriesRows", wire.encode_series([time], np.reshape(risk, (2, 1, 1))))
+                for time, risk in enumerate(risks)
+            )
+        ),
+        tmp_path,
+    )
+    bodies = messages["/bodies/robot"]
+    # What is not to be seen makes no message.
+    assert [time for time, _ in bodies] == [0, 1, 3]
+    reds = [[round(255 * entity.cubes[0].color.r) for entity in update.entities] for _, update in bodies]
+    assert reds == [[68, 34], [230, 132], [230, 34]]
+    assert [bodies[0][1].entities[0].cubes[0].size.x, bodies[0][1].entities[0].cubes[0].size.y] == [2.0, 1.0]
+
+
+def test_walls_stand_where_they_stand(crossing, shown):
+    (time, scenery), *more = shown["/scenery"]
+    (_, frames), *others = shown["/tf_static"]
+    assert (time, more, others) == (0, [], [])
+    entities = open_log(crossing).manifest["entities"]
+    assert (
+        [entity.id for entity in scenery.entities]
+        == list(entities)
+        == [each.child_frame_id for each in frames.transforms]
+    )
+    for entity, frame in zip(scenery.entities, frames.transforms, strict=True):
+        assert [frame.translation.x, frame.translation.y] == entities[entity.id]["position"]
+        xs = [point.x for triangles in entity.triangles for point in triangles.points]
+        assert (min(xs), max(xs)) == (-5.0, 5.0)
+
+
+def test_intents_are_lines_through_their_points(crossing, shown):
+    messages = list(open_log(crossing).messages("/agents/robot/intent"))
+    assert len(shown["/intents/robot"]) == len(messages)
+    for message, (time, update) in zip(messages, shown["/intents/robot"], strict=True):
+        assert time == message.time
+        for (_, values), entity in zip(message.decode(), update.entities, strict=True):
+            assert [[point.x, point.y] for point in entity.lines[0].points] == values.tolist()
+
+
+def test_uncertainties_are_ellipses_of_95_percent(crossing, shown):
+    log = open_log(crossing)
+    believed, uncertainty = log.series("robot", "state"), log.series("robot", "uncertainty")
+    time, update = shown["/uncertainties/robot"][-1]
+    place = int(np.searchsorted(uncertainty.times, time))
+    covariance = uncertainty.values[place].reshape(-1, 3, 3)[:, :2, :2]
+    assert len(update.entities) == len(covariance)
+    for entity, matrix, state in zip(update.entities, covariance, believed.values[place], strict=True):
+        ball = entity.spheres[0]
+        assert [ball.pose.position.x, ball.pose.position.y] == state[:2].tolist()
+        # The 95 % quantile of the chi-square distribution with 2 degrees of freedom is 5.9915.
+        area = np.pi * 5.9915 * np.sqrt(np.linalg.det(matrix))
+        assert np.pi / 4.0 * ball.size.x * ball.size.y == pytest.approx(area, rel=1e-3)
+
+
+def test_numbers_can_be_plotted_by_name_and_agent(crossing, shown):
+    log = open_log(crossing)
+    for field, topic in (("world", "/world/robot/state"), ("state", "/agents/robot/state")):
+        series = log.series("robot", field)
+        for place, (time, message) in enumerate(shown[topic]):
+            assert time == series.times[place]
+            np.testing.assert_array_equal(
+                np.column_stack([message.x, message.y, message.heading]), series.values[place]
+            )
+    _, control = shown["/agents/robot/control"][5]
+    np.testing.assert_array_equal(control.turn_rate, log.series("robot", "control").values[5, :, 1])
+    np.testing.assert_array_equal(control.turn_rate_requested, log.series("robot", "control_requested").values[5, :, 1])
+    _, risk = shown["/agents/robot/risk"][5]
+    np.testing.assert_array_equal(risk.risk, log.series("robot", "risk").values[5, :, 0])
+
+
+def test_events_are_lines_of_a_log(crossing, shown):
+    events = list(open_log(crossing).events())
+    assert [time for time, _ in shown["/events"]] == [event.time for event in events]
+    assert [(line.name, line.level) for _, line in shown["/events"]] == [(event.source, 2) for event in events]
+    assert shown["/events"][0][1].message == f"started {events[0].text}"
+
+
+def test_trails_end_where_agents_are(crossing, shown):
+    series = open_log(crossing).series("robot", "world")
+    for time, update in shown["/trails/robot"]:
+        values = series.values[np.searchsorted(series.times, time)]
+        ends = [(entity.lines[0].points[-1].x, entity.lines[0].points[-1].y) for entity in update.entities]
+        np.testing.assert_array_equal(ends, values[:, :2])
+
+
+def test_messages_come_in_the_order_of_simulated_time(crossing, tmp_path):
+    counts = export_foxglove(open_log(crossing), tmp_path / "one.mcap")
+    with open(tmp_path / "one.mcap", "rb") as file:
+        reader = make_reader(file)
+        times = [message.log_time for _, _, message in reader.iter_messages(log_time_order=False)]
+        statistics = reader.get_summary().statistics
+    assert times == sorted(times)
+    assert sum(counts.values()) == len(times) == statistics.message_count
+
+
+def test_the_same_log_makes_the_same_bytes(crossing, tmp_path):
+    for name in ("one.mcap", "two.mcap"):
+        export_foxglove(open_log(crossing), tmp_path / name)
+    assert (tmp_path / "one.mcap").read_bytes() == (tmp_path / "two.mcap").read_bytes()
+
+
+def test_an_intent_that_is_given_up_is_taken_down(write, tmp_path):
+    ways = np.arange(12.0).reshape(2, 3, 2)
+    messages = exported(
+        write(
+            (0, "/agents/robot/intent", "SeriesRows", wire.encode_series([0, 1, 2], ways)),
+            (5, "/agents/robot/intent", "SeriesRows", wire.encode_series([], np.empty((0, 2)), [0], [1])),
+            (7, "/agents/robot/intent", "SeriesRows", wire.encode_series([7, 8], ways[1, :2], [2], [1])),
+        ),
+        tmp_path,
+    )
+    scene, up = Scene(), []
+    for _, update in messages["/intents/robot"]:
+        scene.apply(update)
+        up.append(sorted(scene.up))
+    assert up == [["robot.0", "robot.1"], ["robot.0"], ["robot.0", "robot.1"]]
+    assert [len(entity.lines[0].points) for entity in scene.up.values()] == [3, 2]
+
+
+def test_a_contact_is_marked_while_it_lasts(write, tmp_path):
+    def contact(a, b, stage):
+        return v1.Contact(a=a, b=b, point=[1.0, 2.0], depth=0.1, stage=stage)
+
+    messages = exported(
+        write(
+            (10, "/contacts", "Contact", contact("robot.0", "robot.1", 1)),
+            (20, "/contacts", "Contact", contact("robot.0", "cart", 1)),
+            (30, "/contacts", "Contact", contact("robot.0", "robot.1", 2)),
+            (40, "/contacts", "Contact", contact("robot.0", "cart", 2)),
+        ),
+        tmp_path,
+    )
+    scene, up = Scene(), []
+    for _, update in messages["/contacts"]:
+        scene.apply(update)
+        up.append(sorted(scene.up))
+    assert up == [["robot.0 robot.1"], ["robot.0 cart", "robot.0 robot.1"], ["robot.0 cart"], []]
+
+
+def test_whoever_jumps_into_the_middle_sees_all_that_is_up(shown):
+    checked = 0
+    for topic, messages in shown.items():
+        if topic.split("/")[1] in ("bodies", "labels", "trails", "goals", "intents", "uncertainties", "scenery"):
+            scene = Scene()
+            for _, update in messages:
+                scene.apply(update)
+                assert set(scene.up) == {entity.id for entity in update.entities}
+                checked += 1
+    assert checked > 100
+
+
+def test_a_message_is_an_arrow_for_a_moment(write, tmp_path):
+    def message(stage):
+        return v1.Message(id=3, sender="robot.0", receiver="robot.1", kind="hello", stage=stage)
+
+    states = wire.encode_rows([[1.0, 2.0, 0.0], [4.0, 6.0, 0.0]])
+    messages = exported(
+        write(
+            (0, "/world/robot/state", "Rows", states),
+            (SECOND, "/messages", "Message", message(v1.Message.SENT)),
+            (2 * SECOND, "/messages", "Message", message(v1.Message.DELIVERED)),
+        ),
+        tmp_path,
+    )
+    ((time, update),) = messages["/messages"]
+    scene = Scene()
+    scene.apply(update)
+    assert [[point.x, point.y] for point in update.entities[0].lines[0].points] == [[1.0, 2.0], [4.0, 6.0]]
+    assert (scene.at(time), scene.at(time + SECOND)) == ({"3 delivered"}, set())
+
+
+def test_entities_that_move_have_frames_as_well(write, tmp_path):
+    messages = exported(write((5, "/world/cart/state", "Rows", wire.encode_rows([[5.5, 5.0, 1.0]]))), tmp_path)
+    ((time, frames),) = messages["/tf/cart"]
+    assert (time, frames.transforms[0].child_frame_id, frames.transforms[0].translation.x) == (5, "cart", 5.5)
+    assert messages["/scenery"][0][1].entities[0].frame_id == "cart"
+    assert "/tf_static" not in messages
+
+
+def test_where_the_truth_was_not_recorded_bodies_follow_the_belief(write, tmp_path):
+    states = wire.encode_rows([[1.0, 2.0, 0.0], [4.0, 6.0, 0.0]])
+    later = wire.encode_rows([[9.0, 2.0, 0.0]], [1])
+    messages = exported(
+        write((0, "/agents/robot/state", "Rows", states), (5, "/agents/robot/state", "Rows", later)), tmp_path
+    )
+    places = [[each.translation.x for each in frames.transforms] for _, frames in messages["/tf/robot"]]
+    assert places == [[1.0, 4.0], [1.0, 9.0]]
+
+
+def test_a_message_that_does_not_fit_is_told_with_its_place(write, tmp_path):
+    states = wire.encode_rows([[1.0, 2.0, 0.0]], [7])
+    log = open_log(write((5, "/world/robot/state", "Rows", states)))
+    with pytest.raises(LogError, match="the message on /world/robot/state at 5 ns"):
+        export_foxglove(log, tmp_path / "out.mcap")
+    assert [path.name for path in tmp_path.iterdir()] == ["hand.mcap"]
+
+
+def test_a_folder_that_is_missing_is_told_and_nothing_is_left(crossing, tmp_path):
+    with pytest.raises(OutputError, match="its folder does not exist"):
+        export_foxglove(open_log(crossing), tmp_path / "nowhere" / "out.mcap")
+    assert list(tmp_path.iterdir()) == []
