@@ -1,0 +1,137 @@
+"""``symaware plot``."""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from symaware_cli.cli.terminal import (
+    DATA_LOST,
+    INTERRUPTED,
+    WRONG_INPUT,
+    Json,
+    fail,
+    print_json,
+    size_in_words,
+    trouble_shown,
+)
+
+
+def plot(
+    path: Annotated[Path, typer.Argument(help="A log.", metavar="LOG")],
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            help="The figure, .png, .svg or .pdf; replaced if it exists. By default NAME.png, or NAME-2.png, ...",
+        ),
+    ] = None,
+    show: Annotated[
+        str | None,
+        typer.Option(
+            help="The panels, separated by commas: trajectories, separation, risk, speed, altitude, control. By "
+            "default those that suit the log.",
+            metavar="PANELS",
+        ),
+    ] = None,
+    series: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="A series to plot, such as `robot.0:state:heading` or `robot:risk`, of an agent, a group or an "
+            "entity; may be repeated. The fields: state, world, control, control_requested, intent, uncertainty, risk.",
+            metavar="NAME:FIELD[:COLUMN]",
+        ),
+    ] = None,
+    agents: Annotated[
+        str | None,
+        typer.Option(help="Plot these as if there were no others: agents or groups, separated by commas."),
+    ] = None,
+    start: Annotated[float | None, typer.Option("--from", help="The first simulated time, in seconds.")] = None,
+    end: Annotated[float | None, typer.Option("--to", help="The last simulated time, in seconds.")] = None,
+    at: Annotated[
+        float | None,
+        typer.Option("--at", help="Show bodies and intents at this time, in seconds; by default the last."),
+    ] = None,
+    title: Annotated[str | None, typer.Option(help="What stands above the figure.")] = None,
+    size: Annotated[str | None, typer.Option(help="Width and height in inches, such as 12x8.", metavar="WxH")] = None,
+    dpi: Annotated[int, typer.Option(min=20, max=1200, help="Dots for each inch.")] = 150,
+    as_json: Json = False,
+) -> None:
+    """Draw a log into one figure: trajectories, separation, risk, or any series by name."""
+    for option, time in (("--from", start), ("--to", end), ("--at", at)):
+        if time is not None and not math.isfinite(time):
+            fail(f"{option} takes a time in seconds, not {time}", WRONG_INPUT, as_json)
+    measures = _measures(size, as_json)
+    with trouble_shown(as_json):
+        from symaware_cli.recording.reader import open_log
+        from symaware_cli.scenario.execution import unused_path
+        from symaware_cli.viewing.plotting.plot import plot
+        from symaware_cli.viewing.plotting.request import Request, SeriesName
+
+        request = Request(
+            show=_names(show),
+            series=tuple(SeriesName.parse(name) for name in series or ()),
+            agents=_names(agents),
+            start=start,
+            end=end,
+            at=at,
+            title=title,
+            size=measures,
+            dpi=dpi,
+        )
+        log = open_log(path)
+        file = output or unused_path(path.stem, suffix=".png")
+        try:
+            content = plot(log, file, request)
+        except KeyboardInterrupt:
+            raise typer.Exit(INTERRUPTED) from None
+    damage = str(log.damage) if log.damage and log.damage.lost else None
+    facts = {"log": str(path), "file": str(file), "size": file.stat().st_size, **content.facts(), "damage": damage}
+    if as_json:
+        print_json(facts)
+    else:
+        typer.echo(_text(facts))
+    if damage:
+        typer.echo(f"symaware: {damage}", err=True)
+        raise typer.Exit(DATA_LOST)
+
+
+def _names(text: str | None) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(name.strip() for name in (text or "").split(",") if name.strip()))
+
+
+def _measures(size: str | None, as_json: bool) -> tuple[float, float] | None:
+    if size is None:
+        return None
+    found = re.fullmatch(r"(\d+(?:\.\d*)?)\s*[x×]\s*(\d+(?:\.\d*)?)", size.strip())
+    if not found:
+        fail(f"--size takes width and height in inches, such as 12x8, not {size!r}", WRONG_INPUT, as_json)
+    return float(found[1]), float(found[2])
+
+
+def _text(facts: dict[str, Any]) -> str:
+    """Lay out what was drawn for people."""
+    lines = [
+        f"{facts['file']}: {', '.join(panel['panel'] for panel in facts['panels'])}; {size_in_words(facts['size'])}",
+        _line("agents", f"{facts['agents']:,}, {facts['start']:g} to {facts['end']:g} s"),
+    ]
+    for panel in facts["panels"]:
+        if panel["panel"] == "separation":
+            least = [panel[which] for which in ("agents", "obstacles") if panel[which]]
+            lines += [_line("closest", f"{each['minimum']:.3g} m, {_told(each)}") for each in least]
+        elif panel["panel"] == "risk" and panel["maximum"]:
+            lines.append(_line("highest risk", f"{panel['maximum']['value']:.3g}, {_told(panel['maximum'])}"))
+    return "\n".join([*lines, *(_line("note", note) for note in facts["notes"])])
+
+
+def _told(extreme: dict[str, Any]) -> str:
+    return f"{' and '.join(extreme['who'])} at {extreme['time']:.9g} s"
+
+
+def _line(label: str, text: str) -> str:
+    return f"  {label:<13} {text}"

@@ -1,0 +1,1 @@
+"""Plots of a log: figures for papers and for a quick look."""

@@ -1,0 +1,288 @@
+"""What a plot shows: the panels that a request and a log amount to, as data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symaware_cli.core import seconds
+from symaware_cli.recording.error import LogError
+from symaware_cli.recording.journal import LoggedContact
+from symaware_cli.recording.reader import Log
+from symaware_cli.viewing.cast import Cast, cast_of
+from symaware_cli.viewing.plotting import separation as closeness
+from symaware_cli.viewing.plotting.curves import Curves, altitude, named, recorded, speed
+from symaware_cli.viewing.plotting.motion import Chosen, Motion, Obstacles, goals, intents, motion, obstacles
+from symaware_cli.viewing.plotting.request import Request, Window
+from symaware_cli.viewing.plotting.separation import Separation
+
+Array = NDArray[np.float64]
+
+#: More panels than anybody reads.
+_MOST_PANELS = 16
+
+#: So many points of paths are drawn; beyond, instants are left out.
+_POINTS = 120_000
+
+
+@dataclass(frozen=True)
+class Trajectories:
+    """The ways of the agents, from above.
+
+    Attributes:
+        motion: Where they were.
+        chosen: Who they are.
+        obstacles: What stood around or moved.
+        goals: By agent, where it wanted to go (m, 2) [m].
+        intents: By agent, where it meant to go at the moment that is shown (m, 2) [m].
+        contacts: Those that began.
+        at: The instant of `motion` at which bodies are shown.
+        steps: The instants at which paths are drawn.
+    """
+
+    motion: Motion
+    chosen: Chosen
+    obstacles: Obstacles
+    goals: Mapping[str, Array]
+    intents: Mapping[str, Array]
+    contacts: tuple[LoggedContact, ...]
+    at: int
+    steps: NDArray[np.intp]
+
+    name = "trajectories"
+
+    def facts(self) -> dict[str, Any]:
+        """Return what there is to say in numbers."""
+        return {
+            "panel": self.name,
+            "agents": len(self.chosen.lines),
+            "obstacles": len(self.obstacles.props),
+            "goals": len(self.goals),
+            "contacts": len(self.contacts),
+        }
+
+    def notes(self) -> list[str]:
+        """Return what was left out."""
+        notes = []
+        if self.motion.believed:
+            who = ", ".join(self.motion.believed)
+            notes.append(f"The states are what {who} believed, as the true ones were not recorded.")
+        if len(self.steps) < len(self.motion.times):
+            notes.append(f"Paths are drawn through {len(self.steps):,} of {len(self.motion.times):,} instants.")
+        return notes
+
+
+@dataclass(frozen=True)
+class Distances:
+    """How far bodies were apart.
+
+    Attributes:
+        agents: Of two agents; None if there is but one.
+        obstacles: Of an agent and an obstacle; None if there are none.
+        chosen: The agents.
+        props: The names of the obstacles.
+        contacts: When contacts began [s].
+    """
+
+    agents: Separation | None
+    obstacles: Separation | None
+    chosen: Chosen
+    props: tuple[str, ...]
+    contacts: tuple[float, ...]
+
+    name = "separation"
+
+    def who(self, separation: Separation) -> tuple[str, str]:
+        """Whose the least separation is."""
+        one, other = separation.pair[separation.lowest].tolist()
+        return self.chosen.agents[one], (self.chosen.agents if separation is self.agents else self.props)[other]
+
+    @cached_property
+    def closest(self) -> Separation:
+        """The one of the two in which anybody came closest."""
+        found = [each for each in (self.agents, self.obstacles) if each is not None]
+        return min(found, key=lambda each: float(each.least[each.lowest]))
+
+    def facts(self) -> dict[str, Any]:
+        """Return what there is to say in numbers."""
+        return {"panel": self.name, "agents": self._least(self.agents), "obstacles": self._least(self.obstacles)}
+
+    def _least(self, separation: Separation | None) -> dict[str, Any] | None:
+        if separation is None:
+            return None
+        place = separation.lowest
+        least = {
+            "minimum": float(separation.least[place]),
+            "time": seconds(int(separation.times[place])),
+            "who": self.who(separation),
+        }
+        if separation is self.agents:
+            least["between_centres"] = float(separation.centres[place])
+        return {**least, "instants": len(separation.times)}
+
+    def notes(self) -> list[str]:
+        """Return what was left out."""
+        every = max(each.every for each in (self.agents, self.obstacles) if each)
+        return [f"Separation is looked at in 1 of {every} instants."] if every > 1 else []
+
+
+Panel = Trajectories | Distances | Curves
+
+
+@dataclass(frozen=True)
+class Content:
+    """Everything that a plot shows.
+
+    Attributes:
+        cast: Who took part in the run.
+        chosen: The agents that it is about.
+        window: The stretch of time.
+        panels: In the order in which they are drawn.
+        moment: Whether bodies are shown at a time that was asked for.
+    """
+
+    cast: Cast
+    chosen: Chosen
+    window: Window
+    panels: tuple[Panel, ...]
+    moment: bool
+
+    def facts(self) -> dict[str, Any]:
+        """Return what there is to say in numbers, as plain data."""
+        return {
+            "name": self.cast.name,
+            "seed": self.cast.seed,
+            "agents": len(self.chosen.lines),
+            "start": seconds(self.window.start),
+            "end": seconds(self.window.end),
+            "panels": [panel.facts() for panel in self.panels],
+            "notes": self.notes,
+        }
+
+    @property
+    def notes(self) -> list[str]:
+        """What was left out."""
+        return [note for panel in self.panels if not isinstance(panel, Curves) for note in panel.notes()]
+
+
+def gather(log: Log, request: Request) -> Content:
+    """Read from a log what a request asks for.
+
+    Raises:
+        LogError: There is nothing to plot, or not what was asked for.
+    """
+    cast = cast_of(log)
+    chosen = Chosen.of(cast, request.agents)
+    window = Window.of(log, request)
+    reading = _Reading(log, cast, chosen, window, request)
+    panels = list(reading.panels())
+    panels += named(log, cast, chosen, request.series, window) if request.series else []
+    if not panels:
+        raise LogError(f"{log.path} holds nothing to plot")
+    if len(panels) > _MOST_PANELS:
+        raise LogError(f"that makes {len(panels)} panels, and {_MOST_PANELS} fit; name the columns to be shown")
+    return Content(cast, chosen, window, tuple(panels), request.at is not None)
+
+
+class _Reading:
+    """Reads a log for one request, and nothing twice."""
+
+    def __init__(self, log: Log, cast: Cast, chosen: Chosen, window: Window, request: Request) -> None:
+        self._log = log
+        self._cast = cast
+        self._chosen = chosen
+        self._window = window
+        self._request = request
+
+    def panels(self) -> list[Panel]:
+        """The panels that the request asks for by name, or those that suit the log if it asks for nothing."""
+        asked = self._request.show
+        if not asked and self._request.series:
+            return []
+        found: list[Panel] = []
+        for name in asked or _DEFAULT:
+            panels = self._named(name)
+            if asked and not panels:
+                raise LogError(f"{self._log.path} has nothing to show for {name!r}: {_REASONS[name]}")
+            found += panels
+        return found
+
+    def _named(self, name: str) -> Sequence[Panel]:
+        """The panels of a name; none where the log has nothing for it."""
+        match name:
+            case "trajectories":
+                return self._trajectories()
+            case "separation":
+                return self._separation()
+            case "speed":
+                curves = self._motion and speed(self._chosen, self._motion)
+            case "altitude":
+                curves = self._motion and altitude(self._chosen, self._motion)
+            case field:
+                return recorded(self._log, self._chosen, field, self._window)
+        return [curves] if isinstance(curves, Curves) else []
+
+    @cached_property
+    def _motion(self) -> Motion | None:
+        return motion(self._log, self._cast, self._chosen, self._window)
+
+    @cached_property
+    def _obstacles(self) -> Obstacles | None:
+        return None if self._motion is None else obstacles(self._log, self._cast, self._motion.times)
+
+    @cached_property
+    def _contacts(self) -> tuple[LoggedContact, ...]:
+        shown = {*self._chosen.agents, *self._cast.props}
+        return tuple(
+            contact
+            for contact in self._log.contacts(self._window.start, self._window.end + 1)
+            if contact.stage == "BEGIN" and {contact.a, contact.b} <= shown
+        )
+
+    def _trajectories(self) -> list[Trajectories]:
+        if self._motion is None or self._obstacles is None:
+            return []
+        count, last = len(self._chosen.lines), len(self._motion.times) - 1
+        stride = max(1, -(-(last + 1) * count // _POINTS))
+        at = self._window.at
+        moment = self._request.at is not None and not self._chosen.many
+        return [
+            Trajectories(
+                motion=self._motion,
+                chosen=self._chosen,
+                obstacles=self._obstacles,
+                goals=goals(self._log, self._chosen, at),
+                intents=intents(self._log, self._chosen, at) if moment else {},
+                contacts=self._contacts,
+                at=self._motion.index(at),
+                steps=np.unique(np.append(np.arange(0, last + 1, stride), last)),
+            )
+        ]
+
+    def _separation(self) -> list[Distances]:
+        if self._motion is None or self._obstacles is None:
+            return []
+        agents = closeness.among(self._motion)
+        from_obstacles = closeness.from_obstacles(self._motion, self._obstacles)
+        if agents is None and from_obstacles is None:
+            return []
+        times = tuple(seconds(contact.time) for contact in self._contacts)
+        return [Distances(agents, from_obstacles, self._chosen, tuple(self._cast.props), times)]
+
+
+#: What is shown of every log that has it.
+_DEFAULT = ("trajectories", "separation", "risk", "speed", "altitude")
+
+_REASONS = {
+    "trajectories": "no states were recorded",
+    "separation": "it takes two agents, or an agent and an obstacle, whose states were recorded",
+    "risk": "no component told a risk, or it was not recorded",
+    "speed": "it takes states at two instants at least",
+    "altitude": "nobody moves in space",
+    "control": "no control input was recorded",
+}

@@ -1,0 +1,207 @@
+"""Quantities over time, one curve for each agent: risk, speed, altitude, control, and any series by name."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symaware_cli.core import seconds
+from symaware_cli.recording.error import LogError, UnknownNameError
+from symaware_cli.recording.reader import Log
+from symaware_cli.viewing.cast import Cast
+from symaware_cli.viewing.palette import DISTINCT, SCENERY, hexadecimal
+from symaware_cli.viewing.plotting.motion import Chosen, Line, Motion, held, instants, series_of
+from symaware_cli.viewing.plotting.request import SeriesName, Window
+
+Array = NDArray[np.float64]
+
+#: [ns] Speed is taken from positions this much before and after, so that noise of each step does not drown it.
+_AROUND = 250_000_000
+
+_TOPICS = {"world": "/world/{}/state", "control_requested": "/agents/{}/control"}
+
+
+@dataclass(frozen=True)
+class Curves:
+    """One quantity over time.
+
+    Attributes:
+        name: What it is.
+        unit: Its unit; empty if the log does not tell.
+        times: (k,) simulated time [ns].
+        values: (k, n); NaN where it is not known.
+        lines: How each is drawn.
+        stepwise: Whether it jumps from one value to the next, as inputs do.
+        note: How it was obtained, where it is not as it was recorded.
+    """
+
+    name: str
+    unit: str
+    times: NDArray[np.int64]
+    values: Array
+    lines: tuple[Line, ...]
+    stepwise: bool = False
+    note: str = ""
+
+    @property
+    def many(self) -> bool:
+        """Whether the curves are too many to tell one from another."""
+        return len(self.lines) > DISTINCT
+
+    def facts(self) -> dict[str, Any]:
+        """Return what there is to say in numbers."""
+        facts: dict[str, Any] = {"panel": self.name, "unit": self.unit, "curves": len(self.lines)}
+        for name, found in (("minimum", self.extreme(-1)), ("maximum", self.extreme())):
+            facts[name] = found and {"value": found[0], "time": found[1], "who": [found[2]]}
+        return facts
+
+    def extreme(self, sign: int = 1) -> tuple[float, float, str] | None:
+        """The greatest value (the least for -1), when it was reached first [s], and by whom; None without values."""
+        values = sign * self.values
+        if not (np.isfinite(values)).any():
+            return None
+        row, column = np.unravel_index(int(np.argmax(np.where(np.isfinite(values), values, -np.inf))), values.shape)
+        return float(self.values[row, column]), seconds(int(self.times[row])), self.lines[column].name
+
+
+def recorded(log: Log, chosen: Chosen, field: str, window: Window) -> list[Curves]:
+    """Read a field of `Log.series` of all chosen agents: one for each column, with those that have it.
+
+    Raises:
+        LogError: The log cannot be read, or not understood.
+    """
+    found: dict[tuple[str, str], list[Curves]] = {}
+    first = 0
+    for name, rows in chosen.rows.items():
+        lines = chosen.lines[first : first + len(rows)]
+        first += len(rows)
+        for curves in _columns(log, name, field, rows, lines, window):
+            found.setdefault((curves.name, curves.unit), []).append(curves)
+    joined = [_joined(parts) for parts in found.values()]
+    # A column of a control input may be called as the speed is.
+    return [replace(curves, name=f"control {curves.name}") if field == "control" else curves for curves in joined]
+
+
+def speed(chosen: Chosen, motion: Motion) -> Curves | None:
+    """The speed of each agent, from where it was a little before and a little after; None without two instants."""
+    times = motion.times
+    if len(times) < 2:
+        return None
+    before = np.maximum(np.searchsorted(times, times - _AROUND, side="right") - 1, 0)
+    after = np.minimum(np.searchsorted(times, times + _AROUND), len(times) - 1)
+    travelled = np.linalg.norm(motion.positions[after] - motion.positions[before], axis=2)
+    values = travelled / ((times[after] - times[before]) / 1e9)[:, None]
+    note = f"mean over {2 * seconds(_AROUND):g} s"
+    return Curves("speed", "m/s", times, values, chosen.lines, note=note)
+
+
+def altitude(chosen: Chosen, motion: Motion) -> Curves | None:
+    """The third coordinate of agents that move in space; None if nobody does."""
+    spatial = np.array([len(troupe.position) == 3 for troupe in chosen.troupe])
+    if not spatial.any():
+        return None
+    lines = tuple(line for line, flies in zip(chosen.lines, spatial, strict=True) if flies)
+    return Curves("altitude", "m", motion.times, motion.positions[:, spatial, 2], lines)
+
+
+def named(log: Log, cast: Cast, chosen: Chosen, names: Sequence[SeriesName], window: Window) -> list[Curves]:
+    """Read series by name; those that measure the same, by column and unit, come together.
+
+    Raises:
+        LogError: The log has no values of one.
+        UnknownNameError: It has no such agent, group, entity or column.
+    """
+    single = [name.owner for name in names if name.owner in cast.place and name.owner not in cast.troupes]
+    alone = Chosen.of(cast, single) if single else chosen
+    found: dict[tuple[str, str], list[tuple[str, Curves]]] = {}
+    for name in dict.fromkeys(names):
+        rows, lines = _owned(cast, chosen, alone, name)
+        for curves in _picked(log, cast, name, rows, lines, window):
+            found.setdefault((curves.name, curves.unit), []).append((name.field, curves))
+    return [_joined(_told_apart(parts)) for parts in found.values()]
+
+
+def _owned(cast: Cast, chosen: Chosen, alone: Chosen, name: SeriesName) -> tuple[NDArray[np.intp], tuple[Line, ...]]:
+    """The rows that a series is about, and how each is drawn."""
+    owner = name.owner
+    if owner in cast.props:
+        return np.array([0]), (Line(owner, hexadecimal(SCENERY)),)
+    if owner in cast.troupes:
+        if owner not in chosen.rows:
+            raise LogError(f"no agent of {owner!r} is among those that were chosen")
+        pairs = zip(chosen.lines, chosen.troupe, strict=True)
+        return chosen.rows[owner], tuple(line for line, troupe in pairs if troupe.name == owner)
+    if owner in cast.place:
+        # It is shown because it is asked for, whoever else was chosen; in its own colour where it has one.
+        known = chosen if owner in chosen.agents and not chosen.many else alone
+        return np.array([cast.place[owner][1]]), (known.lines[known.agents.index(owner)],)
+    listed = ", ".join([*cast.troupes, *cast.props])
+    message = f"there is no agent, group or entity {owner!r}; there are {listed}"
+    raise UnknownNameError(message, owner, [*cast.troupes, *cast.place, *cast.props])
+
+
+def _picked(
+    log: Log, cast: Cast, name: SeriesName, rows: NDArray[np.intp], lines: tuple[Line, ...], window: Window
+) -> list[Curves]:
+    """One for each column that a name stands for."""
+    group = cast.place[name.owner][0] if name.owner in cast.place else name.owner
+    every = _columns(log, group, name.field, rows, lines, window)
+    if not every:
+        raise LogError(f"{log.path} has no values of {name.owner}:{name.field}")
+    if name.column is None:
+        return every
+    for number, curves in enumerate(every):
+        if name.column in (curves.name, str(number)):
+            return [curves]
+    known = [curves.name for curves in every]
+    message = f"{name.owner}:{name.field} has no column {name.column!r}; there are {', '.join(known)}"
+    raise UnknownNameError(message, name.column, known)
+
+
+def _columns(
+    log: Log, owner: str, field: str, rows: NDArray[np.intp], lines: tuple[Line, ...], window: Window
+) -> list[Curves]:
+    """One for each column of a field that has values in the window; none where it was not recorded."""
+    series = series_of(log, owner, field, _TOPICS.get(field, f"/agents/{{}}/{field}").format(owner))
+    if series is None or series.times[0] > window.end:
+        return []
+    # A value holds until the next, so the window begins with the last one before it, and ends with the last one in it.
+    edges = np.array([max(window.start, int(series.times[0])), window.end], np.int64)
+    times = instants([series.times, edges], window)
+    values = held(series.times, series.values, times)[:, rows]
+    count = values.shape[2]
+    names = series.columns or ((field,) if count == 1 else tuple(f"{field} {number}" for number in range(count)))
+    units = series.units or ("",) * count
+    stepwise = field in ("control", "control_requested", "risk")
+    return [
+        Curves(name, unit, times, values[:, :, number], lines, stepwise)
+        for number, (name, unit) in enumerate(zip(names, units, strict=False))
+        if number < count
+    ]
+
+
+def _joined(parts: Sequence[Curves]) -> Curves:
+    """Curves of several owners in one table."""
+    if len(parts) == 1:
+        return parts[0]
+    times = np.unique(np.concatenate([curves.times for curves in parts]))
+    values = [held(curves.times, curves.values, times) for curves in parts]
+    lines = tuple(line for curves in parts for line in curves.lines)
+    return replace(parts[0], times=times, values=np.concatenate(values, axis=1), lines=lines)
+
+
+def _told_apart(parts: Sequence[tuple[str, Curves]]) -> list[Curves]:
+    """Curves of several fields, with the field in the name and every other one dashed."""
+    fields = list(dict.fromkeys(field for field, _ in parts))
+    if len(fields) == 1:
+        return [curves for _, curves in parts]
+    told = []
+    for field, curves in parts:
+        dashed = fields.index(field) % 2 == 1
+        lines = tuple(Line(f"{line.name} {field}", line.colour, dashed) for line in curves.lines)
+        told.append(replace(curves, lines=lines))
+    return told

@@ -1,0 +1,314 @@
+"""The figure: panels side by side, one style, and a file that is the same whenever it is drawn."""
+
+from __future__ import annotations
+
+import textwrap
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.font_manager import findfont, get_font
+from matplotlib.gridspec import SubplotSpec
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.transforms import Bbox
+
+from symaware_cli.core import seconds
+from symaware_cli.recording.error import LogError
+from symaware_cli.viewing.plotting.content import Content, Distances, Trajectories
+from symaware_cli.viewing.plotting.motion import Line
+from symaware_cli.viewing.plotting.plane import draw_trajectories, extent
+from symaware_cli.viewing.plotting.request import Request
+from symaware_cli.viewing.plotting.time import DASHES, INK, draw_curves, draw_separation
+
+_FAINT = "#65707d"
+
+#: Sizes of type in points, of a figure of its natural size.
+_TYPE, _TITLE, _HEADING, _SMALL = 10.0, 11.0, 13.0, 9.0
+
+#: In a smaller figure type shrinks with it, down to this part.
+_LEAST_TYPE = 0.7
+
+_STYLE: Any = {
+    "font.family": "DejaVu Sans",
+    "text.color": INK,
+    # Names are shown as they are, be there a dollar sign in them.
+    "text.parse_math": False,
+    "axes.edgecolor": _FAINT,
+    "axes.grid": True,
+    "axes.labelcolor": INK,
+    "axes.spines.right": False,
+    "axes.spines.top": False,
+    "axes.titlecolor": INK,
+    "grid.color": "#e4e7eb",
+    "grid.linewidth": 0.6,
+    "xtick.color": INK,
+    "ytick.color": INK,
+    "pdf.fonttype": 42,
+    "svg.hashsalt": "symaware",
+}
+
+#: What a file of each format would say of when and by what it was made.
+_UNDATED = {
+    ".png": {"Software": None},
+    ".svg": {"Date": None, "Creator": None},
+    ".pdf": {"CreationDate": None, "Creator": None, "Producer": None},
+}
+
+#: Inches: the plane at most, a panel over time, a line of the foot, and how wide a character of the foot is.
+_PLANE, _PANEL, _LINE, _CHARACTER = (6.2, 7.0), (5.6, 2.1), 0.19, 0.071
+
+#: Inches: what surrounds a plane, from its title down to its label, and what surrounds all panels.
+_AROUND, _MARGINS = 0.6, 1.2
+
+#: A plane this much wider than high goes above the other panels.
+_WIDE = 2.2
+
+#: More entries than this are no help in a legend.
+_ENTRIES = 32
+
+
+def draw(content: Content, request: Request, path: Path) -> None:
+    """Draw a figure into a file.
+
+    Args:
+        content: What to show.
+        request: Title, size and resolution.
+        path: The file; its suffix says the format.
+
+    Raises:
+        LogError: The title cannot be written with the font, or the panels do not fit.
+        OSError: The file cannot be written.
+    """
+    layout, size, scale = _arranged(content, request)
+    suffix = path.suffix.lower()
+    with _style(scale), warnings.catch_warnings():
+        warnings.filterwarnings("error", "constrained_layout not applied", UserWarning)
+        try:
+            figure = _figure(content, layout, size, request.title)
+            _settle(figure)
+        except UserWarning:
+            count = f"{len(content.panels)} panel{'s do' if len(content.panels) > 1 else ' does'}"
+            raise LogError(f"{count} not fit into {size[0]:g} x {size[1]:g} inches") from None
+        figure.savefig(path, format=suffix[1:], dpi=request.dpi, metadata=_UNDATED[suffix])
+
+
+def _settle(figure: Figure) -> None:
+    """Lay out a figure once and for all.
+
+    The solver behind the layout goes by addresses in memory, so its results differ in the last digits.
+    """
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")
+    for axes in figure.axes:
+        box = axes.get_position(original=True)
+        axes.set_position(Bbox(np.round(box.get_points(), 4)))
+    for text in figure.texts:
+        x, y = text.get_position()
+        text.set_position((round(x, 4), round(y, 4)))
+
+
+def _arranged(content: Content, request: Request) -> tuple[_Layout, tuple[float, float], float]:
+    """Where panels go, how large the figure is [inch], and how large type is relative to that of its natural size."""
+    plane = next((panel for panel in content.panels if isinstance(panel, Trajectories)), None)
+    layout = _Layout.of(_ratio(plane) if plane else None, len(content.panels) - (plane is not None))
+    width, height = request.size or layout.size
+    scale = max(_LEAST_TYPE, min(1.0, width / layout.size[0], height / layout.size[1]))
+    return layout, (width, height), scale
+
+
+@contextmanager
+def _style(scale: float = 1.0) -> Iterator[None]:
+    """Take our own style, whatever the user's is, for as long as it is needed."""
+    with mpl.rc_context():
+        mpl.rcdefaults()
+        mpl.rcParams.update(_STYLE)
+        mpl.rcParams.update({"font.size": _TYPE * scale, "axes.titlesize": _TITLE * scale})
+        mpl.rcParams.update({"legend.fontsize": _SMALL * scale})
+        yield
+
+
+def _figure(content: Content, layout: _Layout, size: tuple[float, float], title: str | None) -> Figure:
+    """Draw the panels, and below them what explains them."""
+    plane = next((panel for panel in content.panels if isinstance(panel, Trajectories)), None)
+    others = [panel for panel in content.panels if not isinstance(panel, Trajectories)]
+    # The panels, then two legends and the caption, whose height is known only when everything is drawn.
+    engine = ConstrainedLayoutEngine(rect=(0.008, 0.004, 0.984, 0.988), w_pad=0.06, h_pad=0.05, hspace=0.0)
+    figure = Figure(figsize=size, layout=engine)
+    whole = figure.add_gridspec(4, 1)
+    places = layout.places(whole[0], len(others))
+    handles: list[Line2D | Patch] = []
+    said: list[str] = []
+    if plane:
+        marks, words = draw_trajectories(figure.add_subplot(places.pop(0)), plane, content.moment)
+        handles, said = handles + marks, said + words
+    first: Axes | None = None
+    for panel, place in zip(others, places, strict=True):
+        axes = figure.add_subplot(place, sharex=first)
+        first = first or axes
+        marks, words = draw_separation(axes, panel) if isinstance(panel, Distances) else draw_curves(axes, panel)
+        handles, said = handles + marks, said + words
+        if content.moment:
+            axes.axvline(seconds(content.window.at), color=_FAINT, linewidth=1.0, linestyle=":")
+        lowest = layout.above or place.is_last_row() or panel is others[-1]
+        axes.tick_params(labelbottom=lowest)
+        axes.set_xlabel("simulated time [s]" if lowest else "")
+    if first and content.window.start < content.window.end:
+        first.set_xlim(seconds(content.window.start), seconds(content.window.end))
+    feet = [
+        _explained(figure, whole[1], handles),
+        _explained(figure, whole[2], _owners(content)),
+        _captioned(figure, whole[3], said + content.notes),
+    ]
+    whole.set_height_ratios((max(size[1] - _AROUND - sum(feet), 1.0), *(max(foot, 0.01) for foot in feet)))
+    figure.suptitle(_title(content, title), x=0.012, ha="left", fontsize=_HEADING * _scale(), fontweight="bold")
+    return figure
+
+
+@dataclass(frozen=True)
+class _Layout:
+    """Where panels go: the plane, if there is one, to the left of the panels over time or above them.
+
+    Attributes:
+        plane: How wide and high the plane is [inch]; nothing without one.
+        panels: How wide and high the panels over time are together [inch]; nothing without any.
+        above: Whether the plane is above.
+        columns: How many columns the panels over time have.
+        rows: How many rows.
+    """
+
+    plane: tuple[float, float]
+    panels: tuple[float, float]
+    above: bool
+    columns: int
+    rows: int
+
+    @classmethod
+    def of(cls, ratio: float | None, count: int) -> _Layout:
+        """Arrange a plane that is so much wider than high, if there is one, and so many panels over time."""
+        above = ratio is not None and ratio > _WIDE and count > 0
+        columns = min(count, 3) if above else -(-count // 4)
+        rows = -(-count // columns) if count else 0
+        panels = (max(_PANEL[0] * columns, 2 * _PANEL[0] * above), max(_PANEL[1] * rows, 3.4)) if count else (0.0, 0.0)
+        plane = (0.0, 0.0)
+        if ratio is not None:
+            width = panels[0] if above else max(min(_PLANE[0], _PLANE[1] * ratio), 3.0)
+            plane = (width, min(width / ratio, _PLANE[1]) + _AROUND)
+        return cls(plane, panels, above, columns, rows)
+
+    @property
+    def size(self) -> tuple[float, float]:
+        """How wide and high the figure is to be [inch]."""
+        (width, height), (across, down) = self.plane, self.panels
+        both = (max(width, across), height + down) if self.above else (width + across, max(height, down))
+        return max(both[0], 1.3 * _PANEL[0]), both[1] + _MARGINS
+
+    def places(self, whole: SubplotSpec, count: int) -> list[SubplotSpec]:
+        """Divide a place among the plane, if there is one, and so many panels over time, in this order."""
+        if not count:
+            return [whole]
+        plane: list[SubplotSpec] = []
+        if self.above:
+            outer = whole.subgridspec(2, 1, height_ratios=(self.plane[1], self.panels[1]))
+            plane, whole = [outer[0]], outer[1]
+        elif self.plane[0]:
+            outer = whole.subgridspec(1, 2, width_ratios=(self.plane[0], self.panels[0]))
+            plane, whole = [outer[0]], outer[1]
+        grid = whole.subgridspec(self.rows, self.columns)
+        if self.above:
+            return plane + [grid[divmod(number, self.columns)] for number in range(count)]
+        return plane + [grid[number % self.rows, number // self.rows] for number in range(count)]
+
+
+def _ratio(plane: Trajectories) -> float:
+    """How much wider than high the plane is."""
+    low, high = extent(plane)
+    wide, tall = high - low
+    return float(wide / tall)
+
+
+def _scale() -> float:
+    """How large type is, relative to that of a figure of its natural size."""
+    return float(mpl.rcParams["font.size"]) / _TYPE
+
+
+def _title(content: Content, title: str | None) -> str:
+    if title is not None:
+        known = get_font(findfont("DejaVu Sans:bold")).get_charmap()
+        unknown = sorted({character for character in title if ord(character) not in known} - {"\n"})
+        if unknown:
+            raise LogError(f"the font cannot write {''.join(unknown)!r} in the title")
+        return title
+    count, everybody = len(content.chosen.lines), content.cast.agent_count
+    agents = f"{count:,} agent{'s' if count != 1 else ''}" + (f" of {everybody:,}" if count < everybody else "")
+    return f"{content.cast.name}: {agents}, seed {content.cast.seed}"
+
+
+def _owners(content: Content) -> list[Line2D | Patch]:
+    """What a legend says of whose a line is: the agents where they can be told apart, else the groups."""
+    lines: dict[Line, None] = {}
+    for panel in content.panels:
+        if isinstance(panel, Distances):
+            continue
+        each = panel.chosen if isinstance(panel, Trajectories) else panel
+        groups = content.chosen.groups if len(content.chosen.groups) > 1 else ()
+        lines.update(dict.fromkeys(groups if each.many else each.lines))
+    return [
+        Line2D([], [], color=line.colour, linestyle=DASHES if line.dashed else "solid", label=line.name)
+        for line in lines
+    ]
+
+
+def _explained(figure: Figure, place: SubplotSpec, handles: Sequence[Line2D | Patch]) -> float:
+    """Write a legend, in as few lines as fit, and return how high it is [inch]."""
+    if not 0 < len(handles) <= _ENTRIES:
+        return 0.0
+    lengths = [len(str(handle.get_label())) for handle in handles]
+    width = (figure.get_figwidth() - 0.3) / _scale()
+    columns = next(count for count in range(len(handles), 0, -1) if count == 1 or _width(lengths, count) <= width)
+    axes = _unframed(figure, place)
+    rows = -(-len(handles) // columns)
+    legend = axes.legend(
+        handles=handles,
+        loc="upper left",
+        ncols=-(-len(handles) // rows),
+        borderaxespad=0.0,
+        borderpad=0.0,
+        columnspacing=1.6,
+        labelspacing=0.35,
+        frameon=False,
+    )
+    legend.set_in_layout(False)
+    return (_LINE * rows + 0.06) * _scale()
+
+
+def _width(lengths: Sequence[int], columns: int) -> float:
+    """How wide a legend of labels of these lengths is in so many columns, which are filled one by one [inch]."""
+    return sum(_CHARACTER * max(column, default=0) + 0.62 for column in np.array_split(lengths, columns))
+
+
+def _captioned(figure: Figure, place: SubplotSpec, said: Sequence[str]) -> float:
+    """Write the caption, and return how high it is [inch]."""
+    text = textwrap.wrap(
+        " ".join(dict.fromkeys(said)), max(20, int((figure.get_figwidth() - 0.3) / _CHARACTER / _scale()))
+    )
+    axes = _unframed(figure, place)
+    words = axes.text(
+        0.0, 1.0, "\n".join(text), va="top", fontsize=_SMALL * _scale(), color=_FAINT, transform=axes.transAxes
+    )
+    words.set_in_layout(False)
+    return _LINE * len(text) * _scale()
+
+
+def _unframed(figure: Figure, place: SubplotSpec) -> Axes:
+    axes = figure.add_subplot(place)
+    axes.axis("off")
+    return axes

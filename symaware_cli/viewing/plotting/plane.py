@@ -1,0 +1,291 @@
+"""The panel of trajectories: the plane from above, paths that grow darker with time, bodies at one moment."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection, PatchCollection, PolyCollection
+from matplotlib.colors import to_rgb
+from matplotlib.lines import Line2D
+from matplotlib.patches import Circle, Patch, Polygon
+from matplotlib.ticker import MultipleLocator
+from numpy.typing import NDArray
+
+from symaware_cli.core import Shape
+from symaware_cli.core.geometry import Pieces
+from symaware_cli.viewing.outline import outlines, placed
+from symaware_cli.viewing.palette import CONTACT, GOAL, SCENERY, hexadecimal
+from symaware_cli.viewing.plotting.content import Trajectories
+from symaware_cli.viewing.plotting.motion import Line
+from symaware_cli.viewing.plotting.time import DASHES, INK
+
+Array = NDArray[np.float64]
+
+#: In so many strokes a path grows darker.
+_STROKES = 12
+
+#: Round numbers, but for a power of ten.
+_INTERVALS = (1.0, 2.0, 5.0, 10.0)
+
+#: How much farther than the agents obstacles are shown, relative to the extent of the paths.
+_AROUND = 0.5
+
+#: Beyond so many agents paths grow thinner.
+_CROWD = 20
+
+#: Beyond so many points paths are pixels even in a file of vectors, which would be too large otherwise.
+_PIXELS = 20_000
+
+
+def draw_trajectories(axes: Axes, content: Trajectories, moment: bool) -> tuple[list[Line2D | Patch], list[str]]:
+    """Draw the plane.
+
+    Args:
+        axes: Where.
+        content: What.
+        moment: Whether the bodies are shown at a time that was asked for.
+
+    Returns:
+        What a legend is to explain, and what a caption is to say.
+    """
+    low, high = extent(content)
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), xlabel="x [m]", ylabel="y [m]", aspect="equal", anchor="N")
+    axes.grid(False)
+    wide, tall = (high - low).tolist()
+    for axis, span in ((axes.xaxis, wide), (axes.yaxis, tall)):
+        # The same ticks on both, unless one of them would have hardly any.
+        axis.set_major_locator(MultipleLocator(min(round_interval(max(wide, tall)), round_interval(span, 4))))
+    handles = _draw_obstacles(axes, content)
+    said = _draw_paths(axes, content)
+    handles += _draw_goals(axes, content)
+    handles += _draw_bodies(axes, content, float((high - low).max()))
+    handles += _draw_contacts(axes, content)
+    at = content.motion.times[content.at] / 1e9
+    view = " from above" if any(len(troupe.position) == 3 for troupe in content.chosen.troupe) else ""
+    axes.set_title(f"trajectories{view}, bodies at {at:.6g} s", loc="left")
+    if moment:
+        said += ["Dotted: what came after."] * (content.at < len(content.motion.times) - 1)
+        said += ["Broad bands: where each means to go."] * bool(content.intents)
+    return handles, said
+
+
+def extent(content: Trajectories) -> tuple[Array, Array]:
+    """The corners of what is shown, (2,) each [m]: the paths, the goals, and the obstacles near them."""
+    radius = max((shape.radius for shape in content.motion.shapes if shape), default=0.0)
+    positions = content.motion.positions[..., :2].reshape(-1, 2)
+    points = np.concatenate([positions[~np.isnan(positions[:, 0])], *content.goals.values()])
+    low, high = points.min(axis=0) - radius, points.max(axis=0) + radius
+    room = max(_AROUND * float((high - low).max()), 1e-3)
+    for number in range(len(content.obstacles.props)):
+        for step in {0, content.at}:
+            for piece in _obstacle(content, number, step):
+                box = piece.get_path().get_extents(piece.get_patch_transform())
+                low = np.minimum(low, np.maximum(box.min, points.min(axis=0) - room))
+                high = np.maximum(high, np.minimum(box.max, points.max(axis=0) + room))
+    margin = 0.04 * float((high - low).max()) or 1.0
+    # A path along a line still has a panel of some height.
+    thin = np.maximum(0.12 * float((high - low).max()) - (high - low), 0.0) / 2
+    return low - margin - thin, high + margin + thin
+
+
+def round_interval(span: float, count: int = 8) -> float:
+    """Choose a round interval of which about so many make up a stretch."""
+    if span <= 0:
+        return 1.0
+    scale = 10.0 ** np.floor(np.log10(span / count))
+    return float(min((scale * each for each in _INTERVALS), key=lambda each: abs(span / each - count)))
+
+
+def _pieces(shape: Shape) -> list[tuple[Array, float]]:
+    """The corners of each piece of a shape, or the middle and the radius of one that is round [m]."""
+    return [
+        (np.array(core), radius) if len(core) == 1 else (outline, 0.0)
+        for (core, radius), outline in zip(shape.pieces, outlines(shape), strict=True)
+    ]
+
+
+def _body(pieces: Iterable[tuple[Array, float]], position: Array, heading: float) -> list[Circle | Polygon]:
+    """Pieces where they are, from above; round ones as circles, which stay round however large they are drawn."""
+    there = [(placed(corners, position, heading)[:, :2], radius) for corners, radius in pieces]
+    return [Circle(tuple(corners[0]), radius) if radius else Polygon(corners) for corners, radius in there]
+
+
+def _obstacle(content: Trajectories, number: int, step: int) -> list[Circle | Polygon]:
+    """An obstacle where it is at an instant."""
+    obstacles = content.obstacles
+    pieces = _pieces(obstacles.props[number].shape)
+    return _body(pieces, obstacles.positions[step, number], obstacles.headings[step, number])
+
+
+def _draw_obstacles(axes: Axes, content: Trajectories) -> list[Line2D | Patch]:
+    colour, moved = hexadecimal(SCENERY), False
+    for number in range(len(content.obstacles.props)):
+        here = _obstacle(content, number, content.at)
+        axes.add_collection(
+            PatchCollection(here, facecolors=_faded(colour, 0.45), edgecolors="none", zorder=1), autolim=False
+        )
+        way = content.obstacles.positions[:, number, :2]
+        if content.obstacles.moves(number):
+            moved = True
+            axes.plot(way[:, 0], way[:, 1], color=colour, linewidth=1.0, linestyle=":", zorder=1)
+    handles: list[Line2D | Patch] = []
+    if content.obstacles.props:
+        handles.append(Patch(facecolor=_faded(colour, 0.45), label="obstacle"))
+    if moved:
+        handles.append(Line2D([], [], color=colour, linewidth=1.0, linestyle=":", label="path of an obstacle"))
+    return handles
+
+
+def _draw_paths(axes: Axes, content: Trajectories) -> list[str]:
+    """Draw the paths, light at first and darker later, with dots at regular times where they can be seen."""
+    lines, positions = content.chosen.lines, content.motion.positions
+    steps, ahead = content.steps[content.steps <= content.at], content.steps[content.steps >= content.at]
+    bounds = np.linspace(0, max(len(steps) - 1, 0), _STROKES + 1).round().astype(int)
+    strokes: list[Array] = []
+    shades: list[tuple[float, float, float]] = []
+    styles: list[object] = []
+    # Stroke by stroke, so that what comes later is drawn later, whoever it belongs to.
+    for number, (first, last) in enumerate(pairwise(bounds)):
+        for agent, line in enumerate(lines):
+            points = _known(positions[steps[first : last + 1], agent])
+            if len(points) > 1:
+                strokes.append(points)
+                shades.append(_faded(line.colour, 0.8 * (1 - number / (_STROKES - 1))))
+                styles.append(DASHES if line.dashed else "solid")
+    crowd = min(1.0, (_CROWD / len(lines)) ** 0.4)
+    axes.add_collection(
+        LineCollection(
+            strokes,
+            colors=shades,
+            linestyles=styles or "solid",
+            linewidths=1.7 * crowd,
+            alpha=max(crowd, 0.5),
+            zorder=3,
+            rasterized=sum(map(len, strokes)) > _PIXELS,
+        ),
+        autolim=False,
+    )
+    colours = [line.colour for line in lines]
+    ways = [_known(positions[ahead, agent]) for agent in range(len(lines))]
+    axes.add_collection(
+        LineCollection(ways, colors=colours, linewidths=0.8 * crowd, linestyles=":", zorder=2), autolim=False
+    )
+    for line in lines:
+        if line.name in content.intents:
+            way = content.intents[line.name]
+            axes.plot(*way.T, color=line.colour, linewidth=6.0, alpha=0.25, solid_capstyle="butt", zorder=2)
+    if content.chosen.many:
+        return ["Paths grow darker with time."]
+    interval = round_interval(float(np.ptp(content.motion.times)) / 1e9)
+    _draw_dots(axes, content, steps, interval)
+    return [f"Paths grow darker with time, with a dot every {interval:g} s."]
+
+
+def _draw_dots(axes: Axes, content: Trajectories, steps: NDArray[np.intp], interval: float) -> None:
+    times = content.motion.times[steps] / 1e9
+    marks = np.arange(np.ceil(times[0] / interval - 1e-9), np.floor(times[-1] / interval + 1e-9) + 1) * interval
+    for agent, line in enumerate(content.chosen.lines):
+        way = content.motion.positions[steps, agent]
+        dots = [np.interp(marks, times, way[:, axis]) for axis in range(2)]
+        axes.plot(*dots, linestyle="none", marker="o", markersize=3.2, color=line.colour, zorder=4)
+
+
+def _known(positions: Array) -> Array:
+    """The positions from above that are known; (m, 2)."""
+    points: Array = positions[~np.isnan(positions[:, 0]), :2]
+    return points
+
+
+def _draw_goals(axes: Axes, content: Trajectories) -> list[Line2D | Patch]:
+    if not content.goals:
+        return []
+    many = content.chosen.many
+    for colour, points in _by_colour(content.chosen.lines, content.goals).items():
+        mark = _mark("+", hexadecimal(GOAL) if many else colour, 3.0 if many else 12.0)
+        axes.plot(*points.T, zorder=2.5, **mark)
+    label = "waypoint" if all(len(points) > 1 for points in content.goals.values()) else "goal"
+    return [Line2D([], [], label=label, **_mark("+", hexadecimal(GOAL) if many else INK, 8.0))]
+
+
+def _draw_bodies(axes: Axes, content: Trajectories, span: float) -> list[Line2D | Patch]:
+    """Draw where everybody started, and the bodies at the moment, large enough to be seen."""
+    motion, chosen, at = content.motion, content.chosen, content.at
+    kinds = {shape: (_pieces(shape), _inner_radius(shape)) for shape in dict.fromkeys(motion.shapes) if shape}
+    starts: dict[str, Array] = {}
+    points: dict[str, Array] = {}
+    bodies: list[Circle | Polygon] = []
+    colours: list[str] = []
+    noses: list[Array] = []
+    for agent, (line, shape) in enumerate(zip(chosen.lines, motion.shapes, strict=True)):
+        way = _known(motion.positions[: at + 1, agent])
+        if not len(way):
+            continue
+        starts[line.name] = way[:1]
+        if shape is None or shape.radius < 0.004 * span:
+            points[line.name] = way[-1:]
+        if shape is not None:
+            pieces, inner = kinds[shape]
+            position, heading = motion.positions[at, agent], float(motion.headings[at, agent])
+            bodies += _body(pieces, position, heading)
+            colours += [line.colour] * len(pieces)
+            if chosen.troupe[agent].heading is not None and inner > 0.01 * span:
+                noses.append(placed(_NOSE * inner, position, heading)[:, :2])
+    for colour, where in _by_colour(chosen.lines, starts).items():
+        mark = _mark("o", colour, 1.5 if chosen.many else 5.5)
+        axes.plot(*where.T, zorder=4.5, markerfacecolor="white", **mark)
+    for colour, where in _by_colour(chosen.lines, points).items():
+        axes.plot(*where.T, zorder=5, **_mark("o", colour, 2.0 if chosen.many else 5.0))
+    edge = 0.2 if chosen.many else 0.8
+    axes.add_collection(
+        PatchCollection(bodies, facecolors=colours, edgecolors="white", linewidths=edge, zorder=5), autolim=False
+    )
+    axes.add_collection(PolyCollection(noses, facecolors="white", edgecolors="none", zorder=6), autolim=False)
+    return [
+        Line2D([], [], label="start", markerfacecolor="white", **_mark("o", INK, 5.5)),
+        Line2D([], [], label="body", **_mark("o", INK, 7.0)),
+    ]
+
+
+def _by_colour(lines: Iterable[Line], points: Mapping[str, Array]) -> dict[str, Array]:
+    """The points (m, 2) of agents, together with those of all that have the same colour."""
+    found: dict[str, list[Array]] = {}
+    for line in lines:
+        if line.name in points:
+            found.setdefault(line.colour, []).append(points[line.name])
+    return {colour: np.concatenate(parts) for colour, parts in found.items()}
+
+
+def _inner_radius(shape: Shape) -> float:
+    """The radius of the largest circle around the position that the shape holds; negative if it is outside [m]."""
+    pieces = Pieces.of(shape.pieces)
+    offsets = pieces.offsets.min(axis=1)
+    return float((np.where(np.isinf(offsets), 0.0, offsets) + pieces.rounding).max())
+
+
+def _draw_contacts(axes: Axes, content: Trajectories) -> list[Line2D | Patch]:
+    points = np.array([contact.point[:2] for contact in content.contacts if contact.point])
+    if not len(points):
+        return []
+    mark = _mark("x", hexadecimal(CONTACT), 6.0)
+    axes.plot(*points.T, zorder=7, **mark)
+    return [Line2D([], [], label=f"contact ({len(content.contacts)})", **mark)]
+
+
+def _mark(marker: str, colour: str, size: float) -> dict[str, Any]:
+    """What makes a line one of marks alone."""
+    edge = min(1.4, size / 4.0)
+    return {"marker": marker, "color": colour, "linestyle": "none", "markersize": size, "markeredgewidth": edge}
+
+
+#: An arrowhead that shows where a body of radius 1 looks.
+_NOSE: Array = np.array([[0.7, 0.0], [-0.4, 0.42], [-0.15, 0.0], [-0.4, -0.42]])
+
+
+def _faded(colour: str, share: float) -> tuple[float, float, float]:
+    """Mix a colour with white."""
+    red, green, blue = (part + (1.0 - part) * share for part in to_rgb(colour))
+    return red, green, blue

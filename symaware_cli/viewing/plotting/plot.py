@@ -1,0 +1,45 @@
+"""Plots: from a log to one figure in a file."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from symaware_cli.recording.error import LogError
+from symaware_cli.recording.output import whole_file
+from symaware_cli.recording.reader import Log
+from symaware_cli.viewing.plotting.content import Content, gather
+from symaware_cli.viewing.plotting.request import Request, check_output
+
+
+def plot(log: Log, path: str | os.PathLike[str], request: Request | None = None) -> Content:
+    """Draw a figure of a log into a file, which appears whole or not at all.
+
+    The same log, request and versions give the same bytes.
+
+    Args:
+        log: The log.
+        path: The file; its suffix says the format, one of `FORMATS`.
+        request: What to show; None for what suits the log.
+
+    Returns:
+        What was drawn.
+
+    Raises:
+        LogError: There is nothing to plot, the log does not have what is asked for, or matplotlib is not installed.
+        OutputError: The file cannot be written.
+    """
+    path, request = Path(path), request or Request()
+    check_output(path, request)
+    try:
+        from symaware_cli.viewing.plotting.figure import draw
+    except ModuleNotFoundError as error:
+        if (error.name or "").partition(".")[0] != "matplotlib":
+            raise
+        raise LogError(
+            "plots need the module `matplotlib`, which is not installed: pip install 'symaware-cli[plot]'"
+        ) from error
+    content = gather(log, request)
+    with whole_file(path, log.path) as partial:
+        draw(content, request, partial)
+    return content

@@ -1,0 +1,156 @@
+"""What a plot is asked to show, and what is wrong with the question."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from symaware_cli.core import nanoseconds, seconds
+from symaware_cli.recording.error import LogError, UnknownNameError
+from symaware_cli.recording.reader import FIELDS, Log
+
+#: The panels that can be asked for by name, in the order in which they are drawn.
+PANELS = ("trajectories", "separation", "risk", "speed", "altitude", "control")
+
+#: The formats that a plot can be saved in, by suffix.
+FORMATS = (".png", ".svg", ".pdf")
+
+#: [inch]
+_LEAST, _MOST = 1.5, 60.0
+
+#: More make files and memory burst.
+_PIXELS = 200_000_000
+
+
+@dataclass(frozen=True)
+class SeriesName:
+    """A series of a log, by name.
+
+    Attributes:
+        owner: A group, an agent or an entity.
+        field: One of the fields of `Log.series`.
+        column: The name of a column, or its number; None for every column.
+    """
+
+    owner: str
+    field: str
+    column: str | None = None
+
+    @classmethod
+    def parse(cls, text: str) -> SeriesName:
+        """Take ``NAME:FIELD`` or ``NAME:FIELD:COLUMN`` apart.
+
+        Raises:
+            LogError: It is not of that form.
+            UnknownNameError: There is no such field.
+        """
+        parts = text.split(":")
+        if len(parts) not in (2, 3) or not all(parts):
+            raise LogError(f"a series is called NAME:FIELD or NAME:FIELD:COLUMN, such as robot.0:state:x, not {text!r}")
+        owner, field_name, *column = parts
+        if field_name not in FIELDS:
+            message = f"there is no field {field_name!r} of series; there are {', '.join(FIELDS)}"
+            raise UnknownNameError(message, field_name, FIELDS)
+        return cls(owner, field_name, *column)
+
+    def __str__(self) -> str:
+        return ":".join(part for part in (self.owner, self.field, self.column) if part is not None)
+
+
+@dataclass(frozen=True)
+class Request:
+    """What a plot is asked to show.
+
+    Attributes:
+        show: Which of `PANELS`; empty for those that suit the log, unless there are `series`.
+        series: Series to show, each in a panel with those that measure the same.
+        agents: The agents and groups that it is about; empty for all.
+        start: The first simulated time [s]; None for the beginning.
+        end: The last simulated time [s]; None for the end.
+        at: When the bodies are shown [s]; None for the last time.
+        title: What stands above; None for the scenario's name.
+        size: Width and height [inch]; None for what suits the panels.
+        dpi: Dots for each inch.
+    """
+
+    show: tuple[str, ...] = ()
+    series: tuple[SeriesName, ...] = ()
+    agents: tuple[str, ...] = ()
+    start: float | None = None
+    end: float | None = None
+    at: float | None = None
+    title: str | None = None
+    size: tuple[float, float] | None = None
+    dpi: int = 150
+
+    def __post_init__(self) -> None:
+        for name in self.show:
+            if name not in PANELS:
+                raise UnknownNameError(f"there is no panel {name!r}; there are {', '.join(PANELS)}", name, PANELS)
+
+
+@dataclass(frozen=True)
+class Window:
+    """The stretch of simulated time that a plot is about.
+
+    Attributes:
+        start: The first instant [ns].
+        end: The last instant [ns].
+        at: When the bodies are shown [ns].
+    """
+
+    start: int
+    end: int
+    at: int
+
+    @classmethod
+    def of(cls, log: Log, request: Request) -> Window:
+        """Find the stretch of a log that is asked for.
+
+        Raises:
+            LogError: The log has nothing there.
+        """
+        first, last = log.start_time, log.end_time
+        if first is None or last is None:
+            why = f": {log.damage}" if log.damage else ""
+            raise LogError(f"{log.path} holds no values to plot{why}")
+        if request.start is not None and request.end is not None and request.start > request.end:
+            raise LogError(f"there is no time from {request.start:g} to {request.end:g} s")
+        start = first if request.start is None else max(first, nanoseconds(request.start))
+        end = last if request.end is None else min(last, nanoseconds(request.end))
+        if start > end:
+            asked = (
+                f"before {request.end:g} s"
+                if request.start is None or start == first
+                else f"from {request.start:g} s on"
+            )
+            span = f"{seconds(first):g} to {seconds(last):g} s"
+            raise LogError(f"there is nothing to plot {asked}: {log.path} goes from {span}")
+        at = end if request.at is None else nanoseconds(request.at)
+        if not start <= at <= end:
+            raise LogError(
+                f"{request.at:g} s lies outside of what is plotted, {seconds(start):g} to {seconds(end):g} s"
+            )
+        return cls(start, end, at)
+
+
+def check_output(path: Path, request: Request) -> None:
+    """Make sure that a figure can be drawn into a file, before there is any effort.
+
+    Raises:
+        UnknownNameError: Its suffix stands for no format that can be drawn.
+        LogError: It would be too small to show anything, or too large for memory.
+    """
+    if path.suffix.lower() not in FORMATS:
+        what = f"the suffix {path.suffix!r}" if path.suffix else "a name without a suffix"
+        message = (
+            f"cannot draw {path}: {what} says no format that is known; use {', '.join(FORMATS[:-1])} or {FORMATS[-1]}"
+        )
+        raise UnknownNameError(message, path.suffix.lower(), FORMATS)
+    if request.size is None:
+        return
+    width, height = request.size
+    if not (_LEAST <= width <= _MOST and _LEAST <= height <= _MOST):
+        raise LogError(f"a figure of {width:g} x {height:g} inches cannot be drawn; take {_LEAST:g} to {_MOST:g}")
+    if width * height * request.dpi**2 > _PIXELS:
+        raise LogError(f"{width:g} x {height:g} inches at {request.dpi} dpi are too many pixels; take fewer dpi")

@@ -1,0 +1,200 @@
+"""Quantities over time, and who they belong to."""
+
+import numpy as np
+import pytest
+from plot_logs import AIRCRAFT, YARD, log_of
+
+from symaware_cli import open_log
+from symaware_cli.recording import wire
+from symaware_cli.recording.error import LogError, UnknownNameError
+from symaware_cli.recording.writer import LogWriter
+from symaware_cli.viewing.cast import cast_of
+from symaware_cli.viewing.palette import hexadecimal
+from symaware_cli.viewing.plotting.content import gather
+from symaware_cli.viewing.plotting.curves import Curves
+from symaware_cli.viewing.plotting.motion import Chosen, Line, held
+from symaware_cli.viewing.plotting.plot import plot
+from symaware_cli.viewing.plotting.request import Request, SeriesName
+
+
+@pytest.fixture(scope="module")
+def yard(tmp_path_factory):
+    return log_of(tmp_path_factory.mktemp("yard"), YARD)
+
+
+def panels(log, **request):
+    names = tuple(SeriesName.parse(name) for name in request.pop("series", ()))
+    return {panel.name: panel for panel in gather(log, Request(series=names, **request)).panels}
+
+
+def test_a_value_holds_until_the_next_and_is_unknown_before_the_first():
+    values = held(np.array([10, 20]), np.array([[1.0], [2.0]]), np.array([5, 10, 15, 20, 99]))
+    np.testing.assert_array_equal(values[:, 0], [np.nan, 1, 1, 2, 2])
+
+
+def test_a_log_has_the_panels_that_it_has_data_for(tmp_path, yard):
+    assert list(panels(yard)) == ["trajectories", "separation", "risk", "speed"]
+    assert list(panels(log_of(tmp_path, "hello.yaml", "run.duration=0.2"))) == ["trajectories", "separation", "speed"]
+    assert list(panels(log_of(tmp_path, AIRCRAFT, "run.duration=0.5")))[-1] == "altitude"
+    alone = log_of(tmp_path, "hello.yaml", "run.duration=0.2", "agents.robot.count=1")
+    assert list(panels(alone)) == ["trajectories", "speed"]
+
+
+def test_panels_come_in_the_order_in_which_they_are_asked_for(yard):
+    shown = panels(yard, show=("risk", "control"))
+    assert list(shown) == [*("risk", "control speed", "control turn_rate", "control velocity_x", "control velocity_y")]
+    assert [line.name for line in shown["control speed"].lines] == ["cart.0", "cart.1"]
+    assert [line.name for line in shown["control velocity_x"].lines] == ["guard"]
+
+
+def test_speed_is_that_of_the_true_positions(yard):
+    speed = panels(yard, show=("speed",))["speed"]
+    assert [line.name for line in speed.lines] == ["cart.0", "cart.1", "guard"]
+    truth = yard.series("cart.0", "world")
+    middle = len(truth.times) // 2
+    before, after = truth.values[middle - 5, :2], truth.values[middle + 5, :2]
+    assert speed.values[middle, 0] == pytest.approx(np.linalg.norm(after - before) / 0.5)
+    value, _, who = speed.extreme()
+    assert value <= 1.0 + 1e-9
+    assert who in ("cart.0", "cart.1", "guard")
+
+
+def test_risk_is_the_present_one_of_those_that_have_one(yard):
+    risk = panels(yard, show=("risk",))["risk"]
+    recorded = yard.series("cart.0", "risk")
+    assert [line.name for line in risk.lines] == ["cart.0", "cart.1"]
+    at = np.searchsorted(risk.times, recorded.times)
+    np.testing.assert_array_equal(risk.values[at, 0], recorded.values[:, 0])
+    assert risk.facts()["maximum"]["value"] == np.nanmax(risk.values)
+
+
+def test_the_altitude_is_the_third_coordinate(tmp_path):
+    altitude = panels(log_of(tmp_path, AIRCRAFT, "run.duration=0.5"), show=("altitude",))["altitude"]
+    assert altitude.values[0].tolist() == [100.0, 112.0]
+    assert altitude.unit == "m"
+
+
+def test_a_series_by_name_has_a_panel_for_each_column(yard):
+    shown = panels(yard, series=["cart.0:world"])
+    assert {name: curves.unit for name, curves in shown.items()} == {"x": "m", "y": "m", "heading": "rad"}
+    truth = yard.series("cart.0", "world")
+    np.testing.assert_array_equal(shown["x"].times, truth.times)
+    np.testing.assert_array_equal(shown["x"].values[:, 0], truth.values[:, 0])
+    assert list(panels(yard, series=["cart.0:world:heading"])) == ["heading"]
+    assert list(panels(yard, series=["cart.0:world:2"])) == ["heading"]
+
+
+def test_series_that_measure_the_same_share_a_panel_and_are_told_apart(yard):
+    shown = panels(yard, series=["cart.0:world:x", "cart.1:world:x", "gate:world:x"])
+    assert [line.name for line in shown["x"].lines] == ["cart.0", "cart.1", "gate"]
+    assert len({line.colour for line in shown["x"].lines}) == 3
+    both = panels(yard, series=["cart:world:x", "cart:state:x"])["x"].lines
+    assert [line.name for line in both] == ["cart.0 world", "cart.1 world", "cart.0 state", "cart.1 state"]
+    assert [line.dashed for line in both] == [False, False, True, True]
+
+
+def test_a_window_begins_with_what_held_before_it(yard):
+    times = panels(yard, series=["guard:control:0"], start=1.01, end=1.52)["velocity_x"].times
+    assert (times[0], times[-1]) == (1_010_000_000, 1_520_000_000)
+    truth = panels(yard, show=("trajectories",), start=1.01, end=1.52)["trajectories"].motion.times
+    assert (truth[0], truth[-1]) == (1_050_000_000, 1_500_000_000)
+
+
+@pytest.mark.parametrize(
+    ("request_of", "name", "known"),
+    [
+        ({"agents": ("cart.7",)}, "cart.7", "cart.1"),
+        ({"series": ["fense:world"]}, "fense", "fence"),
+        ({"series": ["cart.0:wordl"]}, "wordl", "world"),
+        ({"series": ["cart.0:world:haeding"]}, "haeding", "heading"),
+        ({"show": ("trajectory",)}, "trajectory", "trajectories"),
+    ],
+    ids=str,
+)
+def test_what_the_log_does_not_have_is_told_with_what_there_is(yard, request_of, name, known):
+    with pytest.raises(UnknownNameError) as caught:
+        panels(yard, **request_of)
+    assert caught.value.name == name
+    assert known in caught.value.known
+
+
+@pytest.mark.parametrize(
+    "request_of",
+    [
+        {"series": ["fence:world"]},
+        {"series": ["guard:risk"]},
+        {"series": ["cart"]},
+        {"series": ["cart:world:x:y"]},
+        {"series": ["cart:world"], "agents": ("guard",)},
+        {"show": ("altitude",)},
+        {"show": ("risk",), "agents": ("guard",)},
+        {"start": 3.5},
+        {"end": -1.0},
+        {"start": 2.0, "end": 1.0},
+        {"at": 9.0},
+    ],
+    ids=str,
+)
+def test_what_has_no_values_is_a_sentence(yard, request_of):
+    with pytest.raises(LogError) as caught:
+        panels(yard, **request_of)
+    assert "\n" not in str(caught.value)
+
+
+def test_agents_are_plotted_as_if_there_were_no_others(yard):
+    content = gather(yard, Request(agents=("cart.1", "guard")))
+    assert content.chosen.agents == ("cart.1", "guard")
+    assert content.panels[0].motion.positions.shape[1] == 2
+    assert content.facts()["agents"] == 2
+
+
+def test_colours_are_those_of_the_replay_and_nobody_has_those_of_another(tmp_path):
+    log = log_of(tmp_path, "hello.yaml", "run.duration=0.05", "agents.robot.count=14")
+    cast = cast_of(log)
+    lines = Chosen.of(cast).lines
+    assert [line.colour for line in lines] == [hexadecimal(colour) for colour in cast.troupes["robot"].colours]
+    assert len({(line.colour, line.dashed) for line in lines}) == 14
+
+
+def test_a_few_of_many_are_told_apart(tmp_path):
+    log = log_of(tmp_path, "hello.yaml", "run.duration=0.05", "agents.robot.count=40")
+    everybody = Chosen.of(cast_of(log))
+    assert everybody.many
+    assert len({line.colour for line in everybody.lines}) == 1
+    few = Chosen.of(cast_of(log), ["robot.3", "robot.30"])
+    assert not few.many
+    assert len({line.colour for line in few.lines}) == 2
+
+
+def test_an_infinite_value_is_no_extreme():
+    times = np.arange(2) * 10**9
+    curves = Curves("x", "", times, np.array([[np.nan, 1.0], [np.inf, 0.0]]), (Line("a", "#000"), Line("b", "#000")))
+    assert curves.extreme() == (1.0, 0.0, "b")
+    assert curves.extreme(-1) == (0.0, 1.0, "b")
+    nothing = Curves("x", "", times, np.full((2, 1), np.nan), (Line("a", "#000"),))
+    assert nothing.extreme() is None
+
+
+def test_beliefs_stand_in_for_a_truth_that_was_not_recorded(tmp_path):
+    log = log_of(tmp_path, "hello.yaml", "run.duration=0.5", "recording.omit=[world]")
+    content = gather(log, Request())
+    assert content.panels[0].motion.believed == ("robot",)
+    assert "what robot believed" in content.notes[0]
+    bare = log_of(tmp_path, "hello.yaml", "run.duration=0.5", "recording.omit=[world, state]")
+    assert gather(bare, Request(show=("control",))).panels
+    with pytest.raises(LogError, match="holds nothing to plot"):
+        gather(bare, Request())
+
+
+def test_a_group_whose_states_are_lost_does_not_take_the_others_along(yard, tmp_path):
+    with LogWriter(tmp_path / "part.mcap") as writer:
+        writer.attach("manifest.json", "application/json", yard.attachments["manifest.json"])
+        channel = writer.channel("/world/cart/state", "Rows", {"columns": "x,y,heading", "units": "m,m,rad"})
+        for time in (0, 10**9):
+            writer.add(channel, time, wire.encode_rows(np.array([[0.0, 0.0, 0.0], [3.0, 4.0, 0.0]])))
+        writer.finish({"status": "finished"})
+    plane, separation, speed = gather(open_log(tmp_path / "part.mcap"), Request()).panels
+    assert np.isnan(plane.motion.positions[:, 2, :2]).all()
+    assert separation.agents.pair.tolist() == [[0, 1], [0, 1]]
+    assert speed.extreme() == (0.0, 0.0, "cart.0")
+    plot(open_log(tmp_path / "part.mcap"), tmp_path / "part.png")
