@@ -171,9 +171,16 @@ def test_every_snippet_of_the_scenario_guide_is_sound(folder: Path) -> None:
 
 
 @pytest.mark.parametrize("document", having("python"), ids=ids)
-def test_the_code_of_a_document_runs(document: Path) -> None:
+def test_the_code_of_a_document_runs(document: Path, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(folder)
+    reads_logs = "open_log" in document.read_text(encoding="utf-8")
     namespace: dict[str, object] = {"__name__": "document"}
     for block in blocks(document):
+        if block.language == "console" and reads_logs:
+            # The logs that the code reads are those of the runs that the document shows.
+            for command in commands(block.text):
+                if command.text.startswith("symaware run scenarios/"):
+                    subprocess.run([sys.executable, "-m", "symaware_cli", *command.text.split()[1:]], check=True)
         if block.language == "python":
             exec(compile(block.text, str(document), "exec"), namespace)
 

@@ -6,7 +6,19 @@ from typing import Annotated
 
 import typer
 
-from symaware_cli.cli import inspect, list, new, run, schema, show, validate  # noqa: A004 (verbs)
+from symaware_cli.cli import (
+    export,
+    inspect,
+    list,  # noqa: A004 (a verb)
+    new,
+    plot,
+    recover,
+    replay,
+    run,
+    schema,
+    show,
+    validate,
+)
 
 application = typer.Typer(
     name="symaware",
@@ -35,5 +47,17 @@ def _symaware(
     """Run multi-agent scenarios with situational awareness: deterministic, recorded, checkable."""
 
 
-for _verb in (run.run, validate.validate, new.new, inspect.inspect, list.list_plugins, show.show, schema.schema):
+for _verb in (
+    run.run,
+    validate.validate,
+    new.new,
+    replay.replay,
+    plot.plot,
+    export.export,
+    inspect.inspect,
+    recover.recover,
+    list.list_plugins,
+    show.show,
+    schema.schema,
+):
     application.command(_verb.__name__.partition("_")[0])(_verb)

@@ -2,60 +2,195 @@
 
 from __future__ import annotations
 
+import enum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from symaware_cli.cli.terminal import DATA_LOST, Json, print_json, size_in_words, trouble_shown
+from symaware_cli.cli.terminal import DATA_LOST, WRONG_INPUT, Json, fail, print_json, trouble_shown
 
 if TYPE_CHECKING:
-    from symaware_cli.recording.journal import LoggedEvent
-    from symaware_cli.recording.overview import Overview
     from symaware_cli.recording.reader import Log
+
+VIEW, FILTER = "What to show instead of the overview", "Which of it"
+
+#: What each filter can be combined with.
+FILTERS = {
+    "--agents": ("--events", "--messages", "--contacts"),
+    "--name": ("--events",),
+    "--source": ("--events",),
+    "--level": ("--events",),
+    "--kind": ("--messages",),
+    "--stage": ("--messages", "--contacts"),
+    "--from": ("--events", "--messages", "--contacts", "--series"),
+    "--to": ("--events", "--messages", "--contacts", "--series"),
+    "--limit": ("--events", "--messages", "--contacts", "--series"),
+    "--every": ("--series",),
+}
+
+
+#: The stages that each view knows.
+STAGES = {"--messages": ("sent", "delivered", "dropped"), "--contacts": ("begin", "end")}
+
+
+class Level(enum.StrEnum):
+    """How grave an event is, the gravest last."""
+
+    debug = "debug"
+    info = "info"
+    warning = "warning"
+    error = "error"
+
+
+class Stage(enum.StrEnum):
+    """The stages of messages and of contacts."""
+
+    sent = "sent"
+    delivered = "delivered"
+    dropped = "dropped"
+    begin = "begin"
+    end = "end"
 
 
 def inspect(
     path: Annotated[Path, typer.Argument(help="A log.", metavar="LOG")],
     events: Annotated[
-        bool, typer.Option("--events", help="List the events instead, with tracebacks of failures.")
+        bool, typer.Option("--events", help="What happened, with tracebacks of failures.", rich_help_panel=VIEW)
     ] = False,
+    messages: Annotated[
+        bool, typer.Option("--messages", help="What agents told each other.", rich_help_panel=VIEW)
+    ] = False,
+    contacts: Annotated[bool, typer.Option("--contacts", help="Who touched whom.", rich_help_panel=VIEW)] = False,
+    series: Annotated[
+        str | None,
+        typer.Option(
+            help="Values over time, such as `robot.0:state` or `robot:world:x`. NAME: an agent, a group, an entity. "
+            "FIELD: state, world, control, control_requested, intent, uncertainty, risk.",
+            metavar="NAME:FIELD[:COLUMN]",
+            rich_help_panel=VIEW,
+        ),
+    ] = None,
     digest: Annotated[
-        bool, typer.Option("--digest", help="Print the SHA-256 of each channel instead; equal runs have equal ones.")
+        bool,
+        typer.Option("--digest", help="The SHA-256 of each channel; equal runs have equal ones.", rich_help_panel=VIEW),
     ] = False,
+    agents: Annotated[
+        str | None,
+        typer.Option(
+            help="Whom entries concern: agents, groups or entities, separated by commas; `*` stands for anything.",
+            rich_help_panel=FILTER,
+        ),
+    ] = None,
+    name: Annotated[
+        str | None, typer.Option(help="What events are called, such as `failed`.", rich_help_panel=FILTER)
+    ] = None,
+    source: Annotated[
+        str | None,
+        typer.Option(help="Where events happened, such as `agents.robot.*.steer`.", rich_help_panel=FILTER),
+    ] = None,
+    level: Annotated[
+        Level | None, typer.Option(help="The least level of events.", rich_help_panel=FILTER, case_sensitive=False)
+    ] = None,
+    kind: Annotated[str | None, typer.Option(help="What messages are about.", rich_help_panel=FILTER)] = None,
+    stage: Annotated[
+        Stage | None,
+        typer.Option(help="How far messages or contacts are.", rich_help_panel=FILTER, case_sensitive=False),
+    ] = None,
+    start: Annotated[
+        float | None, typer.Option("--from", help="The first simulated time, in seconds.", rich_help_panel=FILTER)
+    ] = None,
+    end: Annotated[
+        float | None, typer.Option("--to", help="The last simulated time, in seconds.", rich_help_panel=FILTER)
+    ] = None,
+    every: Annotated[
+        float | None, typer.Option(help="One line in so many seconds of simulated time.", rich_help_panel=FILTER)
+    ] = None,
+    limit: Annotated[int | None, typer.Option(min=0, help="So many lines at most.", rich_help_panel=FILTER)] = None,
     as_json: Json = False,
 ) -> None:
     """Tell what is in a log: who, how long, how often, which scenario, and what is missing."""
+    views = {
+        "--events": events,
+        "--messages": messages,
+        "--contacts": contacts,
+        "--series": series is not None,
+        "--digest": digest,
+    }
+    given = {
+        "--agents": agents,
+        "--name": name,
+        "--source": source,
+        "--level": level,
+        "--kind": kind,
+        "--stage": stage,
+        "--from": start,
+        "--to": end,
+        "--limit": limit,
+        "--every": every,
+    }
+    view = _view([view for view, wanted in views.items() if wanted], given, as_json)
     with trouble_shown(as_json):
         from symaware_cli.recording.reader import open_log
 
         log = open_log(path)
-        if events:
-            _show_events(log, as_json)
+        first, last = _instant("--from", start, as_json), _instant("--to", end, as_json)
+        if first is not None and last is not None and first > last:
+            fail(f"--from {start:g} is later than --to {end:g}", WRONG_INPUT, as_json)
+        if series is not None:
+            from symaware_cli.cli.table import show_series
+
+            if every is not None and not 0 < every < float("inf"):
+                fail(f"--every takes a time above 0, not {every:g}", WRONG_INPUT, as_json)
+            show_series(log, series, start=first, end=last, every=every, limit=limit, as_json=as_json)
+        elif view in ("--events", "--messages", "--contacts"):
+            from symaware_cli.cli.listing import show_entries
+            from symaware_cli.recording.entry_filter import EntryFilter
+
+            wanted = EntryFilter(
+                agents=tuple(each.strip() for each in agents.split(",") if each.strip()) if agents else (),
+                name=name,
+                source=source,
+                level=level.upper() if level else None,
+                kind=kind,
+                stage=stage.upper() if stage else None,
+                start=first,
+                end=last,
+            )
+            show_entries(log, view, wanted, limit, as_json)
         elif digest:
             _show_digest(log, as_json)
         else:
             _show_overview(log, as_json)
         lost = bool(log.damage and log.damage.lost)
-    if lost and (events or digest):
+    if lost and view:
         typer.echo(f"symaware: {log.damage}", err=True)
     raise typer.Exit(DATA_LOST if lost else 0)
 
 
-def _show_events(log: Log, as_json: bool) -> None:
-    from dataclasses import asdict
+def _view(chosen: list[str], filters: dict[str, Any], as_json: bool) -> str:
+    """Find out which view is asked for, and that the filters go with it; nothing stands for the overview."""
+    if len(chosen) > 1:
+        fail(f"choose one of {' and '.join(chosen)}", WRONG_INPUT, as_json)
+    view = chosen[0] if chosen else ""
+    for option, value in filters.items():
+        if value is not None and view not in FILTERS[option]:
+            fail(f"{option} goes with {' or '.join(FILTERS[option])}", WRONG_INPUT, as_json)
+    stage = filters["--stage"]
+    stages = STAGES.get(view, ())
+    if stage is not None and stage not in stages:
+        fail(f"--stage {stage} does not go with {view}; there are {', '.join(stages)}", WRONG_INPUT, as_json)
+    return view
 
-    if as_json:
-        print_json([asdict(event) for event in log.events()])
-        return
-    for event in log.events():
-        typer.echo(_event(event))
 
+def _instant(option: str, time: float | None, as_json: bool) -> int | None:
+    if time is None:
+        return None
+    if not abs(time) < 1e9:
+        fail(f"{option} takes a time in seconds, not {time:g}", WRONG_INPUT, as_json)
+    from symaware_cli.core import nanoseconds
 
-def _event(event: LoggedEvent) -> str:
-    line = f"{event.time / 1e9:10.4f} s  {event.level:<7}  {event.name:<14}  {event.source}  {event.text}".rstrip()
-    trace = str(event.data.get("traceback", "")).rstrip()
-    return f"{line}\n{trace}" if trace else line
+    return nanoseconds(time)
 
 
 def _show_digest(log: Log, as_json: bool) -> None:
@@ -78,51 +213,6 @@ def _show_overview(log: Log, as_json: bool) -> None:
     if as_json:
         print_json(summary.to_json())
         return
-    typer.echo(_text(summary))
+    from symaware_cli.cli.overview import text
 
-
-def _text(summary: Overview) -> str:
-    lines = [f"{summary.path}: {size_in_words(summary.size)}, {summary.status}"]
-    if summary.foreign:
-        lines.append(_line("origin", "not written by SymAware; only its channels can be shown"))
-    else:
-        lines.append(_line("scenario", f"{summary.name}, seed {summary.seed}, {summary.mode}"))
-        groups = ", ".join(f"{name} ({count})" for name, count in summary.agents.items())
-        lines.append(_line("agents", groups))
-        if summary.entities:
-            lines.append(_line("entities", ", ".join(summary.entities)))
-    if summary.simulated_time is not None:
-        steps = f", {summary.steps:,} steps" if summary.steps is not None else ""
-        step = f" of {summary.time_step:g} s" if steps and summary.time_step else ""
-        wall = f"; {summary.wall_time:.2f} s of wall time" if summary.wall_time is not None else ""
-        lines.append(_line("time", f"0 to {summary.simulated_time:.9g} s{steps}{step}{wall}"))
-    if summary.events:
-        lines.append(_line("events", ", ".join(f"{name} {count}" for name, count in summary.events.items())))
-    if summary.scenario:
-        lines.append(_line("attached", ", ".join(summary.scenario)))
-    if summary.versions:
-        own = [f"{name} {summary.versions[name]}" for name in ("symaware-cli", "numpy") if name in summary.versions]
-        lines.append(_line("versions", f"{', '.join(own)} and {len(summary.versions) - len(own)} more (--json)"))
-    if summary.damage:
-        lines.append(_line("damage", summary.damage))
-    gaps = [(channel.topic, gap) for channel in summary.channels for gap in channel.gaps]
-    for topic, gap in gaps[:5]:
-        lines.append(_line("gap", f"{topic} has nothing between {gap.after:g} s and {gap.until:g} s"))
-    if len(gaps) > 5:
-        lines.append(_line("gap", f"and {len(gaps) - 5} more (--json)"))
-    return "\n".join([*lines, "", *_channels(summary)])
-
-
-def _channels(summary: Overview) -> list[str]:
-    width = max((len(channel.topic) for channel in summary.channels), default=0)
-    lines = [f"  {'channel':<{width}}  {'messages':>9}  {'rate':>9}  {'size':>8}  content"]
-    for channel in summary.channels:
-        rate = f"{channel.rate:.4g} Hz" if channel.rate else "-"
-        content = f"{channel.schema.rpartition('.')[2]} {', '.join(channel.columns)}".rstrip()
-        size = size_in_words(channel.size)
-        lines.append(f"  {channel.topic:<{width}}  {channel.messages:>9,}  {rate:>9}  {size:>8}  {content}")
-    return lines
-
-
-def _line(label: str, text: str) -> str:
-    return f"  {label:<9} {text}"
+    typer.echo(text(summary))

@@ -16,6 +16,7 @@ class Kind(enum.StrEnum):
     components = "components"
     environments = "environments"
     models = "models"
+    topologies = "topologies"
 
 
 def list_plugins(
@@ -23,10 +24,10 @@ def list_plugins(
     as_json: Json = False,
 ) -> None:
     """List what a scenario can use, and which package each comes from."""
-    from symaware_cli.scenario.catalogue import GROUPS, Catalogue
+    from symaware_cli.scenario.catalogue import PLURALS, Catalogue
 
     catalogue = Catalogue()
-    wanted = [each for each in GROUPS if kind is None or kind == f"{each}s"]
+    wanted = [each for each in PLURALS if kind is None or kind == PLURALS[each]]
     listings = {each: catalogue.listings(each) for each in wanted}
     if as_json:
         print_json(
@@ -45,7 +46,7 @@ def list_plugins(
         return
     width = max((len(listing.name) for same in listings.values() for listing in same), default=0)
     for each, same in listings.items():
-        typer.secho(f"{each}s", bold=True)
+        typer.secho(PLURALS[each], bold=True)
         for listing in same:
             typer.echo(f"  {listing.name:<{width}}  {listing.package} {listing.version}")
     typer.echo("\nsymaware show NAME tells the parameters of one.")

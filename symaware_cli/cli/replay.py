@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ipaddress
 import signal
 import sys
 from collections.abc import Callable, Iterator
@@ -27,6 +28,12 @@ if TYPE_CHECKING:
     from symaware_cli.recording.reader import Log
     from symaware_cli.viewing.foreign import ForeignScreening
     from symaware_cli.viewing.screening import Screening
+
+
+#: The last instant that a log can tell of, in signed nanoseconds [s].
+_LATEST = 9e9
+#: Pictures are so many pixels high and wide at least and at most.
+_SMALLEST, _LARGEST = 200, 8192
 
 
 def replay(
@@ -69,6 +76,7 @@ def replay(
             WRONG_INPUT,
             as_json,
         )
+    _require_sound(at=at, start=start, end=end, size=size, bind=bind, as_json=as_json)
     with trouble_shown(as_json):
         from symaware_cli.viewing.viewer import ViewerError, require
 
@@ -140,8 +148,8 @@ def _present(
     running = nullcontext() if connect else viewer.viewer(web=web, bind=bind, web_port=port)
     with running as started:
         url = connect or (started.url if started else "")
-        if web:
-            facts["link"] = viewer.web_link(bind, url, port)
+        if started and started.link:
+            facts["link"] = started.link
         if follow:
             _tell(facts, as_json)
         try:
@@ -161,6 +169,25 @@ def _present(
             with suppress(KeyboardInterrupt):
                 started.wait()
         del recording
+
+
+def _require_sound(
+    *, at: float | None, start: float | None, end: float | None, size: str, bind: str, as_json: bool
+) -> None:
+    """Leave, unless the options mean something."""
+    for option, time in (("--at", at), ("--from", start), ("--to", end)):
+        if time is not None and not 0 <= time <= _LATEST:
+            fail(f"{option} is a simulated time, from 0 s on, not {time:g}", WRONG_INPUT, as_json)
+    if start is not None and end is not None and start >= end:
+        fail("--from must be before --to", WRONG_INPUT, as_json)
+    width, _, height = size.partition("x")
+    if not all(side.isdecimal() and len(side) < 6 and _SMALLEST <= int(side) <= _LARGEST for side in (width, height)):
+        why = f"--size is two numbers of pixels from {_SMALLEST} to {_LARGEST}, such as 1600x1000, not {size!r}"
+        fail(why, WRONG_INPUT, as_json)
+    try:
+        ipaddress.ip_address(bind)
+    except ValueError:
+        fail(f"--bind is an IP address, such as 127.0.0.1 or 0.0.0.0, not {bind!r}", WRONG_INPUT, as_json)
 
 
 def _opened(path: Path, follow: bool) -> Log:

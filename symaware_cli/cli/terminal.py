@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import math
 import sys
-from collections.abc import Iterator
+import textwrap
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
@@ -32,6 +33,19 @@ def print_json(content: Any) -> None:
     typer.echo(json.dumps(_finite(content), indent=2, allow_nan=False, default=str))
 
 
+def print_array(entries: Iterable[Any]) -> None:
+    """Print what a script reads, entry by entry, as there may be many."""
+    between = "\n"
+    typer.echo("[", nl=False)
+    try:
+        for entry in entries:
+            text = json.dumps(_finite(entry), indent=2, allow_nan=False, default=str)
+            typer.echo(between + textwrap.indent(text, "  "), nl=False)
+            between = ",\n"
+    finally:
+        typer.echo("]" if between == "\n" else "\n]")
+
+
 def _finite(content: Any) -> Any:
     """Put into words the numbers that JSON does not have, such as an infinite risk."""
     if isinstance(content, float):
@@ -55,8 +69,8 @@ def fail(message: str, status: int, as_json: bool = False) -> NoReturn:
 @contextmanager
 def trouble_shown(as_json: bool = False) -> Iterator[None]:
     """Turn problems with scenarios and logs into a report and an exit status."""
-    from symaware_cli.recording.error import LogError
-    from symaware_cli.scenario.problem import ScenarioError, render, to_json
+    from symaware_cli.recording.error import LogError, OutputError, UnknownNameError
+    from symaware_cli.scenario.problem import ScenarioError, nearest, render, to_json
 
     try:
         yield
@@ -66,6 +80,11 @@ def trouble_shown(as_json: bool = False) -> Iterator[None]:
         else:
             typer.echo(render(error.problems, colour=sys.stderr.isatty()), err=True)
         raise typer.Exit(WRONG_INPUT) from None
+    except OutputError as error:
+        fail(str(error), FAILED, as_json)
+    except UnknownNameError as error:
+        near = nearest(error.name, error.known)
+        fail(f"{error}; did you mean `{near}`?" if near else str(error), WRONG_INPUT, as_json)
     except LogError as error:
         fail(str(error), WRONG_INPUT, as_json)
 

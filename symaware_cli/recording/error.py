@@ -1,10 +1,29 @@
 """What goes wrong with a log."""
 
 import errno
+from collections.abc import Iterable
 
 
 class LogError(Exception):
     """A log cannot be written or read. The text is a sentence for people that names the file."""
+
+
+class OutputError(LogError):
+    """What is made of a log cannot be written: the disk is full, the folder is missing, permission is denied."""
+
+
+class UnknownNameError(LogError):
+    """Something is asked for that a log does not have.
+
+    Attributes:
+        name: What was asked for.
+        known: What there is.
+    """
+
+    def __init__(self, message: str, name: str, known: Iterable[str]) -> None:
+        super().__init__(message)
+        self.name = name
+        self.known = tuple(known)
 
 
 _REASONS = {

@@ -8,7 +8,7 @@ import struct
 import zlib
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
-from typing import BinaryIO, TypeVar
+from typing import BinaryIO, NamedTuple, TypeVar
 
 import zstandard
 from mcap.data_stream import ReadDataStream
@@ -32,10 +32,12 @@ from symaware_cli.recording.schema import MAGIC
 FRAME = struct.Struct("<BQ")
 """What a record begins with: opcode and length."""
 
+MESSAGE = struct.Struct("<BQHIQQ")
+"""What a message record begins with: opcode, length, channel, sequence, log time, publish time."""
+
 MAX_UNCOMPRESSED = 1 << 30
 """Bytes; a chunk that claims to unpack to more is taken for broken. (Ours have 2^18.)"""
 
-_MESSAGE = struct.Struct("<BQHIQQ")
 _CHUNK = struct.Struct("<QQQI")
 _FOOTER_SIZE = FRAME.size + 20 + len(MAGIC)
 
@@ -62,6 +64,10 @@ class ChannelInfo:
     metadata: dict[str, str]
     count: int
 
+    def carries(self, message_name: str) -> bool:
+        """Whether its messages are ours, of that name in log.proto."""
+        return self.encoding == "protobuf" and self.schema == f"symaware.v1.{message_name}"
+
 
 @dataclass(frozen=True, slots=True)
 class Span:
@@ -84,6 +90,20 @@ class Span:
     chunk: bool = True
 
 
+class Place(NamedTuple):
+    """Where an attachment or a metadata record stands.
+
+    Attributes:
+        name: Its name.
+        offset: Where it starts.
+        length: Bytes.
+    """
+
+    name: str
+    offset: int
+    length: int
+
+
 @dataclass(slots=True)
 class Index:
     """What is where in a log file.
@@ -94,8 +114,8 @@ class Index:
         channels: By number.
         counts: Messages by number of the channel.
         spans: In the order of the file.
-        attachments: Name and offset of each attachment record.
-        metadata: Name and offset of each metadata record.
+        attachments: In the order of the file.
+        metadata: In the order of the file.
     """
 
     header: Header
@@ -103,8 +123,8 @@ class Index:
     channels: dict[int, Channel] = field(default_factory=dict)
     counts: dict[int, int] = field(default_factory=dict)
     spans: list[Span] = field(default_factory=list)
-    attachments: list[tuple[str, int]] = field(default_factory=list)
-    metadata: list[tuple[str, int]] = field(default_factory=list)
+    attachments: list[Place] = field(default_factory=list)
+    metadata: list[Place] = field(default_factory=list)
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,10 +187,10 @@ def _fill(index: Index, section: bytes) -> bool:
                 chunks.append(parse(ChunkIndex, content))
             case Opcode.ATTACHMENT_INDEX:
                 attachment = parse(AttachmentIndex, content)
-                index.attachments.append((attachment.name, attachment.offset))
+                index.attachments.append(Place(attachment.name, attachment.offset, attachment.length))
             case Opcode.METADATA_INDEX:
                 metadata = parse(MetadataIndex, content)
-                index.metadata.append((metadata.name, metadata.offset))
+                index.metadata.append(Place(metadata.name, metadata.offset, metadata.length))
     if statistics is None:
         return False
     index.spans = [
@@ -350,10 +370,30 @@ def read_messages(data: bytes, wanted: Collection[int], start: int, end: int) ->
     messages = []
     for opcode, position, stop in frames(data):
         if opcode == Opcode.MESSAGE:
-            if stop - position < _MESSAGE.size - FRAME.size:
+            if stop - position < MESSAGE.size - FRAME.size:
                 raise Unsound("a message is cut off")
-            _, _, channel_id, sequence, time, _ = _MESSAGE.unpack_from(data, position - FRAME.size)
+            _, _, channel_id, sequence, time, _ = MESSAGE.unpack_from(data, position - FRAME.size)
             if start <= time < end and channel_id in wanted:
-                content = data[position + _MESSAGE.size - FRAME.size : stop]
+                content = data[position + MESSAGE.size - FRAME.size : stop]
                 messages.append(RawMessage(channel_id, sequence, time, content))
     return messages
+
+
+def message_positions(data: bytes) -> dict[int, list[int]]:
+    """Find the messages in a run of records.
+
+    Returns:
+        By number of the channel, log time [ns] and offset of each message, one after the other.
+
+    Raises:
+        Unsound: The records are damaged.
+    """
+    positions: dict[int, list[int]] = {}
+    for opcode, position, stop in frames(data):
+        if opcode == Opcode.MESSAGE:
+            start = position - FRAME.size
+            if stop - start < MESSAGE.size:
+                raise Unsound("a message is cut off")
+            _, _, channel_id, _, time, _ = MESSAGE.unpack_from(data, start)
+            positions.setdefault(channel_id, []).extend((time, start))
+    return positions

@@ -1,8 +1,11 @@
 """What happened in a run, entry by entry: events, messages between agents, contacts."""
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
+
+import numpy as np
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +57,11 @@ class Communication:
     payload: Any
     size: int
 
+    @property
+    def latency(self) -> int:
+        """How long after it was sent the stage was reached, simulated ns."""
+        return self.time - self.sent_time
+
 
 @dataclass(frozen=True, slots=True)
 class LoggedContact:
@@ -74,6 +82,21 @@ class LoggedContact:
     stage: str
     point: tuple[float, ...]
     depth: float
+
+
+@dataclass(frozen=True, slots=True)
+class LoggedKnowledge:
+    """What an agent knows from now on.
+
+    Attributes:
+        time: Simulated time, ns.
+        agent: Who.
+        values: The whole of its knowledge database, by name; arrays as lists.
+    """
+
+    time: int
+    agent: str
+    values: dict[str, Any]
 
 
 def event(time: int, message: Any) -> LoggedEvent:
@@ -107,9 +130,71 @@ def communication(time: int, message: Any) -> Communication:
     )
 
 
+def communications(time: int, message: Any, roster: Sequence[str]) -> list[Communication]:
+    """Make entries of a generated `Message`, or of a `MessageColumns`, which tells of many.
+
+    Args:
+        time: When, simulated ns.
+        message: One of the two.
+        roster: The roster of the manifest.
+
+    Raises:
+        ValueError: Its payload is not JSON, its columns do not fit together, or it names who is not in the roster.
+    """
+    if not hasattr(message, "sequences"):
+        return [communication(time, message)]
+    said = _said(message)
+    reasons = [message.reasons[number] for number in message.reason] or [""] * len(message.senders)
+    stage = _name(message, "stage")
+    try:
+        return [
+            Communication(
+                time=time,
+                id=(sender << 32) | sequence,
+                sender=roster[sender],
+                receiver=roster[receiver],
+                kind=message.kind,
+                stage=stage,
+                sent_time=message.sent_time,
+                reason=reason,
+                payload=said.get(sender),
+                size=message.size,
+            )
+            for sender, receiver, sequence, reason in zip(
+                message.senders, message.receivers, message.sequences, reasons, strict=True
+            )
+        ]
+    except IndexError:
+        raise ValueError(f"messages between more agents than the {len(roster)} of the roster") from None
+
+
+def _said(message: Any) -> dict[int, dict[str, Any]]:
+    """What each sender says in a generated `MessageColumns`."""
+    said: dict[int, dict[str, Any]] = {sender: {} for sender in message.says}
+    for column in message.said:
+        table = np.array(column.values).reshape(len(message.says), *column.shape)
+        for sender, values in zip(message.says, table, strict=True):
+            said[sender][column.name] = values.tolist()
+    return said
+
+
 def contact(time: int, message: Any) -> LoggedContact:
     """Make an entry of a generated `Contact`."""
     return LoggedContact(time, message.a, message.b, _name(message, "stage"), tuple(message.point), message.depth)
+
+
+def knowledge(time: int, message: Any, agents: Sequence[str]) -> list[LoggedKnowledge]:
+    """Make entries of a generated `Knowledge`.
+
+    Raises:
+        ValueError: Its values are not JSON, or of an agent that the group does not have.
+    """
+    rows = list(message.rows) or range(len(message.values))
+    if len(rows) != len(message.values) or max(rows, default=0) >= max(len(agents), 1):
+        raise ValueError(f"{len(message.values)} values for the rows {list(rows)} of a group of {len(agents)}")
+    return [
+        LoggedKnowledge(time, agents[row], json.loads(value)) for row, value in zip(rows, message.values, strict=True)
+    ]
 
 
 def _name(message: Any, field_name: str) -> str:

@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from symaware_cli.core import AgentGroup, Environment, Obstacle
+from symaware_cli.core import AgentGroup, Environment
 from symaware_cli.recording.schema import FORMAT
 
 
@@ -56,13 +56,14 @@ def manifest(
             }
             for group in sorted(groups, key=lambda group: group.name)
         },
-        "entities": {name: _entity(obstacle) for name, obstacle in environment.obstacles.items()},
+        "entities": {name: _entity(environment, name) for name in environment.obstacles},
         "roster": [*environment.roster.ids, *environment.obstacles],
     }
     return json.dumps(content, indent=1).encode()
 
 
-def _entity(obstacle: Obstacle) -> dict[str, Any]:
-    """Describe an obstacle, with the pose that it has at the beginning."""
-    pose = obstacle.pose()
-    return {**obstacle.model_dump(mode="json"), "position": list(pose.position), "heading": pose.heading}
+def _entity(environment: Environment, name: str) -> dict[str, Any]:
+    """Describe an obstacle, with the pose that it has at the beginning, and whether it ever leaves that."""
+    pose, described = environment.pose(name), environment.obstacles[name].model_dump(mode="json")
+    position = list(pose.position)
+    return {**described, "position": position, "heading": pose.heading, "moves": environment.moves(name)}

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import json
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 
 from symaware_cli.recording.reader import Log
-from symaware_cli.recording.schema import TIMING
 
 #: An interval this much longer than the usual one of its channel is a gap.
 _GAP = 1.5
@@ -78,6 +78,7 @@ class Overview:
         events: How often each event occurred.
         scenario: The attachments that hold the scenario.
         versions: What was installed.
+        recovered: What it was recovered from, and what was lost then, in words; None if it was not recovered.
         damage: What is wrong with the file, in words.
         lost: Whether recorded data cannot be read.
     """
@@ -99,6 +100,7 @@ class Overview:
     events: dict[str, int]
     scenario: tuple[str, ...]
     versions: dict[str, str]
+    recovered: str | None
     damage: str | None
     lost: bool
 
@@ -121,9 +123,9 @@ def overview(log: Log) -> Overview:
         topic = message.channel.topic
         times[topic].append(message.time)
         sizes[topic] += len(message.data)
-        if message.channel.schema == "symaware.v1.Event":
+        if message.channel.carries("Event"):
             events[message.decode().name] += 1
-        elif topic == TIMING:
+        elif message.channel.carries("Timing"):
             wall_time = message.decode().wall_time
     damage = log.verify()
     outcome = log.outcome or {}
@@ -137,7 +139,7 @@ def overview(log: Log) -> Overview:
         seed=manifest.get("seed"),
         mode=manifest.get("mode"),
         status=outcome.get("status", "unknown" if log.foreign else "broken off"),
-        agents={name: len(group["agents"]) for name, group in manifest.get("groups", {}).items()},
+        agents={name: len(agents) for name, agents in log.agents.items()},
         entities=tuple(manifest.get("entities", {})),
         steps=outcome.get("steps"),
         time_step=None if time_step is None else time_step / 1e9,
@@ -147,6 +149,7 @@ def overview(log: Log) -> Overview:
         events=dict(sorted(events.items())),
         scenario=tuple(name for name in log.attachments if name.startswith("scenario/") or name == "resolved.yaml"),
         versions=_versions(log),
+        recovered=_origin(log.recovery) if log.recovery else None,
         damage=str(damage) if damage else None,
         lost=bool(damage and damage.lost),
     )
@@ -178,8 +181,15 @@ def _gaps(times: list[int]) -> tuple[Gap, ...]:
     return tuple(Gap(times[index] / 1e9, times[index + 1] / 1e9) for index in late)
 
 
+def _origin(recovery: Mapping[str, Any]) -> str:
+    """What a log was recovered from, and before that."""
+    earlier = recovery.get("earlier")
+    told = f"from {recovery.get('log')}: {recovery.get('text')}"
+    return f"{told}; that one {_origin(earlier)}" if isinstance(earlier, Mapping) else told
+
+
 def _versions(log: Log) -> dict[str, str]:
     try:
         return dict(json.loads(log.attachments.get("versions.json", b"{}")))
-    except ValueError:
+    except (ValueError, TypeError):
         return {}

@@ -1,206 +1,73 @@
 """The reader of a log."""
 
-import itertools
 import json
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
-from functools import cached_property
-from pathlib import Path
-from typing import Any, BinaryIO, TypeVar
+from functools import cache, cached_property
+from typing import Any
 
-from google.protobuf.message import DecodeError
-from mcap.opcode import Opcode
-from mcap.records import Attachment, McapRecord, Metadata
+import numpy as np
+from numpy.typing import NDArray
 
-from symaware_cli.recording import journal, wire
-from symaware_cli.recording.error import LogError, reason
-from symaware_cli.recording.index import (
-    ChannelInfo,
-    Index,
-    RawMessage,
-    Span,
-    Unsound,
-    from_summary,
-    read_messages,
-    read_record,
-    read_span,
-)
-from symaware_cli.recording.journal import Communication, LoggedContact, LoggedEvent
-from symaware_cli.recording.recovery import FOREVER, Damage, scan
-from symaware_cli.recording.schema import FORMAT, LIBRARY, MANIFEST, MESSAGES, OUTCOME, PROFILE
-from symaware_cli.recording.series import Series, group_series, present_values, row_series
+from symaware_cli.recording import journal
+from symaware_cli.recording.beliefs import Beliefs, beliefs
+from symaware_cli.recording.error import LogError, UnknownNameError
+from symaware_cli.recording.index import ChannelInfo
+from symaware_cli.recording.journal import Communication, LoggedContact, LoggedEvent, LoggedKnowledge
+from symaware_cli.recording.mcap_file import McapFile
+from symaware_cli.recording.message import LogMessage
+from symaware_cli.recording.recovery import Damage
+from symaware_cli.recording.schema import FORMAT, MANIFEST, OUTCOME, PROFILE, RECOVERY
+from symaware_cli.recording.series import Prediction, Series, group_series, place_of, present_values, row_series
 
-_DECODERS: dict[str, Callable[[bytes], Any]] = {
-    message.DESCRIPTOR.full_name: message.FromString for message in MESSAGES.values()
-} | {
-    "symaware.v1.Rows": wire.decode_rows,
-    "symaware.v1.Control": wire.decode_control,
-    "symaware.v1.SeriesRows": wire.decode_series,
-    "symaware.v1.Awareness": wire.decode_awareness,
-}
+__all__ = ["FIELDS", "PREDICTED", "Log", "LogMessage", "open_log"]
 
-_SERIES = {
+_TOPICS = {
     "world": "/world/{}/state",
     "control_requested": "/agents/{}/control",
 } | {name: f"/agents/{{}}/{name}" for name in ("state", "control", "intent", "uncertainty", "risk")}
 """The topic of each field of `Log.series`."""
 
+FIELDS = tuple(_TOPICS)
+"""The fields of `Log.series`."""
 
-_Record = TypeVar("_Record", bound=McapRecord)
-
-
-@dataclass(frozen=True, slots=True)
-class LogMessage:
-    """A message of a log.
-
-    Attributes:
-        channel: Where it was found.
-        time: Simulated time, ns.
-        sequence: Its place among the messages of that time; /timing has a count of its own.
-        data: As serialised.
-    """
-
-    channel: ChannelInfo
-    time: int
-    sequence: int
-    data: bytes
-
-    def decode(self) -> Any:
-        """Decode it.
-
-        Returns:
-            A `wire.Rows`, `wire.Control`, `wire.SeriesRows` or `wire.Awareness`; for other messages of ours the
-            generated class.
-
-        Raises:
-            LogError: It is not one of our messages, or it is damaged.
-        """
-        decode = _DECODERS.get(self.channel.schema)
-        if decode is None or self.channel.encoding != "protobuf":
-            raise LogError(f"the messages on {self.channel.topic} ({self.channel.schema or 'no schema'}) are not ours")
-        try:
-            return decode(self.data)
-        except (ValueError, DecodeError) as error:
-            raise LogError(
-                f"the message on {self.channel.topic} at {self.time} ns is no {self.channel.schema}"
-            ) from error
+PREDICTED = ("intent", "uncertainty", "risk")
+"""The fields of `Log.predictions`."""
 
 
-class Log:
+class Log(McapFile):
     """A log, opened by `open_log`.
 
-    The file is opened for each look at it and not held in between, so there is nothing to close.
-
     Attributes:
-        path: The file.
-        size: Its size when it was opened, bytes.
-        header: `profile` and `library` of whoever wrote it.
-        channels: By topic, sorted.
         foreign: Whether somebody else's software wrote it: it has no manifest, and its messages are not ours.
         manifest: Who took part; empty if the log is foreign or broke off before it.
     """
 
-    def __init__(self, path: Path, size: int, index: Index, damage: Damage | None):
-        self.path = path
-        self.size = size
-        self._index = index
-        self._damage = damage
-        self._broken_spans: set[int] = set()
-        self.header = index.header
-        self._channels = {
-            number: ChannelInfo(
-                channel.topic,
-                index.schemas[channel.schema_id].name if channel.schema_id else "",
-                channel.message_encoding,
-                channel.metadata,
-                index.counts.get(number, 0),
-            )
-            for number, channel in index.channels.items()
-        }
-        self.channels = {info.topic: info for info in sorted(self._channels.values(), key=lambda info: info.topic)}
+    def __init__(self, path: str | os.PathLike[str]):
+        super().__init__(path)
         self.manifest = self._read_manifest()
-        self.foreign = not self.manifest and index.header.profile != PROFILE
-
-    @property
-    def start_time(self) -> int | None:
-        """Simulated time of the first message, ns; None without messages."""
-        return min((span.start for span in self._index.spans), default=None)
-
-    @property
-    def end_time(self) -> int | None:
-        """Simulated time of the last message, ns; None without messages."""
-        return max((span.end for span in self._index.spans), default=None)
-
-    @property
-    def message_count(self) -> int:
-        """Messages in the log."""
-        return sum(self._index.counts.values())
-
-    @property
-    def damage(self) -> Damage | None:
-        """What is wrong with the file, as far as it is known by now; `verify` makes sure."""
-        return self._damage
-
-    def verify(self) -> Damage | None:
-        """Read everything once, and return what is wrong with the file."""
-        _ = self.attachments
-        _ = self.metadata
-        with _opened(self.path) as file:
-            for span in self._index.spans:
-                self._read(file, span, frozenset(), 0, 0)
-        return self._damage
+        self.foreign = not self.manifest and self.header.profile != PROFILE
 
     @cached_property
-    def attachments(self) -> Mapping[str, bytes]:
-        """The attachments, by name; of two with one name the later."""
-        records = self._records(self._index.attachments, Attachment, Opcode.ATTACHMENT)
-        return {name: record.data for name, record in records.items()}
-
-    @cached_property
-    def metadata(self) -> Mapping[str, Mapping[str, str]]:
-        """The metadata records, by name; of two with one name the later."""
-        records = self._records(self._index.metadata, Metadata, Opcode.METADATA)
-        return {name: record.metadata for name, record in records.items()}
+    def agents(self) -> Mapping[str, tuple[str, ...]]:
+        """The ids of the agents in each group, in the order of rows."""
+        return {name: tuple(group.get("agents", ())) for name, group in self.manifest.get("groups", {}).items()}
 
     @cached_property
     def outcome(self) -> dict[str, Any] | None:
         """How the run ended; None if it did not come to its end, or the log broke off."""
-        if OUTCOME not in self.metadata:
-            return None
-        try:
-            return {key: json.loads(value) for key, value in self.metadata[OUTCOME].items()}
-        except ValueError as error:
-            raise LogError(f"the outcome in {self.path} is damaged") from error
+        return self.json_metadata(OUTCOME)
 
-    def messages(
-        self, topics: str | Iterable[str] | None = None, start: int | None = None, end: int | None = None
-    ) -> Iterator[LogMessage]:
-        """Iterate over messages, in the order of time and then sequence.
+    @cached_property
+    def recovery(self) -> dict[str, Any] | None:
+        """What was lost before this log was recovered from a damaged one; None if it was not."""
+        return self.json_metadata(RECOVERY)
 
-        Chunks that are damaged are left out and counted in `damage`. A log of ours is read chunk by chunk; of others,
-        as many chunks are held in memory as overlap in time.
-
-        Args:
-            topics: Which; None for all.
-            start: The first simulated time, ns.
-            end: The first simulated time not wanted any more, ns.
-
-        Raises:
-            LogError: The file cannot be read any more.
-        """
-        names = {topics} if isinstance(topics, str) else None if topics is None else set(topics)
-        wanted = {number for number, info in self._channels.items() if names is None or info.topic in names}
-        start, end = 0 if start is None else start, FOREVER if end is None else end
-        spans = [
-            span for span in self._index.spans if span.start < end and span.end >= start and span.channels & wanted
-        ]
-        with _opened(self.path) as file:
-            batches = (self._read(file, span, wanted, start, end) for span in spans)
-            ordered = self._in_file_order(batches) if self._in_order else self._sorted(file, spans, wanted, start, end)
-            for raw in ordered:
-                yield LogMessage(self._channels[raw.channel_id], raw.time, raw.sequence, raw.data)
+    def verify(self) -> Damage | None:
+        """Read everything once, and return what is wrong with the file."""
+        _ = self.outcome, self.recovery
+        return super().verify()
 
     def series(self, name: str, field: str) -> Series:
         """Put a series together.
@@ -218,116 +85,219 @@ class Log:
         Raises:
             LogError: There is no such name or field.
         """
-        if field not in _SERIES:
-            raise LogError(f"there is no field {field!r}; there are {', '.join(sorted(_SERIES))}")
+        if field not in _TOPICS:
+            raise UnknownNameError(
+                f"there is no field {field!r}; there are {', '.join(sorted(_TOPICS))}", field, sorted(_TOPICS)
+            )
         group, row, count = self._place(name)
-        topic = _SERIES[field].format(group)
-        info = self.channels.get(topic)
-        if info is None:
-            raise LogError(f"{self.path} has no {field} of {name!r} (no channel {topic})")
+        info = self._channel(_TOPICS[field].format(group), f"{field} of {name!r}", "Rows", "Control", "SeriesRows")
         entries = (
-            (message.time, *present_values(message.decode(), requested=field == "control_requested"))
-            for message in self.messages(topic)
+            (message.time, *present_values(message.decode(), count, requested=field == "control_requested"))
+            for message in self.messages(info.topic)
         )
-        try:
+        with self._fitting(info.topic):
             times, values = group_series(entries, count) if row is None else row_series(entries, row)
-        except ValueError as error:
-            raise LogError(f"the messages on {topic} in {self.path} do not fit together: {error}") from error
         columns, units = (_split(info.metadata.get(key, "")) for key in ("columns", "units"))
+        if not len(times):
+            values = np.empty((*values.shape[:-1], len(columns)))
         return Series(times, values, columns, units)
 
-    def events(self) -> Iterator[LoggedEvent]:
-        """Iterate over the events."""
-        return self._journal("/events", "symaware.v1.Event", journal.event)
+    def predictions(self, agent: str, field: str) -> Iterator[Prediction]:
+        """Iterate over what an agent expected: the whole of its time series at each instant at which it set one.
 
-    def communications(self) -> Iterator[Communication]:
-        """Iterate over the stages of messages between agents."""
-        return self._journal("/messages", "symaware.v1.Message", journal.communication)
+        Args:
+            agent: Its id.
+            field: `intent`, `uncertainty` or `risk`. `series` names the columns.
 
-    def contacts(self) -> Iterator[LoggedContact]:
-        """Iterate over the beginnings and ends of contacts."""
-        return self._journal("/contacts", "symaware.v1.Contact", journal.contact)
+        Raises:
+            LogError: There is no such agent or field.
+        """
+        if field not in PREDICTED:
+            message = f"there is no field {field!r} of predictions; there are {', '.join(PREDICTED)}"
+            raise UnknownNameError(message, field, PREDICTED)
+        group, row, _ = self._agent(agent)
+        topic = self._channel(_TOPICS[field].format(group), f"{field} of {agent!r}", "SeriesRows").topic
+        return self._predictions(topic, row)
 
-    def _journal(self, topic: str, schema: str, entry: Callable[[int, Any], Any]) -> Iterator[Any]:
+    def _predictions(self, topic: str, row: int) -> Iterator[Prediction]:
         for message in self.messages(topic):
-            if message.channel.schema == schema:
-                try:
-                    yield entry(message.time, message.decode())
-                except ValueError as error:
-                    raise LogError(f"the entry on {topic} at {message.time} ns is damaged: {error}") from error
+            content = message.decode()
+            place = place_of(row, content.rows)
+            if place is not None:
+                times, values = content.at(place)
+                # Copies, so that one row does not keep the whole message in memory.
+                yield Prediction(message.time, times[: len(values)].copy(), values.copy())
+
+    def beliefs(self, agent: str, other: str) -> Beliefs:
+        """Put together what an agent believed of another.
+
+        Whoever knows the whole world knows the truth at that instant; otherwise it is a state, or the position and
+        velocity where a perception saw these.
+
+        Args:
+            agent: Whose beliefs.
+            other: Whom they are about.
+
+        Returns:
+            Every instant at which the agent's awareness was recorded, with covariances and ages, (k, columns).
+
+        Raises:
+            LogError: There is no such agent, or nothing was recorded of its awareness.
+        """
+        group, row, count = self._agent(agent)
+        other_group, _, _ = self._agent(other)
+        roster = self.manifest.get("roster", [])
+        if agent == other or other not in roster:
+            raise LogError(f"{self.path} has no beliefs of {agent!r} about {other!r}")
+        topic = self._channel(f"/agents/{group}/awareness", f"awareness of {agent!r}", "Awareness").topic
+
+        @cache
+        def world() -> Series:
+            return self.series(other, "world")
+
+        def truth(time: int) -> NDArray[np.float64]:
+            number = int(np.searchsorted(world().times, time, side="right"))
+            return world().values[number - 1] if number else np.full(world().values.shape[1], np.nan)
+
+        state = self.manifest["groups"][other_group].get("model", {}).get("state", [])
+        with self._fitting(topic):
+            return beliefs(
+                ((message.time, message.decode()) for message in self.messages(topic)),
+                row,
+                count,
+                roster.index(other),
+                truth,
+                (tuple(name for name, _ in state), tuple(unit for _, unit in state)),
+            )
+
+    def events(self, start: int | None = None, end: int | None = None) -> Iterator[LoggedEvent]:
+        """Iterate over the events.
+
+        Args:
+            start: The first simulated time, ns.
+            end: The first simulated time not wanted any more, ns.
+        """
+        return self._journal("/events", "Event", journal.event, start, end)
+
+    def communications(self, start: int | None = None, end: int | None = None) -> Iterator[Communication]:
+        """Iterate over the stages of messages between agents; see `events`."""
+        roster = self.manifest.get("roster", [])
+        for message in self.messages(("/messages", "/messages/columns"), start, end):
+            if message.channel.carries("Message") or message.channel.carries("MessageColumns"):
+                with self._readable(message):
+                    entries = journal.communications(message.time, message.decode(), roster)
+                yield from entries
+
+    def contacts(self, start: int | None = None, end: int | None = None) -> Iterator[LoggedContact]:
+        """Iterate over the beginnings and ends of contacts; see `events`."""
+        return self._journal("/contacts", "Contact", journal.contact, start, end)
+
+    def knowledge(self, name: str | None = None) -> Iterator[LoggedKnowledge]:
+        """Iterate over what agents know: an entry at the beginning, and one whenever it changed.
+
+        Args:
+            name: An agent, or a group; None for everybody.
+
+        Raises:
+            LogError: There is no such name.
+        """
+        groups = {f"/agents/{group}/knowledge": agents for group, agents in self.agents.items()}
+        wanted: str | None = None
+        if name is not None:
+            group, row, _ = self._place(name)
+            topic = f"/agents/{group}/knowledge"
+            wanted = None if row is None else name
+            groups = {topic: groups.get(topic, ())}
+        return self._knowledge(groups, wanted)
+
+    def _knowledge(self, groups: Mapping[str, Sequence[str]], agent: str | None) -> Iterator[LoggedKnowledge]:
+        for message in self.messages(groups):
+            topic = message.channel.topic
+            if not message.channel.carries("Knowledge"):
+                continue
+            with self._fitting(topic):
+                entries = journal.knowledge(message.time, message.decode(), groups[topic])
+            yield from (entry for entry in entries if agent in (None, entry.agent))
+
+    def _journal(
+        self, topic: str, message_name: str, entry: Callable[[int, Any], Any], start: int | None, end: int | None
+    ) -> Iterator[Any]:
+        for message in self.messages(topic, start, end):
+            if message.channel.carries(message_name):
+                with self._readable(message):
+                    made = entry(message.time, message.decode())
+                yield made
+
+    @contextmanager
+    def _readable(self, message: LogMessage) -> Iterator[None]:
+        try:
+            yield
+        except ValueError as error:
+            place = f"on {message.channel.topic} at {message.time} ns in {self.path}"
+            raise LogError(f"the entry {place} is damaged: {error}") from error
+
+    @contextmanager
+    def _fitting(self, topic: str) -> Iterator[None]:
+        try:
+            yield
+        except ValueError as error:
+            raise LogError(f"the messages on {topic} in {self.path} do not fit together: {error}") from error
+
+    def _channel(self, topic: str, what: str, *message_names: str) -> ChannelInfo:
+        if topic not in self.channels:
+            raise LogError(f"{self.path} has no {what} (no channel {topic}){self._perhaps_lost}")
+        info = self.channels[topic]
+        if not any(info.carries(name) for name in message_names):
+            raise LogError(
+                f"{self.path} has no {what}: the messages on {topic} ({info.schema or 'no schema'}) are not ours"
+            )
+        return info
+
+    @property
+    def _perhaps_lost(self) -> str:
+        """Why something may be missing, as the end of a sentence."""
+        return f"; {self.damage}" if self.damage and self.damage.lost else ""
+
+    def _agent(self, name: str) -> tuple[str, int, int]:
+        """The group of an agent, the row in it, and the size of it."""
+        group, row, count = self._place(name)
+        if row is None or group not in self.agents:
+            what = "an entity" if group not in self.agents else f"a group of {count}: name one of its agents"
+            raise LogError(f"{name!r} is {what}")
+        return group, row, count
 
     def _place(self, name: str) -> tuple[str, int | None, int]:
         """The group, the row in it (None for the whole group) and the size of it that a name stands for."""
-        groups = self.manifest.get("groups", {})
-        for group, content in groups.items():
-            agents = content.get("agents", [])
+        entities = self.manifest.get("entities", {})
+        for group, agents in self.agents.items():
             if name in agents:
                 return group, agents.index(name), len(agents)
-        if name in groups:
-            return name, None, len(groups[name].get("agents", []))
-        if name in self.manifest.get("entities", {}):
+        if name in self.agents:
+            return name, None, len(self.agents[name])
+        if name in entities:
             return name, 0, 1
-        if any(template.format(name) in self.channels for template in _SERIES.values()):
+        if any(template.format(name) in self.channels for template in _TOPICS.values()):
             return name, None, 0
-        known = [*groups, *self.manifest.get("entities", {})]
-        raise LogError(f"{self.path} knows no {name!r}; there are {', '.join(known) or 'none'}")
-
-    @cached_property
-    def _in_order(self) -> bool:
-        """Whether the order of the file is the order of time and sequence, as our writer sees to it."""
-        spans = self._index.spans
-        ours = (self.header.profile, self.header.library) == (PROFILE, LIBRARY)
-        return ours and all(one.end <= other.start for one, other in itertools.pairwise(spans))
-
-    @staticmethod
-    def _in_file_order(batches: Iterable[list[RawMessage]]) -> Iterator[RawMessage]:
-        for batch in batches:
-            yield from batch
-
-    def _sorted(
-        self, file: BinaryIO, spans: list[Span], wanted: set[int], start: int, end: int
-    ) -> Iterator[RawMessage]:
-        """Sort messages, holding those that a span not yet read might come before."""
-        held: list[RawMessage] = []
-        for span in sorted(spans, key=lambda span: (span.start, span.offset)):
-            ready = [raw for raw in held if raw.time < span.start]
-            held = [raw for raw in held if raw.time >= span.start]
-            yield from sorted(ready, key=_order)
-            held += self._read(file, span, wanted, start, end)
-        yield from sorted(held, key=_order)
-
-    def _read(self, file: BinaryIO, span: Span, wanted: Iterable[int], start: int, end: int) -> list[RawMessage]:
-        """Read the messages of a span; none, and a note of the damage, if it is damaged."""
-        try:
-            return read_messages(read_span(file, span), frozenset(wanted), start, end)
-        except Unsound:
-            if span.offset not in self._broken_spans:
-                self._broken_spans.add(span.offset)
-                self._note_damage().chunks_skipped += 1
-            return []
-
-    def _records(self, places: list[tuple[str, int]], kind: type[_Record], opcode: Opcode) -> dict[str, _Record]:
-        """Read attachments or metadata records, leaving out damaged ones and noting the damage."""
-        records = {}
-        with _opened(self.path) as file:
-            for name, offset in places:
-                try:
-                    records[name] = read_record(file, offset, kind, opcode, self.size)
-                except Unsound:
-                    self._note_damage().attachments_skipped += 1
-        return records
+        there = ", ".join([*self.agents, *entities]) or "none"
+        known = [*self.agents, *(id for agents in self.agents.values() for id in agents), *entities]
+        raise UnknownNameError(f"{self.path} knows no {name!r}; there are {there}{self._perhaps_lost}", name, known)
 
     def _read_manifest(self) -> dict[str, Any]:
-        places = [place for place in self._index.attachments if place[0] == MANIFEST]
-        record = self._records(places, Attachment, Opcode.ATTACHMENT).get(MANIFEST)
-        if record is None:
+        written = [record.data for record in self.attachment_records(MANIFEST)]
+        if not written:
             return {}
         cause: Exception | None = None
         try:
-            manifest = json.loads(record.data)
+            manifest = json.loads(written[-1])
             version = manifest["format"]
             groups = manifest.get("groups", {}).values()
-            sound = type(version) is int and all(isinstance(group.get("agents", []), list) for group in groups)
+            sound = (
+                type(version) is int
+                and all(isinstance(group.get("agents", []), list) for group in groups)
+                and isinstance(manifest.get("entities", {}), dict)
+                and isinstance(manifest.get("roster", []), list)
+                and isinstance(manifest.get("time_step", 0), int)
+            )
         except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
             sound, cause = False, error
         if sound and version > FORMAT:
@@ -337,11 +307,6 @@ class Log:
         if not sound and self.header.profile == PROFILE:
             raise LogError(f"the manifest in {self.path} is damaged") from cause
         return manifest if sound else {}
-
-    def _note_damage(self) -> Damage:
-        if self._damage is None:
-            self._damage = Damage(last_time=self.end_time)
-        return self._damage
 
 
 def open_log(path: str | os.PathLike[str]) -> Log:
@@ -359,40 +324,7 @@ def open_log(path: str | os.PathLike[str]) -> Log:
     Raises:
         LogError: There is nothing to read: no such file, no permission, not an MCAP, or of a newer format.
     """
-    path = Path(path)
-    with _opened(path) as file:
-        size = os.fstat(file.fileno()).st_size
-        if size == 0:
-            raise LogError(f"{path} is empty")
-        damage: Damage | None = None
-        try:
-            index = from_summary(file, size)
-            if index is None:
-                index, damage = scan(file, size)
-                # Ours always have a summary; others may do without.
-                damage.summary_missing |= index.header.profile == PROFILE
-        except Unsound as error:
-            raise LogError(f"{path} is not a log: {error}") from error
-    return Log(path, size, index, damage or None)
-
-
-@contextmanager
-def _opened(path: Path) -> Iterator[BinaryIO]:
-    """Open a file for reading; whatever the operating system refuses becomes a LogError."""
-    try:
-        if path.exists() and not path.is_file():
-            # Before opening it: a pipe would wait for ever.
-            raise LogError(f"cannot read the log {path}: it is not a file")
-        with open(path, "rb") as file:
-            yield file
-    except FileNotFoundError as error:
-        raise LogError(f"there is no file {path}") from error
-    except OSError as error:
-        raise LogError(f"cannot read the log {path}: {reason(error)}") from error
-
-
-def _order(raw: RawMessage) -> tuple[int, int]:
-    return raw.time, raw.sequence
+    return Log(path)
 
 
 def _split(names: str) -> tuple[str, ...]:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Literal
 
 import numpy as np
 
@@ -17,15 +17,14 @@ from symaware_cli.core import (
     Event,
     Level,
     Message,
-    Obstacle,
     Quantity,
     Tracks,
-    seconds,
 )
 from symaware_cli.core.column import Column, SeriesColumn
+from symaware_cli.network.traffic import Traffic
 from symaware_cli.recording import symaware_v1_pb2 as v1
 from symaware_cli.recording import wire
-from symaware_cli.recording.writer import LogWriter
+from symaware_cli.recording.writer import LogWriter, PaceFigures
 
 _LEVELS = {
     Level.DEBUG: v1.Event.DEBUG,
@@ -33,6 +32,21 @@ _LEVELS = {
     Level.WARNING: v1.Event.WARNING,
     Level.ERROR: v1.Event.ERROR,
 }
+
+#: Which events to record.
+EventKinds = Literal["all", "notable", "none"]
+
+#: Which messages between agents to record.
+MessageKinds = Literal["all", "dropped", "none"]
+
+_STAGES = {
+    "sent": v1.Message.SENT,
+    "delivered": v1.Message.DELIVERED,
+    "dropped": v1.Message.DROPPED,
+}
+
+#: The last event of a run.
+ENDINGS = frozenset({"failed", "finished", "interrupted"})
 
 #: What `Recorder` can be told to leave out.
 KINDS = ("state", "intent", "uncertainty", "risk", "control", "knowledge", "awareness", "world")
@@ -44,6 +58,7 @@ class Recorder:
     Attributes:
         writer: The log.
         updates: How many rows of awareness, control and knowledge were recorded so far.
+        pace: Tells how well the pace is kept, as `LogWriter.add_timing` takes it; None where none is asked for.
     """
 
     def __init__(
@@ -55,6 +70,8 @@ class Recorder:
         interval: int = 0,
         omit: Sequence[str] = (),
         quantities: Mapping[str, Mapping[str, Sequence[Quantity]]] | None = None,
+        events: EventKinds = "notable",
+        messages: MessageKinds = "all",
     ) -> None:
         """Open a channel for each group and kind.
 
@@ -66,28 +83,42 @@ class Recorder:
             omit: Which of `KINDS` to leave out.
             quantities: By group, and by ``intent``, ``uncertainty`` and ``risk``, what the columns of these are, where
                 that is known.
+            events: Which events to record: those that do not recur, all, or none but the last one.
+            messages: Which messages to record: all stages of all of them, those that are dropped, or none.
         """
         self.writer = writer
         self.updates = 0
+        self.pace: Callable[[], PaceFigures] | None = None
         self._environment = environment
         self._interval = interval
         self._due = 0
         self._started = self._timing_due = time.monotonic()
         self._cpu_started = time.process_time()
         self._events = writer.channel("/events", "Event")
+        self._kinds = events
+        self._recurring = writer.channel("/events/recurring", "Recurring") if events == "all" else None
+        self._pending: list[tuple[str, str]] = []
+        self._pending_time = 0
         self._messages = writer.channel("/messages", "Message")
+        self._message_columns: int | None = None
+        self._stages = {"all": ("sent", "delivered", "dropped"), "dropped": ("dropped",), "none": ()}[messages]
         self._contacts = writer.channel("/contacts", "Contact", {"units": "m"})
         self._groups = [
             _GroupChannels(writer, environment, group, omit, (quantities or {}).get(group.name, {}))
             for group in sorted(groups, key=lambda group: group.name)
         ]
         self._movers = [
-            _MoverChannel(writer, name, obstacle)
-            for name, obstacle in environment.obstacles.items()
-            if obstacle.path and "world" not in omit
+            _MoverChannel(writer, environment, name)
+            for name in environment.obstacles
+            if environment.moves(name) and "world" not in omit
         ]
         self._rank = {id: rank for rank, id in enumerate(environment.roster.ids)}
         writer.flush_in_background()
+
+    @property
+    def wants_recurring(self) -> bool:
+        """Whether events that recur with every step, turn or message are to be recorded."""
+        return self._recurring is not None
 
     def record(self, now: int, steps: int) -> None:
         """Record what changed.
@@ -96,6 +127,7 @@ class Recorder:
             now: Simulated time in nanoseconds.
             steps: How many steps were made.
         """
+        self._write_recurring()
         if now >= self._due:
             self._due = now + self._interval
             for group in self._groups:
@@ -108,34 +140,108 @@ class Recorder:
             self._record_timing(now, steps, monotonic)
 
     def event(self, event: Event) -> None:
-        """Record an event."""
+        """Record an event, if it is among those that are wanted; how a run ends is told in any case."""
+        if self._kinds == "none" and event.name not in ENDINGS:
+            return
+        self._write_recurring()
         data = json.dumps(plain(event.data), sort_keys=True) if event.data else ""
         record = v1.Event(name=event.name, source=event.source, level=_LEVELS[event.level], text=event.text, data=data)
         self.writer.add(self._events, event.time, record.SerializeToString(deterministic=True))
 
+    def recurring(self, event: Event) -> None:
+        """Take note of an event that recurs; those of one instant are recorded together."""
+        if event.time != self._pending_time:
+            self._write_recurring()
+            self._pending_time = event.time
+        self._pending.append((event.name, event.source))
+
+    def _write_recurring(self) -> None:
+        if not self._pending or self._recurring is None:
+            return
+        names, sources = (dict.fromkeys(column) for column in zip(*self._pending, strict=True))
+        places = [{text: number for number, text in enumerate(texts)} for texts in (names, sources)]
+        record = v1.Recurring(
+            names=list(names),
+            sources=list(sources),
+            name=[places[0][name] for name, _ in self._pending],
+            source=[places[1][source] for _, source in self._pending],
+        )
+        self._pending.clear()
+        self.writer.add(self._recurring, self._pending_time, record.SerializeToString(deterministic=True))
+
     def contact(self, contact: Contact, now: int) -> None:
         """Record that two bodies touch, or cease to."""
+        self._write_recurring()
         stage = v1.Contact.BEGIN if contact.begins else v1.Contact.END
-        record = v1.Contact(a=contact.first, b=contact.second, point=contact.point, depth=contact.depth, stage=stage)
+        record = v1.Contact(
+            a=contact.first,
+            b=contact.second,
+            point=contact.point,
+            depth=contact.depth,
+            stage=stage,
+            impulse=contact.impulse,
+        )
         self.writer.add(self._contacts, now, record.SerializeToString(deterministic=True))
 
     def message(self, message: Message, now: int, *, delivered: bool) -> None:
         """Record that a message was sent, or delivered."""
-        record = v1.Message(
+        if ("delivered" if delivered else "sent") not in self._stages:
+            return
+        record = self._stage(message, v1.Message.DELIVERED if delivered else v1.Message.SENT)
+        if not delivered:
+            record.payload = json.dumps(plain(message.payload), sort_keys=True)
+            record.size = len(record.payload)
+        self._add_message(record, now)
+
+    def lost(self, message: Message, now: int, reason: str) -> None:
+        """Record that a message was lost on its way."""
+        if "dropped" not in self._stages:
+            return
+        record = self._stage(message, v1.Message.DROPPED)
+        record.reason = reason
+        self._add_message(record, now)
+
+    def traffic(self, traffic: Traffic, now: int) -> None:
+        """Record messages of a mailing that reached a stage together."""
+        if traffic.stage not in self._stages:
+            return
+        if self._message_columns is None:
+            self._message_columns = self.writer.channel("/messages/columns", "MessageColumns")
+        delivery, mailing = traffic.delivery, traffic.delivery.mailing
+        record = v1.MessageColumns(
+            stage=_STAGES[traffic.stage], kind=mailing.kind, sent_time=delivery.sent_time, size=traffic.size
+        )
+        reason = None
+        if traffic.reason is not None:
+            numbers, reason = np.unique(traffic.reason, return_inverse=True)
+            record.reasons.extend(traffic.reasons[number] for number in numbers.tolist())
+        says = None
+        if traffic.stage == "sent":
+            says = mailing.senders
+            for name, values in mailing.columns.items():
+                record.said.add(name=name, shape=values.shape[1:], values=values.reshape(-1).tolist())
+        columns = wire.encode_message_columns(delivery.senders, delivery.receivers, delivery.sequences, reason, says)
+        self._write_recurring()
+        # Fields may stand in any order, and these are written without an object for each number.
+        self.writer.add(self._message_columns, now, record.SerializeToString(deterministic=True) + columns)
+
+    def _stage(self, message: Message, stage: v1.Message.Stage) -> v1.Message:
+        return v1.Message(
             id=(self._rank[message.sender] << 32) | message.sequence,
             sender=message.sender,
             receiver=message.receiver,
             kind=message.kind,
-            stage=v1.Message.DELIVERED if delivered else v1.Message.SENT,
+            stage=stage,
             sent_time=message.sent_time,
         )
-        if not delivered:
-            record.payload = json.dumps(plain(message.payload), sort_keys=True)
-            record.size = len(record.payload)
+
+    def _add_message(self, record: v1.Message, now: int) -> None:
+        self._write_recurring()
         self.writer.add(self._messages, now, record.SerializeToString(deterministic=True))
 
     def finish(self, now: int, steps: int, outcome: Mapping[str, Any]) -> None:
         """End the log."""
+        self._write_recurring()
         self._record_timing(now, steps, time.monotonic())
         self.writer.finish(outcome)
 
@@ -145,24 +251,26 @@ class Recorder:
             wall_time=monotonic - self._started,
             cpu_time=time.process_time() - self._cpu_started,
             steps=steps,
+            pace=self.pace() if self.pace else (0.0, 0, 0, 0.0),
         )
 
 
 class _MoverChannel:
     """The channel of an obstacle that moves."""
 
-    def __init__(self, writer: LogWriter, name: str, obstacle: Obstacle) -> None:
+    def __init__(self, writer: LogWriter, environment: Environment, name: str) -> None:
         self._writer = writer
-        self._obstacle = obstacle
+        self._environment = environment
+        self._name = name
         self._last: list[float] | None = None
-        columns = [*"xyz"[: len(obstacle.pose().position)], "heading"]
+        columns = [*"xyz"[: len(environment.pose(name).position)], "heading"]
         units = ["m"] * (len(columns) - 1) + ["rad"]
         metadata = {"columns": ",".join(columns), "units": ",".join(units)}
         self._channel = writer.channel(f"/world/{name}/state", "Rows", metadata)
 
     def record(self, now: int) -> None:
         """Record where the obstacle is, unless it rests."""
-        pose = self._obstacle.pose(seconds(now))
+        pose = self._environment.pose(self._name)
         values = [*pose.position, pose.heading]
         if values != self._last:
             self._last = values

@@ -13,6 +13,7 @@ from mcap.records import Attachment, Channel, Metadata, Schema
 from symaware_cli.recording.index import (
     FRAME,
     Index,
+    Place,
     Span,
     Unsound,
     frames,
@@ -43,6 +44,9 @@ class Damage:
         chunks_skipped: Chunks that were damaged and left out, found so far: for a file with a sound summary a chunk is
             checked only when it is read.
         attachments_skipped: Attachments and metadata records that were damaged and left out.
+        bytes_skipped: Bytes of what was left out.
+        gaps: Between which simulated times messages are missing for want of a chunk, ns; None where nothing sound
+            stands before or behind.
         last_time: The last simulated time that could be read, ns; None if there is no message.
     """
 
@@ -51,6 +55,8 @@ class Damage:
     unread_bytes: int = 0
     chunks_skipped: int = 0
     attachments_skipped: int = 0
+    bytes_skipped: int = 0
+    gaps: list[tuple[int | None, int | None]] = field(default_factory=list)
     last_time: int | None = None
 
     @property
@@ -58,23 +64,45 @@ class Damage:
         """Whether anything that was recorded cannot be read."""
         return self.end_missing or self.chunks_skipped > 0 or self.attachments_skipped > 0
 
+    @property
+    def missing_from(self) -> int | None:
+        """The simulated time from which on messages are missing, ns; None if none are."""
+        starts = [start for start, _ in self.gaps] + ([self.last_time] if self.end_missing else [])
+        return min((start or 0 for start in starts), default=None)
+
     def __bool__(self) -> bool:
         return self.lost or self.summary_missing or self.unread_bytes > 0
 
     def __str__(self) -> str:
         parts = []
         if self.end_missing:
-            until = "before the first message" if self.last_time is None else f"after {self.last_time / 1e9:.9g} s"
-            parts.append(f"the log breaks off {until} of simulated time and the end of the run is missing")
+            after = f"after {_seconds(self.last_time)} of simulated time" if self.last_time is not None else ""
+            parts.append(f"the log breaks off {after or 'before its first message'} and the end of the run is missing")
         elif self.summary_missing:
             parts.append("the summary at the end of the file is damaged, which loses nothing")
         if self.chunks_skipped:
-            parts.append(f"{_count(self.chunks_skipped, 'damaged chunk')} left out")
+            parts.append(f"{_count(self.chunks_skipped, 'damaged chunk')} left out{self._within()}")
         if self.attachments_skipped:
             parts.append(f"{_count(self.attachments_skipped, 'damaged attachment')} left out")
         if self.unread_bytes:
             parts.append(f"{_count(self.unread_bytes, 'byte')} at the end of the file cannot be read")
         return "; ".join(parts)
+
+    def _within(self) -> str:
+        """Between which simulated times all the gaps lie."""
+        known = [time for gap in self.gaps for time in gap if time is not None]
+        if not known:
+            return ""
+        start, end = _seconds(min(known)), _seconds(max(known))
+        from_start = any(gap[0] is None for gap in self.gaps)
+        to_end = any(gap[1] is None for gap in self.gaps)
+        if from_start and to_end:
+            return ""
+        return f", before {end}" if from_start else f", after {start}" if to_end else f", between {start} and {end}"
+
+
+def _seconds(time: int) -> str:
+    return f"{time / 1e9:.9g} s"
 
 
 def _count(number: int, noun: str) -> str:
@@ -111,6 +139,8 @@ def scan(file: BinaryIO, size: int) -> tuple[Index, Damage]:
     _, length = FRAME.unpack(read_at(file, len(MAGIC), FRAME.size))
     position = len(MAGIC) + FRAME.size + length
     last = None
+    # Behind how many sound spans damaged chunks stand.
+    broken: set[int] = set()
     while size - position >= FRAME.size:
         opcode, length = FRAME.unpack(read_at(file, position, FRAME.size))
         if opcode == 0 or length > size - position - FRAME.size:
@@ -123,6 +153,8 @@ def scan(file: BinaryIO, size: int) -> tuple[Index, Damage]:
                 times, channels = _note(unpack(content), index)
             except Unsound:
                 damage.chunks_skipped += 1
+                damage.bytes_skipped += end - position
+                broken.add(len(index.spans))
             else:
                 if times:
                     index.spans.append(Span(position, end - position, min(times), max(times), frozenset(channels)))
@@ -146,8 +178,9 @@ def scan(file: BinaryIO, size: int) -> tuple[Index, Damage]:
                 record = read_record(file, position, kind, Opcode(opcode), size)
             except Unsound:
                 damage.attachments_skipped += 1
+                damage.bytes_skipped += end - position
             else:
-                places.append((record.name, position))
+                places.append(Place(record.name, position, end - position))
         elif opcode in (Opcode.DATA_END, Opcode.FOOTER):
             last = opcode
         position = end
@@ -156,10 +189,15 @@ def scan(file: BinaryIO, size: int) -> tuple[Index, Damage]:
     _close(run, index)
     tail = read_at(file, position, min(size - position, len(MAGIC)))
     ended = last == Opcode.FOOTER and tail == MAGIC
-    damage.end_missing = last is None and OUTCOME not in dict(index.metadata)
+    damage.end_missing = last is None and all(place.name != OUTCOME for place in index.metadata)
     damage.summary_missing = not ended
     damage.unread_bytes = size - position - (len(MAGIC) if ended else 0)
-    damage.last_time = max((span.end for span in index.spans), default=None)
+    spans = index.spans
+    damage.last_time = max((span.end for span in spans), default=None)
+    damage.gaps = [
+        (spans[count - 1].end if count else None, spans[count].start if count < len(spans) else None)
+        for count in sorted(broken)
+    ]
     return index, damage
 
 

@@ -26,6 +26,9 @@ MANIFEST = "manifest.json"
 OUTCOME = "symaware.outcome"
 """The metadata record that ends a run; its values are JSON."""
 
+RECOVERY = "symaware.recovery"
+"""The metadata record of a log that was recovered from a damaged one; its values are JSON."""
+
 MESSAGES: dict[str, type[Message]] = {
     message.DESCRIPTOR.name: message
     for message in (
@@ -35,7 +38,9 @@ MESSAGES: dict[str, type[Message]] = {
         v1.Awareness,
         v1.Knowledge,
         v1.Event,
+        v1.Recurring,
         v1.Message,
+        v1.MessageColumns,
         v1.Contact,
         v1.Timing,
     )

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.recording import wire
-
-_NOTHING: NDArray[np.float64] = np.empty((0, 0))
+from symaware_cli.recording.error import UnknownNameError
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,13 +27,48 @@ class Series:
     columns: tuple[str, ...] = ()
     units: tuple[str, ...] = ()
 
+    @property
+    def seconds(self) -> NDArray[np.float64]:
+        """The times in s, (k,)."""
+        return self.times / 1e9
 
-def present_values(message: Any, *, requested: bool = False) -> tuple[NDArray[np.uint32] | None, NDArray[np.float64]]:
+    def column(self, name: str) -> NDArray[np.float64]:
+        """The values of one column, (k, n) or (k,).
+
+        Raises:
+            UnknownNameError: There is no such column.
+        """
+        if name not in self.columns:
+            known = ", ".join(self.columns) or "none with a name"
+            raise UnknownNameError(f"there is no column {name!r}; there are {known}", name, self.columns)
+        found: NDArray[np.float64] = self.values[..., self.columns.index(name)]
+        return found
+
+
+@dataclass(frozen=True, slots=True)
+class Prediction:
+    """What an agent expected at one instant: its intent, uncertainty or risk over the time ahead.
+
+    Attributes:
+        time: When it was set, simulated ns.
+        times: (h,) the instants that it is about, ns; none if nothing is expected any more.
+        values: (h, columns).
+    """
+
+    time: int
+    times: NDArray[np.int64]
+    values: NDArray[np.float64]
+
+
+def present_values(
+    message: Any, count: int, *, requested: bool = False
+) -> tuple[NDArray[np.uint32] | None, NDArray[np.float64]]:
     """Reduce a message to one value a row.
 
     Args:
         message: A `wire.Rows`; a `wire.Control`, of which the applied input is taken; or a `wire.SeriesRows`, of
             which the first point of each row's series is taken, NaN if it has none.
+        count: Rows of the group; 0 if that is not known.
         requested: Take the requested control input instead of the applied one.
 
     Returns:
@@ -46,8 +80,11 @@ def present_values(message: Any, *, requested: bool = False) -> tuple[NDArray[np
         case wire.Control():
             return message.rows, message.requested if requested else message.applied
         case wire.SeriesRows():
-            firsts = [values[0] if len(values) else np.full(values.shape[1], np.nan) for _, values in message]
-            return message.rows, np.array(firsts) if firsts else _NOTHING
+            nothing = np.full(message.values.shape[1], np.nan)
+            firsts = [values[0] if len(values) else nothing for _, values in message]
+            if not firsts and len(message.lengths):
+                firsts = [nothing] * count  # everybody's series has no points
+            return message.rows, np.array(firsts).reshape(len(firsts), len(nothing))
         case _:
             raise ValueError(f"{type(message).__name__} has no value per row")
 
@@ -75,7 +112,7 @@ def group_series(
     frames: list[NDArray[np.float64]] = []
     columns = 0
     for time, rows, values in entries:
-        if not values.size:
+        if not len(values):
             continue
         needed = len(values) if rows is None else int(rows.max()) + 1
         if known and needed > known:
@@ -86,7 +123,9 @@ def group_series(
         if not times or time != times[-1]:
             frames.append(frames[-1].copy() if frames else np.full((count, columns), np.nan))
             times.append(time)
-        frames[-1][slice(len(values)) if rows is None else rows, : values.shape[1]] = values
+        chosen: Any = slice(len(values)) if rows is None else rows
+        frames[-1][chosen] = np.nan
+        frames[-1][chosen, : values.shape[1]] = values
     table = np.stack(frames) if frames else np.empty((0, count, columns))
     return np.array(times, np.int64), table
 
@@ -106,8 +145,8 @@ def row_series(
     times: list[int] = []
     frames: list[NDArray[np.float64]] = []
     for time, rows, values in entries:
-        place = row if rows is None else int(np.searchsorted(rows, row))
-        if place >= len(values) or (rows is not None and rows[place] != row):
+        place = place_of(row, rows)
+        if place is None or place >= len(values):
             continue
         if times and time == times[-1]:
             frames[-1] = values[place]
@@ -118,6 +157,14 @@ def row_series(
     columns = max((len(frame) for frame in frames), default=0)
     frames = [_widen(frame[None], 1, columns)[0] for frame in frames]
     return np.array(times, np.int64), np.array(frames) if frames else np.empty((0, columns))
+
+
+def place_of(row: int, rows: NDArray[np.uint32] | None) -> int | None:
+    """Find a row among those that a message is about, which ascend; None among them stands for all of the group."""
+    if rows is None:
+        return row
+    place = int(np.searchsorted(rows, row))
+    return place if place < len(rows) and rows[place] == row else None
 
 
 def _widen(frame: NDArray[np.float64], count: int, columns: int) -> NDArray[np.float64]:

@@ -2,13 +2,16 @@
 
 import struct
 import zlib
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import (
+    Attachment,
     AttachmentIndex,
     Channel,
+    Chunk,
     ChunkIndex,
     Footer,
     McapRecord,
@@ -20,19 +23,22 @@ from mcap.records import (
 
 from symaware_cli.recording.schema import MAGIC
 
+_MESSAGE_INDEX = struct.Struct("<BQHI")
+
 
 @dataclass(slots=True)
 class Summary:
     """What a log holds and where.
 
     Attributes:
-        schemas: By the name of the message.
-        channels: In the order of their numbers, which start at 1.
+        schemas: In the order of the file, by what their owner calls them.
+        channels: In the order of the file.
         counts: Messages by number of the channel.
         attachments: In the order of the file.
         metadata: In the order of the file.
         start_time: The least log time, ns; None before the first chunk.
         end_time: The greatest log time, ns.
+        chunk_count: Chunks so far.
     """
 
     schemas: dict[str, Schema] = field(default_factory=dict)
@@ -42,8 +48,28 @@ class Summary:
     metadata: list[MetadataIndex] = field(default_factory=list)
     start_time: int | None = None
     end_time: int = 0
+    chunk_count: int = 0
     _chunks: bytearray = field(default_factory=bytearray)  # serialised, as there may be many
-    _chunk_count: int = 0
+
+    def add_attachment(self, attachment: Attachment, offset: int, length: int) -> None:
+        """Enter an attachment.
+
+        Args:
+            attachment: It.
+            offset: Where it stands.
+            length: Bytes of its record.
+        """
+        self.attachments.append(
+            AttachmentIndex(
+                offset=offset,
+                length=length,
+                log_time=attachment.log_time,
+                create_time=attachment.create_time,
+                data_size=len(attachment.data),
+                name=attachment.name,
+                media_type=attachment.media_type,
+            )
+        )
 
     def add_chunk(self, chunk: ChunkIndex, counts: dict[int, int]) -> None:
         """Enter a chunk.
@@ -53,10 +79,10 @@ class Summary:
             counts: Its messages by number of the channel.
         """
         self._chunks += serialise(chunk)
-        self._chunk_count += 1
-        if self.start_time is None:
-            self.start_time = chunk.message_start_time
-        self.end_time = chunk.message_end_time
+        self.chunk_count += 1
+        start, end = chunk.message_start_time, chunk.message_end_time
+        self.start_time = start if self.start_time is None else min(self.start_time, start)
+        self.end_time = max(self.end_time, end)
         for channel_id, count in counts.items():
             self.counts[channel_id] = self.counts.get(channel_id, 0) + count
 
@@ -72,7 +98,7 @@ class Summary:
             attachment_count=len(self.attachments),
             channel_count=len(self.channels),
             channel_message_counts=dict(sorted(self.counts.items())),
-            chunk_count=self._chunk_count,
+            chunk_count=self.chunk_count,
             message_count=sum(self.counts.values()),
             message_start_time=self.start_time or 0,
             message_end_time=self.end_time,
@@ -96,6 +122,39 @@ class Summary:
         section += serialise(Footer(summary_start=start, summary_offset_start=offsets, summary_crc=0))[:-4]
         section += struct.pack("<I", zlib.crc32(section))
         return bytes(section + MAGIC)
+
+
+def indexed(chunk: Chunk, offset: int, positions: Mapping[int, Sequence[int]]) -> tuple[bytearray, ChunkIndex]:
+    """Serialise a chunk with the index of its messages.
+
+    Args:
+        chunk: It.
+        offset: Where in the file it will stand.
+        positions: By number of the channel, time and offset of each message in the chunk, one after the other.
+
+    Returns:
+        The records, and where they will stand.
+    """
+    records = bytearray(serialise(chunk))
+    length = len(records)
+    offsets = {}
+    for channel_id, entries in positions.items():
+        if entries:
+            offsets[channel_id] = offset + len(records)
+            size = 8 * len(entries)
+            records += _MESSAGE_INDEX.pack(Opcode.MESSAGE_INDEX, 6 + size, channel_id, size)
+            records += struct.pack(f"<{len(entries)}Q", *entries)
+    return records, ChunkIndex(
+        chunk_length=length,
+        chunk_start_offset=offset,
+        compression=chunk.compression,
+        compressed_size=len(chunk.data),
+        message_end_time=chunk.message_end_time,
+        message_index_length=len(records) - length,
+        message_index_offsets=offsets,
+        message_start_time=chunk.message_start_time,
+        uncompressed_size=chunk.uncompressed_size,
+    )
 
 
 def serialise(*records: McapRecord) -> bytes:

@@ -2,7 +2,7 @@ from google.protobuf.internal import containers as _containers
 from google.protobuf.internal import enum_type_wrapper as _enum_type_wrapper
 from google.protobuf import descriptor as _descriptor
 from google.protobuf import message as _message
-from collections.abc import Iterable as _Iterable
+from collections.abc import Iterable as _Iterable, Mapping as _Mapping
 from typing import ClassVar as _ClassVar, Optional as _Optional, Union as _Union
 
 DESCRIPTOR: _descriptor.FileDescriptor
@@ -97,6 +97,18 @@ class Event(_message.Message):
     data: str
     def __init__(self, name: _Optional[str] = ..., source: _Optional[str] = ..., level: _Optional[_Union[Event.Level, str]] = ..., text: _Optional[str] = ..., data: _Optional[str] = ...) -> None: ...
 
+class Recurring(_message.Message):
+    __slots__ = ("names", "sources", "name", "source")
+    NAMES_FIELD_NUMBER: _ClassVar[int]
+    SOURCES_FIELD_NUMBER: _ClassVar[int]
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    SOURCE_FIELD_NUMBER: _ClassVar[int]
+    names: _containers.RepeatedScalarFieldContainer[str]
+    sources: _containers.RepeatedScalarFieldContainer[str]
+    name: _containers.RepeatedScalarFieldContainer[int]
+    source: _containers.RepeatedScalarFieldContainer[int]
+    def __init__(self, names: _Optional[_Iterable[str]] = ..., sources: _Optional[_Iterable[str]] = ..., name: _Optional[_Iterable[int]] = ..., source: _Optional[_Iterable[int]] = ...) -> None: ...
+
 class Message(_message.Message):
     __slots__ = ("id", "sender", "receiver", "kind", "stage", "sent_time", "reason", "payload", "size")
     class Stage(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
@@ -129,8 +141,43 @@ class Message(_message.Message):
     size: int
     def __init__(self, id: _Optional[int] = ..., sender: _Optional[str] = ..., receiver: _Optional[str] = ..., kind: _Optional[str] = ..., stage: _Optional[_Union[Message.Stage, str]] = ..., sent_time: _Optional[int] = ..., reason: _Optional[str] = ..., payload: _Optional[str] = ..., size: _Optional[int] = ...) -> None: ...
 
+class MessageColumns(_message.Message):
+    __slots__ = ("stage", "kind", "sent_time", "size", "senders", "receivers", "sequences", "reasons", "reason", "says", "said")
+    class Said(_message.Message):
+        __slots__ = ("name", "shape", "values")
+        NAME_FIELD_NUMBER: _ClassVar[int]
+        SHAPE_FIELD_NUMBER: _ClassVar[int]
+        VALUES_FIELD_NUMBER: _ClassVar[int]
+        name: str
+        shape: _containers.RepeatedScalarFieldContainer[int]
+        values: _containers.RepeatedScalarFieldContainer[float]
+        def __init__(self, name: _Optional[str] = ..., shape: _Optional[_Iterable[int]] = ..., values: _Optional[_Iterable[float]] = ...) -> None: ...
+    STAGE_FIELD_NUMBER: _ClassVar[int]
+    KIND_FIELD_NUMBER: _ClassVar[int]
+    SENT_TIME_FIELD_NUMBER: _ClassVar[int]
+    SIZE_FIELD_NUMBER: _ClassVar[int]
+    SENDERS_FIELD_NUMBER: _ClassVar[int]
+    RECEIVERS_FIELD_NUMBER: _ClassVar[int]
+    SEQUENCES_FIELD_NUMBER: _ClassVar[int]
+    REASONS_FIELD_NUMBER: _ClassVar[int]
+    REASON_FIELD_NUMBER: _ClassVar[int]
+    SAYS_FIELD_NUMBER: _ClassVar[int]
+    SAID_FIELD_NUMBER: _ClassVar[int]
+    stage: Message.Stage
+    kind: str
+    sent_time: int
+    size: int
+    senders: _containers.RepeatedScalarFieldContainer[int]
+    receivers: _containers.RepeatedScalarFieldContainer[int]
+    sequences: _containers.RepeatedScalarFieldContainer[int]
+    reasons: _containers.RepeatedScalarFieldContainer[str]
+    reason: _containers.RepeatedScalarFieldContainer[int]
+    says: _containers.RepeatedScalarFieldContainer[int]
+    said: _containers.RepeatedCompositeFieldContainer[MessageColumns.Said]
+    def __init__(self, stage: _Optional[_Union[Message.Stage, str]] = ..., kind: _Optional[str] = ..., sent_time: _Optional[int] = ..., size: _Optional[int] = ..., senders: _Optional[_Iterable[int]] = ..., receivers: _Optional[_Iterable[int]] = ..., sequences: _Optional[_Iterable[int]] = ..., reasons: _Optional[_Iterable[str]] = ..., reason: _Optional[_Iterable[int]] = ..., says: _Optional[_Iterable[int]] = ..., said: _Optional[_Iterable[_Union[MessageColumns.Said, _Mapping]]] = ...) -> None: ...
+
 class Contact(_message.Message):
-    __slots__ = ("a", "b", "point", "depth", "stage")
+    __slots__ = ("a", "b", "point", "depth", "stage", "impulse")
     class Stage(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
         __slots__ = ()
         STAGE_UNSPECIFIED: _ClassVar[Contact.Stage]
@@ -144,19 +191,29 @@ class Contact(_message.Message):
     POINT_FIELD_NUMBER: _ClassVar[int]
     DEPTH_FIELD_NUMBER: _ClassVar[int]
     STAGE_FIELD_NUMBER: _ClassVar[int]
+    IMPULSE_FIELD_NUMBER: _ClassVar[int]
     a: str
     b: str
     point: _containers.RepeatedScalarFieldContainer[float]
     depth: float
     stage: Contact.Stage
-    def __init__(self, a: _Optional[str] = ..., b: _Optional[str] = ..., point: _Optional[_Iterable[float]] = ..., depth: _Optional[float] = ..., stage: _Optional[_Union[Contact.Stage, str]] = ...) -> None: ...
+    impulse: float
+    def __init__(self, a: _Optional[str] = ..., b: _Optional[str] = ..., point: _Optional[_Iterable[float]] = ..., depth: _Optional[float] = ..., stage: _Optional[_Union[Contact.Stage, str]] = ..., impulse: _Optional[float] = ...) -> None: ...
 
 class Timing(_message.Message):
-    __slots__ = ("wall_time", "cpu_time", "steps")
+    __slots__ = ("wall_time", "cpu_time", "steps", "pace", "instants", "late", "worst_lateness")
     WALL_TIME_FIELD_NUMBER: _ClassVar[int]
     CPU_TIME_FIELD_NUMBER: _ClassVar[int]
     STEPS_FIELD_NUMBER: _ClassVar[int]
+    PACE_FIELD_NUMBER: _ClassVar[int]
+    INSTANTS_FIELD_NUMBER: _ClassVar[int]
+    LATE_FIELD_NUMBER: _ClassVar[int]
+    WORST_LATENESS_FIELD_NUMBER: _ClassVar[int]
     wall_time: float
     cpu_time: float
     steps: int
-    def __init__(self, wall_time: _Optional[float] = ..., cpu_time: _Optional[float] = ..., steps: _Optional[int] = ...) -> None: ...
+    pace: float
+    instants: int
+    late: int
+    worst_lateness: float
+    def __init__(self, wall_time: _Optional[float] = ..., cpu_time: _Optional[float] = ..., steps: _Optional[int] = ..., pace: _Optional[float] = ..., instants: _Optional[int] = ..., late: _Optional[int] = ..., worst_lateness: _Optional[float] = ...) -> None: ...

@@ -80,6 +80,14 @@ class SeriesRows:
         for start, end in zip([0, *ends], ends, strict=False):
             yield self.times[start:end], self.values[start:end]
 
+    def at(self, place: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """The times (k,) and values (k, columns) of one row, by its place among those in the message."""
+        if len(self.lengths) == 1:
+            length = int(self.lengths[0])
+            return self.times, self.values[place * length : (place + 1) * length]
+        start, end = (int(self.lengths[:count].sum(dtype=np.int64)) for count in (place, place + 1))
+        return self.times[start:end], self.values[start:end]
+
 
 @dataclass(frozen=True, slots=True)
 class Awareness:
@@ -224,6 +232,33 @@ def encode_awareness(
             _packed(6, table, _FLOAT),
             _packed(7, spread, _FLOAT),
             _packed(8, since, _FLOAT),
+        )
+    )
+
+
+def encode_message_columns(
+    senders: ArrayLike,
+    receivers: ArrayLike,
+    sequences: ArrayLike,
+    reason: ArrayLike | None = None,
+    says: ArrayLike | None = None,
+) -> bytes:
+    """Encode the long columns of a `MessageColumns` message; the rest of it may stand before or behind them.
+
+    Args:
+        senders: (m,) indices in the roster.
+        receivers: (m,) indices in the roster.
+        sequences: (m,) the number of each among those of its sender.
+        reason: (m,) indices in the message's `reasons`; None if nothing was dropped.
+        says: (s,) who says something, as indices in the roster; None if that is not repeated.
+    """
+    return b"".join(
+        (
+            _packed(5, senders, _INDEX),
+            _packed(6, receivers, _INDEX),
+            _packed(7, sequences, _INDEX),
+            b"" if reason is None else _packed(9, reason, _INDEX),
+            b"" if says is None else _packed(10, says, _INDEX),
         )
     )
 

@@ -17,32 +17,21 @@ from types import TracebackType
 from typing import Any
 
 import zstandard
-from mcap.opcode import Opcode
-from mcap.records import (
-    Attachment,
-    AttachmentIndex,
-    Channel,
-    Chunk,
-    ChunkIndex,
-    DataEnd,
-    Header,
-    McapRecord,
-    Metadata,
-    MetadataIndex,
-    Schema,
-)
+from mcap.records import Attachment, Channel, Chunk, DataEnd, Header, McapRecord, Metadata, MetadataIndex, Schema
 
 from symaware_cli.recording import symaware_v1_pb2 as v1
 from symaware_cli.recording.error import LogError, reason
 from symaware_cli.recording.schema import LIBRARY, MAGIC, MESSAGES, OUTCOME, PROFILE, TIMING, descriptor_set
-from symaware_cli.recording.summary import Summary, serialise
+from symaware_cli.recording.summary import Summary, indexed, serialise
 
 CHUNK_SIZE = 256 * 1024
 """Bytes of a chunk before compression, at most; only a message that is larger than that has a larger one to itself."""
 
 _MESSAGE = struct.Struct("<BQHIQQ")  # opcode 5, length, channel, sequence, log time, publish time
 _MESSAGE_HEADER = _MESSAGE.size - 9
-_MESSAGE_INDEX = struct.Struct("<BQHI")
+
+PaceFigures = tuple[float, int, int, float]
+"""How well a pace was kept; `LogWriter.add_timing` says what the numbers are."""
 
 
 class LogWriter:
@@ -114,18 +103,8 @@ class LogWriter:
             LogError: It cannot be written.
         """
         offset = self.size
-        length = self._write_record(Attachment(create_time=0, log_time=0, name=name, media_type=media_type, data=data))
-        self._summary.attachments.append(
-            AttachmentIndex(
-                offset=offset,
-                length=length,
-                log_time=0,
-                create_time=0,
-                data_size=len(data),
-                name=name,
-                media_type=media_type,
-            )
-        )
+        attachment = Attachment(create_time=0, log_time=0, name=name, media_type=media_type, data=data)
+        self._summary.add_attachment(attachment, offset, self._write_record(attachment))
 
     def metadata(self, name: str, data: Mapping[str, str]) -> None:
         """Write a metadata record.
@@ -191,7 +170,9 @@ class LogWriter:
         self._add(channel_id, time_ns, data, self._sequence)
         self._sequence += 1
 
-    def add_timing(self, time_ns: int, *, wall_time: float, cpu_time: float, steps: int) -> None:
+    def add_timing(
+        self, time_ns: int, *, wall_time: float, cpu_time: float, steps: int, pace: PaceFigures = (0.0, 0, 0, 0.0)
+    ) -> None:
         """Add to /timing how fast the machine was.
 
         Its messages have a sequence of their own, so that they do not shift the others'.
@@ -201,8 +182,11 @@ class LogWriter:
             wall_time: Since the run started, in s.
             cpu_time: Used by the process, in s.
             steps: Steps done.
+            pace: Simulated seconds for each second of wall time that were asked for, how many instants had to be kept,
+                how many of them began late, and by how much the latest, in s of wall time.
         """
         message = v1.Timing(wall_time=wall_time, cpu_time=cpu_time, steps=steps)
+        message.pace, message.instants, message.late, message.worst_lateness = pace
         self._add(self._timing, time_ns, message.SerializeToString(), self._timing_sequence)
         self._timing_sequence += 1
 
@@ -302,27 +286,7 @@ class LogWriter:
             uncompressed_crc=zlib.crc32(data),
             uncompressed_size=len(data),
         )
-        offset = self.size
-        records = bytearray(serialise(chunk))
-        length = len(records)
-        offsets = {}
-        for channel_id, positions in self._positions.items():
-            if positions:
-                offsets[channel_id] = offset + len(records)
-                size = 8 * len(positions)
-                records += _MESSAGE_INDEX.pack(Opcode.MESSAGE_INDEX, 6 + size, channel_id, size)
-                records += struct.pack(f"<{len(positions)}Q", *positions)
-        index = ChunkIndex(
-            chunk_length=length,
-            chunk_start_offset=offset,
-            compression="zstd",
-            compressed_size=len(compressed),
-            message_end_time=self._time,
-            message_index_length=len(records) - length,
-            message_index_offsets=offsets,
-            message_start_time=self._chunk_start,
-            uncompressed_size=len(data),
-        )
+        records, index = indexed(chunk, self.size, self._positions)
         self._write(records)
         self._summary.add_chunk(
             index, {number: len(positions) // 2 for number, positions in self._positions.items() if positions}

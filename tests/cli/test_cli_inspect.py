@@ -3,9 +3,16 @@
 import json
 
 import pytest
+from mcap.writer import Writer
+from sample_log import write_sample
+from typer.testing import CliRunner
 
 from symaware_cli import open_log
+from symaware_cli.cli.application import application
+from symaware_cli.recording import symaware_v1_pb2 as v1
 from symaware_cli.recording.digest import digest
+from symaware_cli.recording.repair import recover
+from symaware_cli.recording.writer import LogWriter
 
 
 @pytest.fixture
@@ -62,3 +69,177 @@ def test_what_is_no_log_is_wrong_input(name, command, tmp_path):
 
 def test_scripts_are_told_of_what_is_no_log_as_well(command):
     assert json.loads(command("inspect", "missing.mcap", "--json").stdout)["error"] == "there is no file missing.mcap"
+
+
+@pytest.fixture
+def sample(tmp_path):
+    """A log of three robots and a car with entries of every kind."""
+    return write_sample(tmp_path / "sample.mcap")
+
+
+@pytest.fixture
+def inspect():
+    """Run `symaware inspect ARGUMENTS` in this process."""
+
+    def run(*arguments, status=0):
+        done = CliRunner().invoke(application, ["inspect", *map(str, arguments)])
+        assert done.exception is None or isinstance(done.exception, SystemExit), done.exc_info
+        assert done.exit_code == status, done.output
+        return done
+
+    return run
+
+
+def test_events_are_filtered_by_agent_name_source_level_time_and_number(log, inspect):
+    def times(*filters):
+        return [event["time"] / 1e9 for event in json.loads(inspect(log, "--events", "--json", *filters).stdout)]
+
+    everything = times()
+    assert times("--name", "contact") == [time for time in everything if 0 < time < 1]
+    assert times("--source", "run") == [0.0, 1.0]
+    assert times("--level", "warning") == times("--name", "contact")
+    assert times("--agents", "robot.0") == times("--agents", "robot.0", "--level", "Warning")
+    assert times("--from", 1) == [1.0]
+    assert times("--to", 0) == [0.0]
+    assert times("--limit", 1) == [0.0]
+    assert times("--limit", 0) == []
+
+
+def test_messages_are_listed_with_their_latency(sample, inspect):
+    lines = inspect(sample, "--messages").stdout.splitlines()
+    assert lines[0] == '    0.1500 s  SENT       robot.0 to car  hello  {"text": "hello"}'
+    assert lines[1] == "    0.2000 s  DELIVERED  robot.0 to car  hello  after 0.05 s"
+    assert len(lines) == 8
+    entries = json.loads(inspect(sample, "--messages", "--json", "--stage", "delivered", "--agents", "car").stdout)
+    assert [entry["latency"] for entry in entries] == [50_000_000] * 4
+    assert json.loads(inspect(sample, "--messages", "--json", "--agents", "robot.1,robot.2").stdout) == []
+    assert len(json.loads(inspect(sample, "--messages", "--json", "--kind", "h*", "--from", "1.65").stdout)) == 2
+
+
+def test_contacts_are_listed_with_place_and_depth(sample, inspect):
+    lines = inspect(sample, "--contacts").stdout.splitlines()
+    assert lines[0] == "    0.1500 s  BEGIN  car and wall  at (1, 2) m, 0.1 m deep"
+    entries = json.loads(inspect(sample, "--contacts", "--json", "--limit", 2).stdout)
+    assert [(entry["a"], entry["b"], entry["point"]) for entry in entries] == [("car", "wall", [1.0, 2.0])] * 2
+
+
+def test_a_series_is_a_table_with_units_and_extremes(sample, inspect):
+    lines = inspect(sample, "--series", "robot.1:world", "--every", "0.5").stdout.splitlines()
+    assert lines[0].split() == ["time", "[s]", "x", "[m]", "y", "[m]", "heading", "[rad]"]
+    assert [line.split()[0] for line in lines[1:5]] == ["0", "0.5", "1", "1.5"]
+    values = open_log(sample).series("robot.1", "world").values
+    assert [float(word) for word in lines[1].split()[1:]] == pytest.approx(values[0], rel=1e-5)
+    for line, word, expected in zip(
+        lines[6:], ("minimum", "mean", "maximum"), (values.min(0), values.mean(0), values.max(0)), strict=False
+    ):
+        assert line.split()[0] == word
+        assert [float(number) for number in line.split()[1:]] == pytest.approx(expected, rel=1e-5)
+    assert lines[-1] == "of 40 instants, 4 of them shown"
+
+
+def test_a_series_for_scripts_has_times_values_and_extremes(sample, inspect):
+    found = json.loads(inspect(sample, "--series", "robot:state:y", "--from", "0.1", "--to", 0.2, "--json").stdout)
+    assert found["columns"] == ["robot.0 y", "robot.1 y", "robot.2 y"]
+    assert found["units"] == ["m"] * 3
+    assert found["times"] == [100_000_000, 150_000_000, 200_000_000]
+    series = open_log(sample).series("robot", "state")
+    assert found["values"] == series.values[2:5, :, 1].tolist()
+    assert found["maximum"] == series.values[2:5, :, 1].max(axis=0).tolist()
+    assert (
+        json.loads(inspect(sample, "--series", "robot:state:1", "--json", "--limit", 1).stdout)["columns"]
+        == (found["columns"])
+    )
+
+
+def test_a_series_without_values_is_an_empty_table(sample, inspect):
+    lines = inspect(sample, "--series", "car:state", "--from", 1000).stdout.splitlines()
+    assert lines[-1] == "of 0 instants"
+    assert lines[2].split() == ["minimum", "-", "-", "-"]
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        ("--events --digest", "choose one of --events and --digest"),
+        ("--series car:state --contacts", "choose one of --contacts and --series"),
+        ("--kind hello", "--kind goes with --messages"),
+        ("--events --kind hello", "--kind goes with --messages"),
+        ("--messages --level info", "--level goes with --events"),
+        ("--digest --from 1", "--from goes with --events or --messages or --contacts or --series"),
+        ("--events --every 1", "--every goes with --series"),
+        ("--events --stage sent", "--stage goes with --messages or --contacts"),
+        ("--messages --stage begin", "--stage begin does not go with --messages; there are sent, delivered, dropped"),
+        ("--events --from 2 --to 1", "--from 2 is later than --to 1"),
+        ("--events --from nan", "--from takes a time in seconds, not nan"),
+        ("--series car:state --every 0", "--every takes a time above 0, not 0"),
+        ("--events --agents robto", "knows no 'robto'; did you mean `robot`?"),
+        ("--messages --agents robot.0,robot.3", "knows no 'robot.3'"),
+        ("--series robot", "a series is called NAME:FIELD or NAME:FIELD:COLUMN"),
+        ("--series robto:state", "did you mean `robot`?"),
+        ("--series robot:staet", "did you mean `state`?"),
+        ("--series robot:state:headign", "there are x, y, heading; did you mean `heading`?"),
+        ("--series robot:state:3", "has no column '3'"),
+        ("--series car:risk", "has no risk of 'car' (no channel /agents/car/risk)"),
+    ],
+)
+def test_what_cannot_be_shown_is_told_in_a_sentence(sample, inspect, options, sentence):
+    done = inspect(sample, *options.split(), status=2)
+    assert sentence in done.stderr
+    assert done.stdout == ""
+    assert len(done.stderr.splitlines()) == 1
+    assert sentence in json.loads(inspect(sample, *options.split(), "--json", status=2).stdout)["error"]
+
+
+def test_filters_that_nothing_meets_are_no_failure_and_told_on_the_side(sample, inspect):
+    for options in (["--name", "computd"], ["--source", "nowhere"], ["--from", "100"], ["--name", "failed"]):
+        done = inspect(sample, "--events", *options)
+        assert done.stdout == ""
+        assert done.stderr.startswith("symaware: none of the events matches; there are computed")
+        assert ("did you mean `computed`?" in done.stderr) == (options[1] == "computd")
+        assert json.loads(inspect(sample, "--events", *options, "--json").stdout) == []
+    assert "there are hello" in inspect(sample, "--messages", "--kind", "bye").stderr
+
+
+def test_a_list_of_nothing_says_that_there_is_nothing(log, inspect):
+    done = inspect(log, "--messages")
+    assert (done.stdout, done.stderr) == ("", f"symaware: {log} has no messages\n")
+
+
+def test_a_damaged_entry_ends_the_list_with_a_sentence_and_the_array_stays_whole(tmp_path, inspect):
+    with LogWriter(tmp_path / "log.mcap") as writer:
+        channel = writer.channel("/events", "Event")
+        writer.add(channel, 0, v1.Event(name="good").SerializeToString())
+        writer.add(channel, 1, v1.Event(name="bad", data="{").SerializeToString())
+        writer.finish({})
+    done = inspect(writer.path, "--events", "--json", status=2)
+    assert [event["name"] for event in json.loads(done.stdout)] == ["good"]
+    assert f"the entry on /events at 1 ns in {writer.path} is damaged" in done.stderr
+
+
+def test_a_recovered_log_says_what_was_lost_and_is_sound(sample, inspect, tmp_path):
+    sample.write_bytes(sample.read_bytes()[: sample.stat().st_size // 2])
+    recover(open_log(sample), tmp_path / "new.mcap")
+    text = inspect(tmp_path / "new.mcap").stdout
+    assert "new.mcap: " in text.splitlines()[0]
+    assert "recovered from sample.mcap: the log breaks off after" in text
+    found = json.loads(inspect(tmp_path / "new.mcap", "--json").stdout)
+    assert found["recovered"].startswith("from sample.mcap: the log breaks off after")
+    assert (found["damage"], found["lost"], found["status"]) == (None, False, "broken off")
+
+
+def test_of_somebody_elses_log_the_channels_are_shown_and_nothing_else(tmp_path, inspect):
+    path = tmp_path / "foreign.mcap"
+    with open(path, "wb") as file:
+        writer = Writer(file)
+        writer.start(profile="ros2")
+        for topic in ("/timing", "/events", "/world/robot/state"):
+            channel = writer.register_channel(topic, "json", writer.register_schema("other.Thing", "jsonschema", b"{}"))
+            writer.add_message(channel, 5, b"{}", 5)
+        writer.finish()
+    shown = inspect(path).stdout
+    assert "not written by SymAware; only its channels can be shown" in shown
+    assert "/world/robot/state" in shown
+    for options in (["--events"], ["--messages"], ["--contacts"], ["--series", "robot:world"]):
+        assert len(inspect(path, *options, status=2).stderr.splitlines()) == 1
+    assert "it has no events" in inspect(path, "--events", status=2).stderr
+    assert inspect(path, "--digest").stdout.endswith("combined\n")

@@ -132,6 +132,108 @@ def test_of_a_time_series_its_first_point_is_taken(write):
     assert log.series("robot.2", "risk").values.tolist() == [[4], [9]]
 
 
+@pytest.mark.parametrize("columns", [0, 1])
+def test_a_series_without_points_is_an_instant_without_values(write, columns):
+    none = wire.encode_series([], np.empty((3, 0, columns)))
+    own = wire.encode_series([], np.empty((0, columns)), [0, 0], [0, 2])
+    entries = [(0, none), (1, wire.encode_series([1], np.ones((3, 1, 1)))), (2, own), (3, none)]
+    log = open_log(write("risk", "SeriesRows", entries))
+    nan = np.nan
+    expected = [[nan, nan, nan], [1, 1, 1], [nan, 1, nan], [nan, nan, nan]]
+    series = log.series("robot", "risk")
+    assert series.times.tolist() == [0, 1, 2, 3]
+    assert np.array_equal(series.values[:, :, 0], expected, equal_nan=True)
+    assert log.series("robot.1", "risk").times.tolist() == [0, 1, 3]
+    assert np.array_equal(log.series("robot.1", "risk").values[:, 0], [nan, 1, nan], equal_nan=True)
+
+
+def test_predictions_are_the_whole_series_of_an_agent_at_each_instant(write):
+    shared = wire.encode_series([0, 10], np.arange(12).reshape(3, 2, 2))
+    own = wire.encode_series([5, 15, 5], [[7.0, 7], [8.0, 8], [9.0, 9]], [2, 1], [0, 2])
+    none = wire.encode_series([], np.empty((3, 0, 2)))
+    log = open_log(write("intent", "SeriesRows", [(0, shared), (5, own), (6, none)]))
+
+    def found(agent):
+        return [(each.time, each.times.tolist(), each.values.tolist()) for each in log.predictions(agent, "intent")]
+
+    assert found("robot.0") == [(0, [0, 10], [[0, 1], [2, 3]]), (5, [5, 15], [[7, 7], [8, 8]]), (6, [], [])]
+    assert found("robot.1") == [(0, [0, 10], [[4, 5], [6, 7]]), (6, [], [])]
+    assert found("robot.2") == [(0, [0, 10], [[8, 9], [10, 11]]), (5, [5], [[9, 9]]), (6, [], [])]
+
+
+@pytest.mark.parametrize(
+    ("agent", "field", "sentence"),
+    [
+        ("robot", "intent", "'robot' is a group of 3: name one of its agents"),
+        ("robot.7", "intent", "knows no 'robot.7'"),
+        ("robot.0", "state", "no field 'state' of predictions; there are intent, uncertainty, risk"),
+        ("robot.0", "risk", "has no risk of 'robot.0'"),
+    ],
+)
+def test_predictions_that_are_not_there_are_told_at_once(write, agent, field, sentence):
+    log = open_log(write("intent", "SeriesRows", []))
+    with pytest.raises(LogError, match=sentence):
+        log.predictions(agent, field)
+
+
+def test_knowledge_is_an_entry_whenever_it_changed(write):
+    entries = [
+        (0, v1.Knowledge(values=['{"goal": [1, 2]}', "{}", '{"a": null}'])),
+        (7, v1.Knowledge(rows=[0, 2], values=['{"goal": [3, 4]}', '{"b": true}'])),
+    ]
+    data = [(time, message.SerializeToString()) for time, message in entries]
+    log = open_log(write("knowledge", "Knowledge", data))
+    assert [(each.time, each.values) for each in log.knowledge("robot.0")] == [
+        (0, {"goal": [1, 2]}),
+        (7, {"goal": [3, 4]}),
+    ]
+    everybody = [(each.time, each.agent) for each in log.knowledge()]
+    assert everybody == [(0, "robot.0"), (0, "robot.1"), (0, "robot.2"), (7, "robot.0"), (7, "robot.2")]
+    assert list(log.knowledge("robot")) == list(log.knowledge())
+    with pytest.raises(LogError, match="knows no 'nobody'"):
+        log.knowledge("nobody")
+
+
+@pytest.mark.parametrize(
+    "message", [v1.Knowledge(rows=[3], values=["{}"]), v1.Knowledge(rows=[0], values=[]), v1.Knowledge(values=["{"])]
+)
+def test_knowledge_that_does_not_fit_is_told(write, message):
+    log = open_log(write("knowledge", "Knowledge", [(0, message.SerializeToString())]))
+    with pytest.raises(LogError, match=r"on /agents/robot/knowledge .* do not fit together"):
+        list(log.knowledge())
+
+
+def test_a_series_tells_its_times_in_seconds_and_its_columns_by_name(sample):
+    series = open_log(sample).series("robot", "state")
+    assert series.seconds[:3].tolist() == [0.0, 0.05, 0.1]
+    assert np.array_equal(series.column("y"), series.values[:, :, 1])
+    with pytest.raises(LogError, match="there is no column 'z'; there are x, y, heading"):
+        series.column("z")
+
+
+def test_a_log_names_its_agents_by_group(sample):
+    assert open_log(sample).agents == {"robot": ("robot.0", "robot.1", "robot.2"), "car": ("car",)}
+
+
+def test_entries_are_chosen_by_time(sample):
+    log = open_log(sample)
+    assert [event.time // STEP for event in log.events(4 * STEP, 23 * STEP)] == [13]
+    assert [entry.time // STEP for entry in log.communications(start=33 * STEP)] == [33, 34]
+    assert [entry.time // STEP for entry in log.contacts(end=4 * STEP)] == [3]
+
+
+def test_the_latency_of_a_message_is_the_time_since_it_was_sent(sample):
+    assert [entry.latency for entry in open_log(sample).communications()][:2] == [0, STEP]
+
+
+def test_what_is_missing_for_want_of_the_rest_of_the_log_is_told_as_such(sample):
+    sample.write_bytes(sample.read_bytes()[:1000])
+    log = open_log(sample)
+    for ask in (lambda: log.series("robot", "state"), lambda: log.series("robot.0", "risk")):
+        with pytest.raises(LogError, match="breaks off before its first message"):
+            ask()
+
+
 def test_the_truth_is_in_world(sample):
     log = open_log(sample)
     assert log.series("robot", "world").values.shape == (40, 3, 3)
@@ -163,7 +265,7 @@ def test_a_row_beyond_the_group_is_told(write):
 
 def test_data_that_are_no_message_are_told(write):
     log = open_log(write("state", "Rows", [(7, b"\x1a\xff")]))
-    with pytest.raises(LogError, match=r"the message on /agents/robot/state at 7 ns is no symaware\.v1\.Rows"):
+    with pytest.raises(LogError, match=r"the message on /agents/robot/state at 7 ns in .* is no symaware\.v1\.Rows"):
         log.series("robot", "state")
 
 

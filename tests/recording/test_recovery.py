@@ -44,7 +44,7 @@ def chunks(sound) -> list[tuple[int, list]]:
     log = open_log(sound)
     messages = list(log.messages())
     result = []
-    for span in log._index.spans:
+    for span in log.index.spans:
         inside = [m for m in messages if span.start <= m.time <= span.end]
         result.append((span.offset + span.length, inside))
     assert sum(len(inside) for _, inside in result) == len(messages)
@@ -183,6 +183,28 @@ def test_a_damaged_attachment_is_left_out_and_counted(tmp_path, whole, places, s
     assert "1 damaged attachment left out" in str(log.damage)
 
 
+def test_a_damaged_manifest_is_counted_once_however_often_it_is_looked_for(tmp_path, whole, places):
+    path = tmp_path / "log.mcap"
+    broken = bytearray(whole)
+    _, _, end = next(place for place in places if place[0] == Opcode.ATTACHMENT)
+    broken[end - 6] ^= 0xFF
+    path.write_bytes(broken)
+    log = open_log(path)
+    assert (log.manifest, log.foreign) == ({}, False)
+    use(log)
+    assert "manifest.json" not in log.attachments
+    assert log.damage.attachments_skipped == 1
+
+
+def test_metadata_that_are_no_json_are_left_out_and_counted(tmp_path, whole):
+    path = tmp_path / "log.mcap"
+    path.write_bytes(whole.replace(b'"done"', b"[done]", 1))
+    log = open_log(path)
+    assert log.verify().attachments_skipped == 1
+    assert log.outcome is None
+    assert log.verify().attachments_skipped == 1
+
+
 def test_a_damaged_summary_loses_nothing(tmp_path, whole, places, chunks):
     path = tmp_path / "log.mcap"
     _, start, _ = next(place for place in places if place[0] == Opcode.CHUNK_INDEX)
@@ -217,9 +239,9 @@ def test_a_scan_finds_what_the_summary_says(tmp_path, sound, whole):
     path.write_bytes(whole[:-1])
     scanned, summarised = open_log(path), open_log(sound)
     assert scanned.channels == summarised.channels
-    assert scanned._index.spans == summarised._index.spans
-    assert scanned._index.attachments == summarised._index.attachments
-    assert scanned._index.metadata == summarised._index.metadata
+    assert scanned.index.spans == summarised.index.spans
+    assert scanned.index.attachments == summarised.index.attachments
+    assert scanned.index.metadata == summarised.index.metadata
 
 
 def test_a_chunk_that_claims_to_be_huge_is_left_out(tmp_path, whole, places):

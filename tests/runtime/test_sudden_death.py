@@ -1,15 +1,18 @@
 """kill -9 loses at most the last second of wall time."""
 
 import json
+import random
 import signal
 import subprocess
 import time
 
 import pytest
+from log_verbs import VERBS, called
 from simulating import COMMAND
 from symaware_doubles import Progress
 
 from symaware_cli import open_log
+from symaware_cli.recording.digest import digest
 
 SCENARIO = """
 symaware: 1
@@ -118,3 +121,32 @@ def test_a_turn_without_end_does_not_take_what_came_before_with_it(doubles, comm
     done = command("inspect", "doomed.mcap", "--json")
     assert done.returncode == 3
     assert json.loads(done.stdout)["simulated_time"] == 4.95
+
+
+@pytest.mark.slow
+def test_after_a_kill_at_any_moment_every_verb_tells_the_loss_and_shows_what_there_is(doubles, tmp_path, monkeypatch):
+    slow = "slow: {use: doubles.sleeper, with: {duration: 0.002}}"  # or the log would take minutes to draw
+    bulk = "\n      bulk: {use: doubles.bulky}"
+    for number, wall_time in enumerate(random.Random(9).uniform(0.0, 3.0) for _ in range(10)):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        killed, turns = doomed(folder, monkeypatch, slow + bulk * (number % 2), wall_time)
+        path = folder / "doomed.mcap"
+        content = path.read_bytes()
+        promised = [now for wall, now in turns if wall <= min(killed, turns[-1][0]) - 1.0]
+        log = open_log(path)
+        assert log.damage.end_missing
+        if promised:
+            assert log.end_time >= promised[-1]
+        for verb, arguments in VERBS.items():
+            written = folder / "written" / verb
+            written.mkdir(parents=True)
+            status, output, trouble = called(arguments(path, written))
+            # A log without a single message has nothing to draw.
+            assert status == 3 or (status == 2 and log.end_time is None and not verb.startswith("inspect")), trouble
+            assert "Traceback (most recent call last)" not in output + trouble
+            assert "breaks off" in output + trouble
+        recovered = open_log(folder / "written" / "recover" / "recovered.mcap")
+        assert recovered.verify() is None
+        assert digest(recovered) == digest(log)
+        assert path.read_bytes() == content

@@ -1,0 +1,56 @@
+"""The overview of a log, for people."""
+
+from __future__ import annotations
+
+from symaware_cli.cli.terminal import size_in_words
+from symaware_cli.recording.overview import Overview
+
+
+def text(summary: Overview) -> str:
+    """Lay out the overview of a log."""
+    lines = [f"{summary.path}: {size_in_words(summary.size)}, {summary.status}"]
+    if summary.foreign:
+        lines.append(_line("origin", "not written by SymAware; only its channels can be shown"))
+    else:
+        lines.append(_line("scenario", f"{summary.name}, seed {summary.seed}, {summary.mode}"))
+        groups = ", ".join(f"{name} ({count})" for name, count in summary.agents.items())
+        lines.append(_line("agents", groups))
+        if summary.entities:
+            lines.append(_line("entities", ", ".join(summary.entities)))
+    if summary.simulated_time is not None:
+        steps = f", {summary.steps:,} steps" if summary.steps is not None else ""
+        step = f" of {summary.time_step:g} s" if steps and summary.time_step else ""
+        wall = f"; {summary.wall_time:.2f} s of wall time" if summary.wall_time is not None else ""
+        lines.append(_line("time", f"0 to {summary.simulated_time:.9g} s{steps}{step}{wall}"))
+    if summary.events:
+        lines.append(_line("events", ", ".join(f"{name} {count}" for name, count in summary.events.items())))
+    if summary.scenario:
+        lines.append(_line("attached", ", ".join(summary.scenario)))
+    if summary.versions:
+        own = [f"{name} {summary.versions[name]}" for name in ("symaware-cli", "numpy") if name in summary.versions]
+        lines.append(_line("versions", f"{', '.join(own)} and {len(summary.versions) - len(own)} more (--json)"))
+    if summary.recovered:
+        lines.append(_line("recovered", summary.recovered))
+    if summary.damage:
+        lines.append(_line("damage", summary.damage))
+    gaps = [(channel.topic, gap) for channel in summary.channels for gap in channel.gaps]
+    for topic, gap in gaps[:5]:
+        lines.append(_line("gap", f"{topic} has nothing between {gap.after:g} s and {gap.until:g} s"))
+    if len(gaps) > 5:
+        lines.append(_line("gap", f"and {len(gaps) - 5} more (--json)"))
+    return "\n".join([*lines, "", *_channels(summary)])
+
+
+def _channels(summary: Overview) -> list[str]:
+    width = max((len(channel.topic) for channel in summary.channels), default=0)
+    lines = [f"  {'channel':<{width}}  {'messages':>9}  {'rate':>9}  {'size':>8}  content"]
+    for channel in summary.channels:
+        rate = f"{channel.rate:.4g} Hz" if channel.rate else "-"
+        content = f"{channel.schema.rpartition('.')[2]} {', '.join(channel.columns)}".rstrip()
+        size = size_in_words(channel.size)
+        lines.append(f"  {channel.topic:<{width}}  {channel.messages:>9,}  {rate:>9}  {size:>8}  {content}")
+    return lines
+
+
+def _line(label: str, text: str) -> str:
+    return f"  {label:<9} {text}"

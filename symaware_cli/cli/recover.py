@@ -1,0 +1,97 @@
+"""``symaware recover``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from symaware_cli.cli.terminal import DATA_LOST, Json, print_json, size_in_words, trouble_shown
+
+if TYPE_CHECKING:
+    from symaware_cli.recording.reader import Log
+    from symaware_cli.recording.repair import Recovery
+
+
+def recover(
+    path: Annotated[Path, typer.Argument(help="A log, damaged or broken off.", metavar="LOG")],
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            help="The new log; replaced if it exists. By default LOG.recovered.mcap beside it, unless LOG is sound.",
+        ),
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Make a sound log of all that can be read of a damaged one, and tell what was lost."""
+    with trouble_shown(as_json):
+        from symaware_cli.recording.reader import open_log
+        from symaware_cli.recording.repair import recover as write
+
+        log = open_log(path)
+        if log.verify() and output is None:
+            from symaware_cli.scenario.execution import unused_path
+
+            output = unused_path(f"{path.stem}.recovered", path.parent)
+        recovery = None if output is None else write(log, output)
+    damage = log.damage
+    if as_json:
+        print_json(_plain(log, recovery))
+    else:
+        typer.echo(_text(log, recovery))
+    raise typer.Exit(DATA_LOST if damage and damage.lost else 0)
+
+
+def _plain(log: Log, recovery: Recovery | None) -> dict[str, Any]:
+    """Lay out what was recovered and what was lost for scripts; times in seconds."""
+    damage = log.damage
+    content: dict[str, Any] = {"log": str(log.path), "lost": bool(damage and damage.lost), "damage": None}
+    if damage:
+        content["damage"] = {
+            "text": str(damage),
+            "end_missing": damage.end_missing,
+            "summary_missing": damage.summary_missing,
+            "chunks": damage.chunks_skipped,
+            "attachments": damage.attachments_skipped,
+            "bytes": damage.bytes_skipped + damage.unread_bytes,
+            "gaps": [[_seconds(time) for time in gap] for gap in damage.gaps],
+            "missing_from": _seconds(damage.missing_from),
+        }
+    content["recovered"] = recovery and {
+        "log": str(recovery.path),
+        "size": recovery.size,
+        "messages": recovery.messages,
+        "chunks": recovery.chunks,
+        "attachments": recovery.attachments,
+        "start": _seconds(recovery.start_time),
+        "end": _seconds(recovery.end_time),
+    }
+    return content
+
+
+def _text(log: Log, recovery: Recovery | None) -> str:
+    if recovery is None:
+        return f"{log.path} is sound: there is nothing to recover"
+    start, end = _seconds(recovery.start_time), _seconds(recovery.end_time)
+    span = f", {start:.9g} to {end:.9g} s" if start is not None else ""
+    lines = [
+        f"{recovery.path}: {size_in_words(recovery.size)}",
+        f"  kept  {_count(recovery.messages, 'message')}{span}; {_count(recovery.attachments, 'attachment')}",
+    ]
+    damage = log.damage
+    if damage and damage.lost:
+        lines.append(f"  lost  {damage}")
+    else:
+        lines.append(f"  lost  nothing{f': {damage}' if damage else ''}")
+    return "\n".join(lines)
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number:,} {noun}{'' if number == 1 else 's'}"
+
+
+def _seconds(time: int | None) -> float | None:
+    return None if time is None else time / 1e9

@@ -1,0 +1,123 @@
+"""What an agent believed of another, put together from the messages about its awareness."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symaware_cli.recording import wire
+from symaware_cli.recording.series import Series, place_of
+
+Array = NDArray[np.float64]
+Names = tuple[tuple[str, ...], tuple[str, ...]]
+"""Names and units of columns."""
+
+_MOTION: dict[int, Names] = {
+    2 * size: ((*"xyz"[:size], *(f"v{axis}" for axis in "xyz"[:size])), ("m",) * size + ("m/s",) * size)
+    for size in (2, 3)
+}
+"""Position and velocity, by how many columns these are."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Beliefs(Series):
+    """What an agent believed of another over simulated time, (k, columns); NaN while it knew nothing of it.
+
+    Attributes:
+        covariances: (k, columns, columns) of the values; NaN where nothing was said of how sure they are.
+        ages: (k,) time since the other was last seen, s; NaN while nothing was known of it.
+    """
+
+    covariances: Array
+    ages: Array
+
+
+class _Belief(NamedTuple):
+    """What is believed at one instant."""
+
+    values: Array
+    covariance: Array | None
+    age: float
+
+
+_UNKNOWN = _Belief(np.empty(0), None, np.nan)
+
+
+def beliefs(
+    entries: Iterable[tuple[int, wire.Awareness]],
+    row: int,
+    count: int,
+    other: int,
+    truth: Callable[[int], Array],
+    state: Names,
+) -> Beliefs:
+    """Put together what one row believed of one other.
+
+    Args:
+        entries: Time in ns and message, in order.
+        row: Whose beliefs.
+        count: Rows of the group.
+        other: Whom they are about, as an index in the roster.
+        truth: Its true state at an instant in ns, which those know who know the world; (columns,).
+        state: Names and units of that state.
+
+    Raises:
+        ValueError: A message does not fit together.
+    """
+    known: dict[int, _Belief] = {}
+    true = True
+    for time, message in entries:
+        if message.world:
+            known[time] = _Belief(truth(time), None, 0.0)
+            continue
+        place = place_of(row, message.rows)
+        if place is not None:
+            true = False
+            known[time] = _belief(message, place, count if message.rows is None else len(message.rows), other)
+    columns = max((len(belief.values) for belief in known.values()), default=0)
+    values = np.full((len(known), columns), np.nan)
+    covariances = np.full((len(known), columns, columns), np.nan)
+    for number, belief in enumerate(known.values()):
+        size = len(belief.values)
+        values[number, :size] = belief.values
+        if belief.covariance is not None:
+            covariances[number, :size, :size] = belief.covariance
+    names, units = _names(state, columns, true=true, spread=any(each.covariance is not None for each in known.values()))
+    ages = np.array([belief.age for belief in known.values()], float)
+    return Beliefs(np.array(list(known), np.int64), values, names, units, covariances=covariances, ages=ages)
+
+
+def _belief(message: wire.Awareness, place: int, count: int, other: int) -> _Belief:
+    """What a message tells of one other, by the place of the row in the message."""
+    lengths = message.lengths.astype(np.int64)
+    if len(lengths) == 1:
+        lengths = np.repeat(lengths, count)
+    start = int(lengths[:place].sum())
+    found = np.flatnonzero(message.entities[start : start + int(lengths[place : place + 1].sum())] == other)
+    if not len(found):
+        return _UNKNOWN
+    index = start + int(found[-1])
+    sizes = np.broadcast_to(message.columns.astype(np.int64), message.entities.shape)
+    size, first, square = int(sizes[index]), int(sizes[:index].sum()), int((sizes[:index] ** 2).sum())
+    values = message.values[first : first + size]
+    if len(values) != size:
+        raise ValueError(f"{len(values)} numbers where {size} were announced")
+    covariance = None
+    if len(message.covariances):
+        covariance = message.covariances[square : square + size * size].reshape(size, size)
+    return _Belief(values, covariance, float(message.ages[index]) if len(message.ages) else 0.0)
+
+
+def _names(state: Names, columns: int, *, true: bool, spread: bool) -> Names:
+    """What the columns are, as far as the messages tell.
+
+    Perceptions that see others leave positions and velocities, all else a state. Where these have equally many columns,
+    only a covariance tells them apart, which a bare state never has.
+    """
+    if true or (columns == len(state[0]) and columns not in _MOTION):
+        return state
+    if columns in _MOTION and (spread or columns != len(state[0])):
+        return _MOTION[columns]
+    return (), ()

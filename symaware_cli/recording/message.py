@@ -1,0 +1,65 @@
+"""A message of a log."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from google.protobuf.message import DecodeError
+
+from symaware_cli.recording import wire
+from symaware_cli.recording.error import LogError
+from symaware_cli.recording.index import ChannelInfo
+from symaware_cli.recording.schema import MESSAGES
+
+_DECODERS: dict[str, Callable[[bytes], Any]] = {
+    message.DESCRIPTOR.full_name: message.FromString for message in MESSAGES.values()
+} | {
+    "symaware.v1.Rows": wire.decode_rows,
+    "symaware.v1.Control": wire.decode_control,
+    "symaware.v1.SeriesRows": wire.decode_series,
+    "symaware.v1.Awareness": wire.decode_awareness,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class LogMessage:
+    """A message of a log.
+
+    Attributes:
+        channel: Where it was found.
+        time: Simulated time, ns.
+        sequence: Its place among the messages of that time; /timing has a count of its own.
+        data: As serialised.
+        path: The log it is of, for what is said of it.
+    """
+
+    channel: ChannelInfo
+    time: int
+    sequence: int
+    data: bytes
+    path: Path | None = None
+
+    def decode(self) -> Any:
+        """Decode it.
+
+        Returns:
+            A `wire.Rows`, `wire.Control`, `wire.SeriesRows` or `wire.Awareness`; for other messages of ours the
+            generated class.
+
+        Raises:
+            LogError: It is not one of our messages, or it is damaged.
+        """
+        decode = _DECODERS.get(self.channel.schema)
+        if decode is None or self.channel.encoding != "protobuf":
+            kind = self.channel.schema or "no schema"
+            raise LogError(f"the messages on {self.channel.topic} ({kind}){self._origin} are not ours")
+        try:
+            return decode(self.data)
+        except (ValueError, DecodeError) as error:
+            place = f"on {self.channel.topic} at {self.time} ns{self._origin}"
+            raise LogError(f"the message {place} is no {self.channel.schema}") from error
+
+    @property
+    def _origin(self) -> str:
+        return f" in {self.path}" if self.path else ""

@@ -1,0 +1,172 @@
+"""A sound log out of what can be read of a damaged one.
+
+Chunks are copied as they are, unpacked only to check them and to index their messages; a chunk is taken whole or not at
+all. The beginning of one that was cut off could be unpacked, too, but its checksum is of the whole, so nothing would
+tell whether those messages are what was written.
+"""
+
+import json
+import os
+import zlib
+from collections.abc import Iterator, Mapping, Sequence, Set
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import zstandard
+from mcap.records import Attachment, Chunk, DataEnd, Metadata, MetadataIndex
+
+from symaware_cli.recording.index import FRAME, Span, Unsound, message_positions, parse, read_at, read_span
+from symaware_cli.recording.output import whole_file
+from symaware_cli.recording.reader import Log
+from symaware_cli.recording.recovery import Damage
+from symaware_cli.recording.schema import MAGIC, RECOVERY
+from symaware_cli.recording.summary import Summary, indexed, serialise
+
+
+@dataclass(frozen=True, slots=True)
+class Recovery:
+    """What was recovered, and what was lost.
+
+    Attributes:
+        path: The new log.
+        size: Its size, bytes.
+        messages: How many it holds.
+        chunks: How many it holds.
+        attachments: How many it holds.
+        start_time: Simulated time of the first message, ns; None without messages.
+        end_time: Simulated time of the last message, ns; None without messages.
+        damage: What was wrong with the old log; None if nothing was.
+    """
+
+    path: Path
+    size: int
+    messages: int
+    chunks: int
+    attachments: int
+    start_time: int | None
+    end_time: int | None
+    damage: Damage | None
+
+
+def recover(log: Log, path: str | os.PathLike[str]) -> Recovery:
+    """Write everything that can be read of a log into a new one, which is sound.
+
+    Messages keep their order, channels their numbers, chunks their compression. Messages outside chunks, which other
+    people's writers leave, are put into chunks. If the log was damaged, the metadata record `symaware.recovery` of the
+    new one tells what was lost. Memory holds one chunk or attachment at a time, and some 200 bytes for each chunk.
+
+    Args:
+        log: The log, which is left as it is.
+        path: The new one; what is there is replaced once the new one is complete.
+
+    Raises:
+        LogError: The log cannot be read any more, or the new one cannot be written; then nothing is left behind.
+    """
+    path = Path(path)
+    with whole_file(path, log.path) as partial, open(partial, "wb") as file:
+        copy = _Copy(file, log)
+        for attachment in log.attachment_records():
+            copy.attach(attachment)
+        for chunk, positions in _chunks(log):
+            copy.add(chunk, positions)
+        # First of all, as these may turn out to be damaged once their JSON is read.
+        earlier, _ = log.recovery, log.outcome
+        for record in log.metadata_records():
+            if record.name != RECOVERY or not log.damage:
+                copy.metadata(record)
+        if log.damage:
+            copy.metadata(Metadata(RECOVERY, _told(log, log.damage, earlier)))
+        copy.close()
+    summary = copy.summary
+    return Recovery(
+        path=path,
+        size=copy.size,
+        messages=sum(summary.counts.values()),
+        chunks=summary.chunk_count,
+        attachments=len(summary.attachments),
+        start_time=summary.start_time,
+        end_time=None if summary.start_time is None else summary.end_time,
+        damage=log.damage,
+    )
+
+
+def _told(log: Log, damage: Damage, earlier: dict[str, Any] | None) -> dict[str, str]:
+    """What the new log says of its origin, each value as JSON."""
+    content = asdict(damage) | {"log": log.path.name, "lost": damage.lost, "text": str(damage), "earlier": earlier}
+    return {key: json.dumps(value, sort_keys=True) for key, value in sorted(content.items())}
+
+
+def _chunks(log: Log) -> Iterator[tuple[Chunk, dict[int, list[int]]]]:
+    """Read the chunks that are sound, each with the positions of its messages."""
+    with log.opened() as source:
+        for span in list(log.index.spans):
+            try:
+                chunk, positions = _chunk(source, span, log.index.channels.keys())
+            except Unsound:
+                log.leave_out(span)
+            else:
+                yield chunk, positions
+
+
+def _chunk(source: BinaryIO, span: Span, channels: Set[int]) -> tuple[Chunk, dict[int, list[int]]]:
+    """Read a span as a chunk.
+
+    Returns:
+        The chunk, and by number of the channel the time and offset of each message in it, one after the other.
+
+    Raises:
+        Unsound: It is damaged.
+    """
+    records = read_span(source, span)
+    if span.chunk:
+        chunk = parse(Chunk, read_at(source, span.offset + FRAME.size, span.length - FRAME.size))
+    else:
+        chunk = Chunk("zstd", zstandard.ZstdCompressor(level=1).compress(records), 0, 0, 0, len(records))
+    positions = message_positions(records)
+    if not positions.keys() <= channels:
+        raise Unsound("a message is of a channel that is missing")
+    times = [time for entries in positions.values() for time in entries[::2]]
+    # No checksum covers the times in the head of a chunk; the messages know better.
+    chunk.message_start_time, chunk.message_end_time = min(times, default=0), max(times, default=0)
+    chunk.uncompressed_crc = zlib.crc32(records)
+    return chunk, positions
+
+
+class _Copy:
+    """A sound log in the making."""
+
+    def __init__(self, file: BinaryIO, log: Log) -> None:
+        index = log.index
+        self.size = 0
+        self.summary = Summary(
+            schemas={str(number): schema for number, schema in index.schemas.items()},
+            channels=list(index.channels.values()),
+        )
+        self._file = file
+        self._write(MAGIC + serialise(index.header, *index.schemas.values(), *index.channels.values()))
+
+    def attach(self, attachment: Attachment) -> None:
+        """Add an attachment."""
+        self.summary.add_attachment(attachment, self.size, self._write(serialise(attachment)))
+
+    def metadata(self, record: Metadata) -> None:
+        """Add a metadata record."""
+        self.summary.metadata.append(MetadataIndex(self.size, self._write(serialise(record)), record.name))
+
+    def add(self, chunk: Chunk, positions: Mapping[int, Sequence[int]]) -> None:
+        """Add a chunk, unless there is no message in it."""
+        if positions:
+            records, index = indexed(chunk, self.size, positions)
+            self._write(records)
+            self.summary.add_chunk(index, {number: len(entries) // 2 for number, entries in positions.items()})
+
+    def close(self) -> None:
+        """Add what stands behind the messages."""
+        self._write(serialise(DataEnd(data_section_crc=0)))
+        self._write(self.summary.serialise(self.size))
+
+    def _write(self, data: bytes | bytearray) -> int:
+        self._file.write(data)
+        self.size += len(data)
+        return len(data)

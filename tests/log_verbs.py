@@ -1,0 +1,47 @@
+"""Every verb that reads a log. One that is new needs an entry here, and is tried with every bad log there is."""
+
+import io
+from collections.abc import Callable, Sequence
+from contextlib import redirect_stderr, redirect_stdout
+from pathlib import Path
+
+from typer.main import get_command
+
+from symaware_cli.cli.application import application
+
+VERBS: dict[str, Callable[[Path, Path], list[object]]] = {
+    "inspect": lambda log, folder: ["inspect", log],
+    "inspect --json": lambda log, folder: ["inspect", log, "--json"],
+    "inspect --events": lambda log, folder: ["inspect", log, "--events"],
+    "inspect --messages": lambda log, folder: ["inspect", log, "--messages", "--json"],
+    "inspect --contacts": lambda log, folder: ["inspect", log, "--contacts"],
+    "inspect --series": lambda log, folder: ["inspect", log, "--series", "robot:world:x"],
+    "inspect --digest": lambda log, folder: ["inspect", log, "--digest"],
+    "recover": lambda log, folder: ["recover", log, "--output", folder / "recovered.mcap"],
+    "replay": lambda log, folder: ["replay", log, "--save", folder / "replay.rrd"],
+    "plot": lambda log, folder: ["plot", log, "--output", folder / "plot.png", "--dpi", 20],
+    "export csv": lambda log, folder: ["export", log, "--to", "csv", "--output", folder / "tables"],
+    "export parquet": lambda log, folder: ["export", log, "--to", "parquet", "--output", folder / "tables"],
+    "export foxglove": lambda log, folder: ["export", log, "--to", "foxglove", "--output", folder / "foxglove.mcap"],
+}
+"""What each verb that reads a log is called with: the log, and an empty folder to write into."""
+
+QUICK = ("inspect", "recover")
+"""These take milliseconds."""
+
+DRAWING = ("replay", "plot")
+"""These take a second."""
+
+_COMMAND = get_command(application)
+
+
+def called(arguments: Sequence[object]) -> tuple[int, str, str]:
+    """Run the command in this process."""
+    output, trouble = io.StringIO(), io.StringIO()
+    with redirect_stdout(output), redirect_stderr(trouble):
+        try:
+            _COMMAND.main([str(each) for each in arguments])
+            status = 0
+        except SystemExit as end:
+            status = int(end.code or 0)
+    return status, output.getvalue(), trouble.getvalue()
