@@ -1,0 +1,261 @@
+"""Robust model predictive control over a scenario tree."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
+
+import casadi
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from symaware_aircraft.prediction import check_aircraft, check_poses, course, rollout
+from symaware_aircraft.tree import ScenarioTree, ThirdBranch
+from symaware_cli import (
+    Agent,
+    AgentGroup,
+    AwarenessDatabase,
+    Component,
+    KnowledgeDatabase,
+    Level,
+    Model,
+    Parameters,
+    Quantity,
+    TimeSeries,
+    seconds,
+)
+from symaware_cli.optimal_control import OptimalControlProblem, Plan, Solution, Solver
+
+Array = NDArray[np.float64]
+Weight = Annotated[float, Field(ge=0)]
+
+#: Where those are thought to be who are not known of, so that they are in nobody's way [m].
+_NOWHERE = 1e6
+#: IPOPT as in the published runs: a barrier that is small from the beginning, and stays.
+_RECORDED_BARRIER = 1e-4
+
+
+class _Turn(NamedTuple):
+    """What a turn of the controller came to."""
+
+    plan: Plan
+    solution: Solution
+    fan: Array
+    risk: float
+
+
+class ScenarioTreeMPC(Component):
+    """Flies to its target and keeps clear of others in every scenario of what they may do.
+
+    A robust model predictive controller. It knows the intent of each other, as `aircraft.intent` estimates it, but not
+    how the other really turns during the next few steps: for that there is a scenario tree, in which the other turns
+    as far as it can to either side or takes a third branch in each step, and then goes on as intended. All scenarios
+    are rolled out from where the other is perceived to be; the one plan of this agent keeps the separation from all of
+    them. It begins with the previous plan, shifted by a step.
+
+    It sets the control input; the plan as intent; all scenarios as uncertainty, at the times of the plan; and as risk
+    the share of scenarios that come closer to the plan than the risk margin. Where all solvers fail within their
+    budgets it follows what is left of the previous plan, and `fell-back` tells of it.
+    """
+
+    knowledge: ClassVar = {"target": "where to fly, as x [m], y [m] and heading [rad]"}
+    events: ClassVar = {"fell-back": "No solver found a plan within its budget; the shifted previous one is followed."}
+
+    class Parameters(Parameters):
+        """The program, the scenarios and the solver."""
+
+        horizon: int = Field(30, ge=1, le=1000, description="N: how far ahead to plan, in steps of the world.")
+        robust_horizon: int = Field(
+            3,
+            ge=0,
+            le=5,
+            description="N_r: for how many steps the others may turn as they like; 3^N_r scenarios for each. With 0 "
+            "their intent is the only one.",
+        )
+        third_branch: ThirdBranch = Field(
+            "paper",
+            description="Besides turning to the left and right: `paper` turns as intended; `recorded` goes straight, "
+            "keeps the intent as one scenario more, and leaves the others out at the end of the horizon, as the "
+            "published runs did.",
+        )
+        others: int = Field(1, ge=1, le=50, description="How many others to look at: the nearest ones that are known.")
+        avoid: bool = Field(True, description="Whether to keep clear of them; if not, they are watched only.")
+        others_turn_rate: float = Field(0.07, gt=0, description="Greatest turn rate of the others [rad/s].")
+        separation: float = Field(
+            math.sqrt(2000.0), gt=0, description="rho: the least distance to keep from everybody's centre [m]."
+        )
+        risk_margin: float = Field(60.0, gt=0, description="A scenario that comes closer than this is a threat [m].")
+        state_weights: tuple[Weight, Weight, Weight] = Field(
+            (0.1, 0.1, 0.1),
+            description="Q: weights of the squared distances from the target at each stage [1/m^2, 1/m^2, 1/rad^2].",
+        )
+        terminal_weights: tuple[Weight, Weight, Weight] = Field(
+            (1.0, 1.0, 1.0), description="Q_f: likewise at the end of the horizon."
+        )
+        smoothing: Weight = Field(
+            5.5e6, description="Weight of the squared change of the turn rate from stage to stage [s^2/rad^2]."
+        )
+        min_speed: float | None = Field(None, description="Least speed to plan with [m/s]; that of the model if null.")
+        max_speed: float | None = Field(
+            None, gt=0, description="Greatest speed to plan with [m/s]; that of the model if null."
+        )
+        max_turn_rate: float | None = Field(
+            None, gt=0, description="Greatest turn rate to plan with [rad/s]; that of the model if null."
+        )
+        integrator: Literal["exact", "rk4", "euler"] = Field(
+            "euler", description="How the own motion is predicted; best as the world moves."
+        )
+        solver: Literal["fatrop", "ipopt", "recorded"] = Field(
+            "fatrop",
+            description="`fatrop`, with IPOPT where it fails; `ipopt`; or `recorded`: IPOPT on the program without "
+            "scaling and with the settings of the published runs.",
+        )
+        iterations: int = Field(300, ge=1, description="The most iterations of a solver in a step.")
+        wall_time: float | None = Field(
+            None,
+            gt=0,
+            description="The most wall time of a solver in a step [s], for runs at the pace of real time only: with it "
+            "a run does not repeat. No limit if null.",
+        )
+
+    def check(self, group: AgentGroup) -> None:
+        """It is an aircraft that knows a pose to fly to, and the limits leave something to choose."""
+        check_aircraft(group)
+        check_poses(group, "target")
+        low, high = program(group.model, self.parameters, 1.0).input_bounds
+        if (low > high).any():
+            raise ValueError(f"no speed or no turn rate is left between {low.tolist()} and {high.tolist()}")
+
+    def series_quantities(self, group: AgentGroup) -> Mapping[str, Sequence[Quantity]]:
+        """The plan as states; a position for each scenario; one risk."""
+        parameters = self.parameters
+        count = parameters.others * _tree(parameters).count
+        fan = [Quantity(f"{axis}.{number}", "m") for number in range(count) for axis in "xy"]
+        return {"intent": group.model.state, "uncertainty": fan, "risk": [Quantity("risk", "1")]}
+
+    def initialise_component(
+        self,
+        agent: Agent,
+        initial_awareness_database: AwarenessDatabase,
+        initial_knowledge_database: Mapping[str, KnowledgeDatabase],
+    ) -> None:
+        """Build the program."""
+        super().initialise_component(agent, initial_awareness_database, initial_knowledge_database)
+        self._step = seconds(self.environment.time_step)
+        self._tree = _tree(self.parameters)
+        problem = program(agent.group.model, self.parameters, self._step)
+        self._solver = solver(problem, self.parameters)
+        #: What the first guess holds on to: straight on at the greatest speed.
+        self._straight = np.array([problem.input_bounds[1][0], 0.0])
+        #: What was decided in the turn before, and where its solver ended.
+        self._plan: Plan | None = None
+        self._iterate: Plan | None = None
+
+    def _compute(self) -> _Turn:
+        agent = self.agent
+        state, fan = agent.self_state, self._fan()
+        values: dict[str, Any] = {"target": agent.self_knowledge["target"]}
+        if self.parameters.avoid:
+            values["scenarios"] = np.nan_to_num(fan, nan=_NOWHERE).transpose(1, 2, 0)
+        if self._plan is None or self._iterate is None:
+            rest = guess = self._solver.rollout(state, self._straight)
+        else:
+            rest, guess = self._plan.shifted(), self._iterate.shifted()
+        solution = self._solver.solve(state, values, previous_input=agent.control_input, guess=guess)
+        plan = solution.plan if solution.solved else rest
+        return _Turn(plan, solution, fan, self._risk(plan, fan))
+
+    def _update(self, value: _Turn) -> None:
+        self._plan = value.plan
+        # A solver that ran out of its budget goes on where it was, which ends sooner than to begin again.
+        iterate = value.solution.plan
+        finite = np.isfinite(iterate.states).all() and np.isfinite(iterate.inputs).all()
+        self._iterate = iterate if finite else value.plan
+        awareness = self.agent.self_awareness
+        self.agent.model.control_input = value.plan.inputs[0]
+        times = self.now + np.arange(len(value.plan.states)) * self.environment.time_step
+        awareness.intent = TimeSeries.sampled(times, value.plan.states)
+        awareness.uncertainty = TimeSeries.sampled(times, value.fan.swapaxes(0, 1).reshape(len(times), -1))
+        awareness.risk = TimeSeries({self.time: value.risk})
+        if not value.solution.solved:
+            self.emit(
+                "fell-back",
+                f"{value.solution.solver} gave up: {value.solution.status}",
+                level=Level.WARNING,
+                solver=value.solution.solver,
+                status=value.solution.status,
+                iterations=value.solution.iterations,
+                infeasibility=value.solution.infeasibility,
+            )
+
+    def _fan(self) -> Array:
+        """Where the nearest others are in each scenario, NaN for those not known of; shape (others * M, N + 1, 2)."""
+        parameters, tree, database = self.parameters, self._tree, self.agent.awareness_database
+        fan = np.full((parameters.others, tree.count, parameters.horizon + 1, 2), np.nan)
+        own = self.agent.self_state[:2]
+        known = [database[id] for id in database if id != self.agent.id]
+        known.sort(key=lambda other: float(np.hypot(*(other.state[:2] - own))))
+        for slot, other in zip(fan, known, strict=False):
+            pose, speeds, intended = course(other, self.now, parameters.horizon, self._step)
+            slot[:] = rollout(pose, speeds, tree.turn_rates(intended), self._step)[:, :, :2]
+        return fan.reshape(-1, parameters.horizon + 1, 2)
+
+    def _risk(self, plan: Plan, fan: Array) -> float:
+        """The share of scenarios in which a plan comes closer to others than the margin."""
+        known = fan[~np.isnan(fan[:, 0, 0])]
+        if not len(known):
+            return 0.0
+        squares = np.square(known - plan.states[:, :2]).sum(axis=2)
+        return float(np.mean(squares.min(axis=1) < self.parameters.risk_margin**2))
+
+
+def _tree(parameters: ScenarioTreeMPC.Parameters) -> ScenarioTree:
+    return ScenarioTree(
+        parameters.horizon, parameters.robust_horizon, parameters.others_turn_rate, parameters.third_branch
+    )
+
+
+def program(model: Model, parameters: ScenarioTreeMPC.Parameters, step: float) -> OptimalControlProblem:
+    """The optimal control problem of a turn, with the parameters ``target`` (3,) and ``scenarios`` (2, others * M).
+
+    Args:
+        model: The dynamics of the agent.
+        parameters: Of the controller.
+        step: Of the horizon [s].
+    """
+    problem = OptimalControlProblem(model, steps=parameters.horizon, time_step=step, integrator=parameters.integrator)
+    state, turn_rate, before = problem.state, problem.control_input[1], problem.previous_input[1]
+    offset = state - problem.parameter("target", 3)
+    problem.add_cost(casadi.dot(casadi.DM(parameters.state_weights), offset**2))
+    problem.add_terminal_cost(casadi.dot(casadi.DM(parameters.terminal_weights), offset**2))
+    if parameters.horizon > 1:
+        problem.add_cost(parameters.smoothing * (turn_rate - before) ** 2, stages=range(1, parameters.horizon))
+    slowest, fastest, turn = parameters.min_speed, parameters.max_speed, parameters.max_turn_rate
+    problem.bound_input(
+        [-math.inf if slowest is None else slowest, -math.inf if turn is None else -turn],
+        [math.inf if fastest is None else fastest, math.inf if turn is None else turn],
+    )
+    if parameters.avoid:
+        tree, square = _tree(parameters), parameters.separation**2
+        scenarios = problem.parameter("scenarios", (2, parameters.others * tree.count), per_stage=True)
+        apart = casadi.sum1((scenarios - state[:2]) ** 2).T
+        scale = 1.0 if parameters.solver == "recorded" else square
+        last = parameters.horizon
+        for stages, counting in zip((range(1, last), [last]), tree.counting, strict=True):
+            chosen = np.flatnonzero(np.tile(counting, parameters.others)).tolist()
+            if stages:
+                problem.add_constraint(apart[chosen], lower=square, stages=stages, scale=scale)
+    return problem
+
+
+def solver(problem: OptimalControlProblem, parameters: ScenarioTreeMPC.Parameters) -> Solver:
+    """What solves the problem, as parameters of the controller say."""
+    budget: dict[str, Any] = {"iterations": parameters.iterations, "wall_time": parameters.wall_time}
+    if parameters.solver == "recorded":
+        target = {"ipopt": {"ipopt.mu_target": _RECORDED_BARRIER}}
+        return Solver(problem, ["ipopt"], tolerance=1e-8, barrier=_RECORDED_BARRIER, options=target, **budget)
+    names = ["fatrop", "ipopt"] if parameters.solver == "fatrop" else ["ipopt"]
+    # Measured on the case study: of barriers and scales of the cost these take the fewest iterations.
+    return Solver(problem, names, tolerance=1e-6, barrier=1e-2, cost_scale=1e-3, **budget)

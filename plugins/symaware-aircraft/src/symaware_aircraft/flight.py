@@ -1,0 +1,87 @@
+"""Flying a Dubins path, and being blown off it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from symaware_aircraft.dubins import Sampling, shortest_path
+from symaware_aircraft.prediction import POSE, check_aircraft, check_poses, rollout
+from symaware_cli import (
+    Agent,
+    AgentGroup,
+    AwarenessDatabase,
+    Controller,
+    KnowledgeDatabase,
+    Parameters,
+    Quantity,
+    TimeSeries,
+    seconds,
+)
+
+Array = NDArray[np.float64]
+
+
+class DubinsFlight(Controller):
+    """Flies the shortest Dubins path to its waypoint at a constant speed, and straight on behind it.
+
+    The turn rates are planned once, from the state believed at the start, and flown without feedback; what
+    `turn_noise` and `turn_bias` add is not corrected. The intent is where the planned turn rates lead to from here.
+    """
+
+    knowledge: ClassVar = {"waypoint": "where to fly, as x [m], y [m] and heading [rad]"}
+
+    class Parameters(Parameters):
+        """How to fly."""
+
+        speed: float = Field(10.0, gt=0, description="Speed [m/s].")
+        turn_rate: float = Field(0.07, gt=0, description="Turn rate of the planned arcs, to either side [rad/s].")
+        sampling: Sampling = Field(
+            "mean",
+            description="How turn rates follow from the path: `mean` keeps its heading at every step; `recorded` turns "
+            "in whole steps, as the published runs of the case study did.",
+        )
+        turn_noise: float = Field(
+            0.0, ge=0, description="The most that chance adds to the turn rate in a step, to either side [rad/s]."
+        )
+        turn_bias: float = Field(0.0, description="What is added to the turn rate in every step [rad/s].")
+
+    def check(self, group: AgentGroup) -> None:
+        """It is an aircraft, and the waypoint a pose."""
+        check_aircraft(group)
+        check_poses(group, "waypoint")
+
+    def series_quantities(self, group: AgentGroup) -> Mapping[str, Sequence[Quantity]]:
+        """The intent is a series of poses."""
+        return {"intent": POSE}
+
+    def initialise_component(
+        self,
+        agent: Agent,
+        initial_awareness_database: AwarenessDatabase,
+        initial_knowledge_database: Mapping[str, KnowledgeDatabase],
+    ) -> None:
+        """Plan the flight."""
+        super().initialise_component(agent, initial_awareness_database, initial_knowledge_database)
+        parameters = self.parameters
+        self._step = seconds(self.environment.time_step)
+        path = shortest_path(
+            agent.self_state, agent.self_knowledge["waypoint"], parameters.speed / parameters.turn_rate
+        )
+        self._turn_rates = path.turn_rates(parameters.speed, self._step, parameters.sampling)
+        self._begun = self.now
+
+    def _compute(self) -> tuple[Array, TimeSeries]:
+        parameters = self.parameters
+        passed = (self.now - self._begun) // self.environment.time_step
+        planned = self._turn_rates[passed:] if passed < len(self._turn_rates) else np.zeros(1)
+        turn_rate = planned[0] + parameters.turn_bias
+        if parameters.turn_noise:
+            turn_rate += self.random.uniform(-parameters.turn_noise, parameters.turn_noise)
+        poses = rollout(self.agent.self_state, parameters.speed, planned[None], self._step)[0]
+        times = self.now + np.arange(len(poses)) * self.environment.time_step
+        return np.array([parameters.speed, turn_rate]), TimeSeries.sampled(times, poses)

@@ -1,0 +1,180 @@
+"""Intents of others: as they tell them, or as one assumes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, ClassVar, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from symaware_aircraft.dubins import Sampling, shortest_path
+from symaware_aircraft.prediction import check_poses, rollout
+from symaware_cli import (
+    Agent,
+    AgentGroup,
+    AwarenessDatabase,
+    AwarenessVector,
+    CommunicationReceiver,
+    CommunicationSender,
+    KnowledgeDatabase,
+    Message,
+    Parameters,
+    TimeSeries,
+    nanoseconds,
+    seconds,
+)
+
+Array = NDArray[np.float64]
+
+
+class TellWaypoint(CommunicationSender):
+    """Tells everybody its waypoint, and where it is as it says so."""
+
+    knowledge: ClassVar = {"waypoint": "where to fly, as x [m], y [m] and heading [rad]"}
+
+    class Parameters(Parameters):
+        """How often."""
+
+        period: float = Field(10.0, ge=0, description="Simulated time between two messages to the same agent [s].")
+
+    _due = 0
+
+    def check(self, group: AgentGroup) -> None:
+        """The waypoint is a pose."""
+        check_poses(group, "waypoint")
+
+    def _compute(self) -> Iterable[Message]:
+        if self.now < self._due:
+            return ()
+        agent = self.agent
+        payload = {"waypoint": agent.self_knowledge["waypoint"], "state": agent.self_state}
+        others = (id for id in self.environment.roster.ids if id != agent.id)
+        return [Message(agent.id, other, payload, kind="waypoint") for other in others]
+
+    def _update(self, value: Iterable[Message]) -> None:
+        super()._update(value)
+        if value:
+            self._due = self.now + nanoseconds(self.parameters.period)
+
+
+class _FlightPlan(NamedTuple):
+    """What somebody is thought to fly: turn rates [rad/s] of each step since an instant [ns], to a waypoint."""
+
+    waypoint: tuple[float, ...]
+    begun: int
+    turn_rates: Array
+
+
+class Intent(CommunicationReceiver):
+    """Estimates what others intend: the Dubins path to the waypoint they told, else straight flight.
+
+    With the source ``communication``, a message of `aircraft.tell-waypoint` gives a flight plan: the shortest path from
+    where the sender was when it sent it. A message is read a step after it was sent. Who shall know from the start
+    what others intend gets it as knowledge, as if a flight plan had been filed: `waypoints`, a mapping from ids to
+    poses; what is told later replaces it there. Of who has told nothing straight flight is assumed, as of everybody
+    with the source ``straight``.
+
+    It updates the awareness of others with their intent: poses, from where they are perceived to be now, one for each
+    step of the world. Put it behind a perception of whole states, such as `perception.omniscient`.
+    """
+
+    class Parameters(Parameters):
+        """What is assumed of others."""
+
+        source: Literal["communication", "straight"] = Field(
+            "communication",
+            description="Where intents come from: what others tell, or the assumption of straight flight.",
+        )
+        speed: float = Field(10.0, gt=0, description="Speed at which others fly [m/s].")
+        turn_rate: float = Field(0.07, gt=0, description="Turn rate of their planned arcs, to either side [rad/s].")
+        horizon: int = Field(30, ge=1, le=10_000, description="How far ahead an intent reaches, in steps of the world.")
+        sampling: Sampling = Field(
+            "mean", description="How turn rates follow from the path; `symaware show aircraft.dubins` says it."
+        )
+
+    def check(self, group: AgentGroup) -> None:
+        """Waypoints that are known from the start are poses."""
+        for knowledge in group.knowledge:
+            for id, waypoint in _filed(knowledge).items():
+                _pose(waypoint, f"the waypoint of `{id}`")
+
+    def initialise_component(
+        self,
+        agent: Agent,
+        initial_awareness_database: AwarenessDatabase,
+        initial_knowledge_database: Mapping[str, KnowledgeDatabase],
+    ) -> None:
+        """Begin without flight plans; those that are known are made when it is seen where they begin."""
+        super().initialise_component(agent, initial_awareness_database, initial_knowledge_database)
+        self._step = seconds(self.environment.time_step)
+        self._plans: dict[str, _FlightPlan] = {}
+
+    def _update(self, value: Sequence[Message]) -> None:
+        if self.parameters.source == "communication":
+            for message in value:
+                if message.kind == "waypoint":
+                    self._hear(message)
+        database = self.agent.awareness_database
+        for id in [id for id in database if id != self.agent.id]:
+            known, world = database.others.get(id), database.world
+            state = database[id].state if world is None or id not in world.roster else world.state(id)
+            intent = self._intent(id, _pose(state, f"what is perceived of `{id}`"))
+            if known is None:
+                database[id] = AwarenessVector(id, state, intent)
+            else:
+                database[id] = AwarenessVector(id, state, intent, known.uncertainty, known.risk)
+
+    def _hear(self, message: Message) -> None:
+        """Make a flight plan of what was told, unless nothing is new."""
+        sender, waypoint = message.sender, message.payload["waypoint"]
+        told = _pose(waypoint, f"the waypoint that {sender} told")
+        plan = self._plans.get(sender)
+        if plan is None or plan.waypoint != tuple(told.tolist()):
+            self._plan(sender, told, message.payload["state"], message.sent_time)
+            knowledge = self.agent.self_knowledge
+            knowledge["waypoints"] = {**_filed(knowledge), sender: told.tolist()}
+
+    def _plan(self, id: str, waypoint: Array, state: Array, begun: int) -> _FlightPlan:
+        parameters = self.parameters
+        path = shortest_path(state, waypoint, parameters.speed / parameters.turn_rate)
+        turn_rates = path.turn_rates(parameters.speed, self._step, parameters.sampling)
+        plan = self._plans[id] = _FlightPlan(tuple(waypoint.tolist()), begun, turn_rates)
+        return plan
+
+    def _intent(self, id: str, pose: Array) -> TimeSeries:
+        """Where somebody who is perceived at a pose is going to be."""
+        parameters = self.parameters
+        turn_rates = np.zeros(parameters.horizon)
+        plan = self._plans.get(id)
+        if plan is None and parameters.source == "communication":
+            filed = _filed(self.agent.self_knowledge).get(id)
+            if filed is not None:
+                plan = self._plan(id, _pose(filed, f"the waypoint of `{id}`"), pose, self.now)
+        if plan is not None:
+            passed = (self.now - plan.begun) // self.environment.time_step
+            ahead = plan.turn_rates[passed : passed + parameters.horizon]
+            turn_rates[: len(ahead)] = ahead
+        poses = rollout(pose, parameters.speed, turn_rates[None], self._step)[0]
+        return TimeSeries.sampled(self.now + np.arange(len(poses)) * self.environment.time_step, poses)
+
+
+def _filed(knowledge: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The waypoints that are known, by id."""
+    waypoints = knowledge.get("waypoints")
+    if waypoints is None:
+        return {}
+    if not isinstance(waypoints, Mapping):
+        raise ValueError("`waypoints` must be a mapping from ids to x [m], y [m] and heading [rad]")
+    return waypoints
+
+
+def _pose(value: Any, what: str) -> Array:
+    try:
+        pose = np.asarray(value, float)
+    except (TypeError, ValueError):
+        pose = np.empty(0)
+    if pose.shape != (3,):
+        raise ValueError(f"{what} must be x [m], y [m] and heading [rad], not {value}")
+    return pose

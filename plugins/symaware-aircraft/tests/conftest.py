@@ -1,0 +1,64 @@
+"""Flights: scenarios of the package, run by the command line and read from their logs."""
+
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from symaware_cli import open_log
+
+SCENARIOS = Path(__file__).parent.parent / "scenarios"
+
+
+class Flight(NamedTuple):
+    """A run.
+
+    Attributes:
+        log: What was recorded.
+        own: The true states of the ownship; shape (steps + 1, 3).
+        intruder: Those of the intruder, or of intruder.0.
+    """
+
+    log: object
+    own: NDArray[np.float64]
+    intruder: NDArray[np.float64]
+
+    @property
+    def separation(self) -> NDArray[np.float64]:
+        """The distance at every step [m]; shape (steps + 1,)."""
+        return np.hypot(*(self.own - self.intruder)[:, :2].T)
+
+    def events(self, name: str) -> list[object]:
+        """The events of a name."""
+        return [event for event in self.log.events() if event.name == name]
+
+
+def command(*arguments: object) -> subprocess.CompletedProcess[str]:
+    """Run a verb of the command line."""
+    line = [sys.executable, "-P", "-m", "symaware_cli", *map(str, arguments)]
+    return subprocess.run(line, capture_output=True, text=True, timeout=300, check=False)
+
+
+@pytest.fixture(scope="session")
+def fly(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Flight]:
+    """Run a scenario of the package, once for the same values."""
+    flown: dict[tuple[object, ...], Flight] = {}
+
+    def fly(scenario: str, *overrides: str, seed: int = 0) -> Flight:
+        key = scenario, overrides, seed
+        if key not in flown:
+            path = tmp_path_factory.mktemp("flight") / "flight.mcap"
+            sets = [word for override in overrides for word in ("--set", override)]
+            done = command("run", SCENARIOS / scenario, "--quiet", "--output", path, "--seed", seed, *sets)
+            assert done.returncode == 0, done.stderr
+            log = open_log(path)
+            name = "intruder" if "intruder" in log.manifest["roster"] else "intruder.0"
+            flown[key] = Flight(log, *(log.series(id, "world").values for id in ("ownship", name)))
+        return flown[key]
+
+    return fly

@@ -1,0 +1,76 @@
+"""Intents are what others told, from the step after they told it; else straight flight."""
+
+import numpy as np
+from conftest import SCENARIOS, command
+
+AVOIDANCE = SCENARIOS / "intent-avoidance.yaml"
+
+
+def predicted(flight, scenario):
+    """Where a scenario of the fan has the intruder, by the second at which it was predicted."""
+    found = {}
+    for message in flight.log.messages("/agents/ownship/uncertainty"):
+        series = message.decode()
+        found[message.time // 10**9] = np.asarray(series.values)[:, 2 * scenario : 2 * scenario + 2]
+    return found
+
+
+def test_a_waypoint_that_is_told_is_known_in_the_next_step(fly):
+    flight = fly("intent-avoidance.yaml")
+    intents = predicted(flight, 27)
+    # Before it is told, straight flight is assumed; then the prediction is what will come true.
+    np.testing.assert_allclose(intents[0], [(-120 + 10 * k, 90) for k in range(31)], atol=1e-9)
+    for k in (1, 20, 52):
+        np.testing.assert_allclose(intents[k], flight.intruder[k : k + 31, :2], atol=1e-9)
+
+
+def test_what_was_told_becomes_knowledge_that_is_recorded(fly):
+    flight = fly("intent-avoidance.yaml")
+    messages = list(flight.log.messages("/agents/ownship/knowledge"))
+    assert messages[-1].time == 10**9
+    assert '"waypoints": {"intruder": [600.0, 450.0, 0.0]}' in messages[-1].decode().values[0]
+
+
+def test_a_filed_flight_plan_is_known_from_the_start(fly):
+    flight = fly("with-intent.yaml")
+    np.testing.assert_allclose(predicted(flight, 0)[0], flight.intruder[:31, :2], atol=1e-6)
+
+
+def test_without_intent_everybody_is_thought_to_fly_straight_on(fly):
+    flight = fly("without-intent.yaml")
+    intents = predicted(flight, 0)
+    for k in (0, 5, 20):
+        x, y, heading = flight.intruder[k]
+        ahead = 10.0 * np.arange(31)
+        straight = np.stack([x + ahead * np.cos(heading), y + ahead * np.sin(heading)], axis=1)
+        np.testing.assert_allclose(intents[k], straight, atol=1e-9)
+
+
+def test_the_waypoint_is_told_again_now_and_then(fly):
+    told = [each.time // 10**9 for each in fly("intent-avoidance.yaml").log.communications() if each.stage == "SENT"]
+    assert told == list(range(0, 82, 10))
+
+
+def test_waypoints_that_are_no_poses_are_refused_before_the_run():
+    for value, said in (
+        ("[600, 450, 0]", "mapping from ids"),
+        ("{intruder: [600, 450]}", "the waypoint of `intruder`"),
+    ):
+        done = command("validate", AVOIDANCE, "--set", f"agents.ownship.knowledge.waypoints={value}")
+        assert done.returncode == 2
+        assert said in done.stderr
+
+
+def test_a_waypoint_to_fly_to_must_be_a_pose():
+    done = command("validate", AVOIDANCE, "--set", "agents.intruder.knowledge.waypoint=[600, 450]")
+    assert done.returncode == 2
+    assert done.stderr.count("`waypoint` must be x [m], y [m] and heading [rad]") == 2
+
+
+def test_someone_of_whom_only_the_position_is_perceived_has_no_intent():
+    done = command(
+        *("run", AVOIDANCE, "--no-record"),
+        *("--set", "agents.ownship.components.sense={use: perception.range, with: {range: 500}}"),
+    )
+    assert done.returncode == 1
+    assert "what is perceived of `intruder` must be x [m], y [m] and heading [rad]" in done.stderr

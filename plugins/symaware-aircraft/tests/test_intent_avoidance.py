@@ -1,0 +1,106 @@
+"""Case study I comes out as it was published.
+
+The golden numbers and the two recorded trajectories in data/ are of the published runs of the intent-aware collision
+avoidance case study (the robust and the single-scenario MPC, N = 30, nominal intruder).
+"""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+CONTROLLER = "agents.ownship.components.steer.with"
+INTRUDER = "agents.intruder.components.fly.with"
+#: rho = sqrt(2000) m, less what solvers may err by.
+SEPARATION = 44.7213
+
+
+def recorded(name):
+    """A recorded trajectory: k, the poses of the ownship and the intruder, and the control input of the ownship."""
+    path = Path(__file__).parent / "data" / f"intent_avoidance_{name}.csv"
+    return np.loadtxt(path, delimiter=",", skiprows=1)
+
+
+def test_the_intruder_flies_as_recorded(fly):
+    np.testing.assert_allclose(fly("intent-avoidance.yaml").intruder, recorded("scenario_tree")[:, 4:7], atol=1e-6)
+
+
+def test_the_robust_run_follows_the_recorded_one_with_its_solver(fly):
+    flight = fly("as-recorded.yaml")
+    apart = np.hypot(*(flight.own[:, :2] - recorded("scenario_tree")[:, 1:3]).T)
+    assert apart.max() < 0.1
+    assert flight.separation.min() == pytest.approx(44.7215, abs=1e-4)
+    assert flight.separation.argmin() == 54
+    np.testing.assert_allclose(flight.own[-1], (405.70, 508.38, 1.2549), atol=0.1)
+
+
+def test_the_run_with_a_single_scenario_follows_the_recorded_one_with_its_solver(fly):
+    flight = fly("as-recorded.yaml", f"{CONTROLLER}.robust_horizon=0")
+    apart = np.hypot(*(flight.own[:, :2] - recorded("single_scenario")[:, 1:3]).T)
+    assert apart.max() < 0.1
+    assert flight.separation.min() == pytest.approx(44.7214, abs=1e-4)
+    assert flight.separation.argmin() == 44
+    np.testing.assert_allclose(flight.own[-1], (403.17, 512.05, 1.1797), atol=0.1)
+
+
+@pytest.mark.parametrize("overrides", [(), (f"{CONTROLLER}.third_branch=paper",), (f"{CONTROLLER}.robust_horizon=0",)])
+def test_the_fast_solver_is_as_safe_and_gets_as_far(fly, overrides):
+    # The program is not convex: fatrop finds another path than IPOPT.
+    flight = fly("intent-avoidance.yaml", *overrides)
+    assert SEPARATION <= flight.separation.min() < 44.73
+    to_go = [np.hypot(*(own[-1, :2] - (420, 560))) for own in (flight.own, recorded("scenario_tree")[:, 1:4])]
+    assert to_go[0] < to_go[1] + 5.0
+
+
+def test_with_a_short_horizon_it_is_safe_too(fly):
+    assert fly("demo.yaml").separation.min() >= SEPARATION
+
+
+def test_without_the_separation_they_all_but_meet(fly):
+    assert list(fly("no-avoidance.yaml").log.contacts())
+    assert not list(fly("intent-avoidance.yaml").log.contacts())
+    separation = fly("no-avoidance.yaml").separation
+    assert separation.min() == pytest.approx(8.1, abs=0.05)
+    assert separation.argmin() == 40
+
+
+def test_who_knows_that_the_intruder_turns_need_not_deviate(fly):
+    knowing, assuming = fly("with-intent.yaml"), fly("without-intent.yaml")
+    assert np.abs(knowing.own[:, 0]).max() < 0.01
+    assert knowing.separation.min() >= SEPARATION
+    assert np.abs(assuming.own[:, 0]).max() > 10.0
+    assert assuming.separation.min() >= SEPARATION
+    for flight in (knowing, assuming):
+        assert np.hypot(*flight.own[-1, :2]) < 1.0
+
+
+def test_under_turn_noise_a_single_scenario_fails_where_the_tree_does_not(fly):
+    single = fly("noisy.yaml", f"{CONTROLLER}.robust_horizon=0", seed=5)
+    assert single.separation.min() < 44.0
+    assert single.events("fell-back")
+    assert fly("noisy.yaml", seed=5).separation.min() >= SEPARATION
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("realisation", range(1, 21))
+@pytest.mark.parametrize("scenario", ["intent-avoidance.yaml", "as-recorded.yaml"])
+def test_every_realisation_keeps_the_separation(fly, scenario, realisation):
+    bias = 1e-4 * (realisation - 10)
+    separation = fly(scenario, f"{INTRUDER}.turn_bias={bias:.4f}").separation.min()
+    assert SEPARATION <= separation < 44.7256
+
+
+@pytest.mark.slow
+def test_under_turn_noise_the_tree_keeps_the_separation_for_every_seed(fly):
+    separations = [fly("noisy.yaml", seed=seed).separation.min() for seed in range(50)]
+    assert min(separations) >= SEPARATION
+
+
+def test_four_intruders_are_all_kept_clear_of(fly):
+    flight = fly("four-intruders.yaml")
+    threats = fly("four-intruders.yaml", f"{CONTROLLER}.avoid=false")
+    for number in range(4):
+        intruder = flight.log.series(f"intruder.{number}", "world").values
+        assert np.hypot(*(flight.own - intruder)[:, :2].T).min() >= SEPARATION
+        assert np.hypot(*(threats.own - intruder)[:, :2].T).min() < SEPARATION
+    assert np.hypot(*(flight.own[-1, :2] - (420, 560))) < 90.0
