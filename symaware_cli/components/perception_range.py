@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from symaware_cli.core import AgentGroup, GroupComponent, Observation, Parameters, Snapshot, Tracks
+from symaware_cli.core import AgentGroup, GroupComponent, Observation, Parameters, Scenery, Snapshot, Tracks
 from symaware_cli.core.proximity import Proximity
 
 Array = NDArray[np.float64]
@@ -86,20 +86,21 @@ class RangePerception(GroupComponent):
         self._start = environment.roster.start(group.name)
         self._state_deviation = np.broadcast_to(np.asarray(parameters.self_noise, float), len(group.model.state))
         self._delay = round(parameters.delay * 1e9 / environment.time_step) * environment.time_step
-        self._past: deque[Snapshot] = deque()
+        self._past: deque[tuple[Snapshot, Scenery]] = deque()
         # The shared index is about the present; the past would make it start anew all the time.
         self._proximity = Proximity() if self._delay else environment.proximity
 
     def _compute(self) -> Observation:
         parameters, count = self.parameters, len(self._group)
-        snapshot = self._visible_world()
-        if snapshot is None:
+        visible = self._visible_world()
+        if visible is None:
             time, state = self.now - self._delay, None
             nobody, nowhere = np.empty(0, np.intp), np.empty((2, 0, self.environment.snapshot().positions.shape[1]))
             tracks = self._tracks(time, np.zeros(count, np.intp), nobody, *nowhere)
         else:
+            snapshot, scenery = visible
             time, state = snapshot.time, self._own_state(snapshot)
-            rows, others = self._in_sight(snapshot)
+            rows, others = self._in_sight(snapshot, scenery)
             counts = np.bincount(rows, minlength=count)
             positions, velocities = snapshot.positions.take(others, 0), snapshot.velocities.take(others, 0)
             self._blur(counts, positions, velocities)
@@ -119,16 +120,16 @@ class RangePerception(GroupComponent):
         width = self.parameters.field_of_view
         return width is not None and width < 2 * math.pi
 
-    def _visible_world(self) -> Snapshot | None:
+    def _visible_world(self) -> tuple[Snapshot, Scenery] | None:
         """The world as it was a delay ago; None before there was one."""
-        present = self.environment.snapshot()
+        present = self.environment.snapshot(), self.environment.scenery
         if not self._delay:
             return present
         past, then = self._past, self.now - self._delay
         past.append(present)
-        while len(past) > 1 and past[1].time <= then:
+        while len(past) > 1 and past[1][0].time <= then:
             past.popleft()
-        return past[0] if past[0].time <= then else None
+        return past[0] if past[0][0].time <= then else None
 
     def _own_state(self, snapshot: Snapshot) -> Array:
         """The own states with their errors; shape (n, nx)."""
@@ -138,7 +139,7 @@ class RangePerception(GroupComponent):
         state.flags.writeable = False
         return state
 
-    def _in_sight(self, snapshot: Snapshot) -> tuple[Indices, Indices]:
+    def _in_sight(self, snapshot: Snapshot, scenery: Scenery) -> tuple[Indices, Indices]:
         """Who sees whom: rows of the group, ascending, and indices in the roster; each of shape (m,)."""
         positions, parameters = snapshot.positions, self.parameters
         one, other, _ = self._proximity.directed(positions, parameters.range)
@@ -149,7 +150,6 @@ class RangePerception(GroupComponent):
             seen = self._in_view(snapshot, one, other)
             one, other = one[seen], other[seen]
         if parameters.occlusion:
-            scenery = self.environment.scenery.at(snapshot.time)
             seen = ~scenery.blocks(positions.take(one, 0), positions.take(other, 0))
             one, other = one[seen], other[seen]
         rows = one - self._start if self._start else one

@@ -7,24 +7,41 @@ from symaware_cli.core.component import (
     CommunicationSender,
     Component,
     Controller,
+    GroupCommunicationReceiver,
     GroupComponent,
     PerceptionSystem,
     RiskEstimator,
     UncertaintyEstimator,
 )
-from symaware_cli.core.entity import Box, Circle, Entity, Obstacle, Polygon, ScriptedPath, Shape, Wall
-from symaware_cli.core.environment import Environment, EnvironmentParameters
+from symaware_cli.core.entity import (
+    Box,
+    Circle,
+    Cylinder,
+    Entity,
+    Mesh,
+    Obstacle,
+    Polygon,
+    Pose,
+    ScriptedPath,
+    Shape,
+    Urdf,
+    Wall,
+)
+from symaware_cli.core.environment import Environment, EnvironmentParameters, WorldError
 from symaware_cli.core.event import Event, EventBus, Level, SubscriberError, Subscription
 from symaware_cli.core.knowledge import KnowledgeDatabase
-from symaware_cli.core.message import Exchange, Message
+from symaware_cli.core.message import EVERYBODY, Delivery, Exchange, Mailing, Message
 from symaware_cli.core.model import Model, Quantity
 from symaware_cli.core.plugin import Parameters, Plugin
 from symaware_cli.core.scenery import Scenery
 from symaware_cli.core.series import TimeSeries
 from symaware_cli.core.time import Clock, nanoseconds, seconds
+from symaware_cli.core.topology import Links, Topology, TopologyError, TopologyParameters
+from symaware_cli.core.vehicle import Vehicle
 from symaware_cli.core.world import Contact, Roster, Snapshot
 
 __all__ = [
+    "EVERYBODY",
     "Agent",
     "AgentGroup",
     "AwarenessDatabase",
@@ -37,6 +54,8 @@ __all__ = [
     "Component",
     "Contact",
     "Controller",
+    "Cylinder",
+    "Delivery",
     "Entity",
     "Environment",
     "EnvironmentParameters",
@@ -44,9 +63,13 @@ __all__ = [
     "EventBus",
     "Exchange",
     "GroupAwareness",
+    "GroupCommunicationReceiver",
     "GroupComponent",
     "KnowledgeDatabase",
     "Level",
+    "Links",
+    "Mailing",
+    "Mesh",
     "Message",
     "Model",
     "Observation",
@@ -55,6 +78,7 @@ __all__ = [
     "PerceptionSystem",
     "Plugin",
     "Polygon",
+    "Pose",
     "Quantity",
     "RiskEstimator",
     "Roster",
@@ -66,9 +90,15 @@ __all__ = [
     "Subscription",
     "Surroundings",
     "TimeSeries",
+    "Topology",
+    "TopologyError",
+    "TopologyParameters",
     "Tracks",
     "UncertaintyEstimator",
+    "Urdf",
+    "Vehicle",
     "Wall",
+    "WorldError",
     "nanoseconds",
     "seconds",
 ]

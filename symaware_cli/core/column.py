@@ -90,6 +90,12 @@ class Column:
         self._changed.add(index)
         self.fresh = True
 
+    def exchange(self, values: Array) -> Array:
+        """Put an array in place that was read here before, which counts as no change, and return the present one."""
+        present = self.values
+        self._array = values
+        return present
+
     def take_changes(self) -> Sequence[int] | None:
         """Return the rows written since the last call, ascending; None stands for every row."""
         every, changed = self._every or len(self._changed) == len(self._array), self._changed

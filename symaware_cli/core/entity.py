@@ -1,4 +1,7 @@
-"""Bodies: the shape and mass of an agent or an obstacle, and where an obstacle is at a time."""
+"""Bodies: the shape and mass of an agent or an obstacle, and where an obstacle is at a time.
+
+Lengths are metres, angles radians, masses kilograms; an orientation is a unit quaternion in the order x, y, z, w.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +9,7 @@ import math
 from bisect import bisect_right
 from collections.abc import Sequence
 from itertools import pairwise
+from pathlib import PurePosixPath
 from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import (
@@ -24,6 +28,7 @@ from pydantic import (
 _LARGEST = 1e9
 
 Length = Annotated[float, Field(gt=0, le=_LARGEST)]
+Mass = Annotated[float, Field(gt=0, le=_LARGEST)]
 Number = Annotated[float, Field(ge=-_LARGEST, le=_LARGEST)]
 
 
@@ -63,6 +68,13 @@ class Box(_Part):
     length: Length = Field(description="Extent along the heading [m].")
     width: Length = Field(description="Extent across the heading [m].")
     height: Length | None = Field(None, description="Extent upwards [m]; worlds of a plane leave it out of account.")
+
+
+class Cylinder(_Part):
+    """An upright cylinder around the entity's position; a disc for agents that move in a plane."""
+
+    radius: Length = Field(description="Radius [m].")
+    height: Length = Field(description="Extent upwards [m]; worlds of a plane leave it out of account.")
 
 
 class Polygon(_Part):
@@ -118,8 +130,55 @@ class Wall(_Part):
         return points
 
 
-Kind = Literal["circle", "box", "polygon", "wall"]
-KINDS: tuple[Kind, ...] = ("circle", "box", "polygon", "wall")
+def _asset(path: str) -> str:
+    """Check that a path can only lead to below the folder that it is relative to."""
+    if "\\" in path or ":" in path or "\0" in path:
+        raise ValueError("a path is written with plain names and `/` between them")
+    parts = PurePosixPath(path).parts
+    if not parts or path.startswith("/") or ".." in parts:
+        raise ValueError(
+            "a file lies below the scenario's folder: the path is relative, and `..` does not lead out of it"
+        )
+    return path
+
+
+#: A file below the folder of the scenario, or of the package pybullet_data where the path begins with that name.
+AssetPath = Annotated[str, AfterValidator(_asset)]
+_ASSET = "below the scenario's folder, or `pybullet_data/...`"
+
+
+class Mesh(_Part):
+    """A body whose surface a file describes; it collides as the convex hull of that."""
+
+    file: AssetPath = Field(description=f"An .obj or .stl file {_ASSET}.")
+    scale: Length = Field(1.0, description="How many metres a unit of the file is.")
+    radius: Length = Field(description="The disc that it counts as where it is seen from above [m].")
+
+    @field_validator("file")
+    @classmethod
+    def _is_a_surface(cls, file: str) -> str:
+        if not file.lower().endswith((".obj", ".stl")):
+            raise ValueError("a mesh is an .obj or .stl file")
+        return file
+
+
+class Urdf(_Part):
+    """A body of links and joints that a URDF file describes; its own masses count."""
+
+    file: AssetPath = Field(description=f"A .urdf file {_ASSET}.")
+    scale: Length = Field(1.0, description="By how much everything in it is enlarged.")
+    radius: Length = Field(description="The disc that it counts as where it is seen from above [m].")
+
+    @field_validator("file")
+    @classmethod
+    def _is_a_description(cls, file: str) -> str:
+        if not file.lower().endswith(".urdf"):
+            raise ValueError("it is a .urdf file")
+        return file
+
+
+Kind = Literal["circle", "box", "cylinder", "polygon", "wall", "mesh", "urdf"]
+KINDS: tuple[Kind, ...] = ("circle", "box", "cylinder", "polygon", "wall", "mesh", "urdf")
 
 
 class Shape(_Part):
@@ -129,8 +188,11 @@ class Shape(_Part):
 
     circle: Circle | None = Field(None, description="A disc.")
     box: Box | None = Field(None, description="A rectangle that turns with the heading.")
+    cylinder: Cylinder | None = Field(None, description="An upright cylinder; a disc in a plane.")
     polygon: Polygon | None = Field(None, description="A convex polygon that turns with the heading.")
     wall: Wall | None = Field(None, description="A chain of segments with a thickness; for entities of the world only.")
+    mesh: Mesh | None = Field(None, description="A surface from a file, for worlds of space; a disc elsewhere.")
+    urdf: Urdf | None = Field(None, description="Links and joints from a file, for worlds of space; a disc elsewhere.")
 
     @model_validator(mode="after")
     def _exactly_one_kind(self) -> Shape:
@@ -161,8 +223,9 @@ class Shape(_Part):
         Each is a core, one point, two or a convex polygon (counter-clockwise), and the radius by which the core is
         rounded, both in metres: a disc is a rounded point, a segment of a wall a rounded line.
         """
-        if self.circle:
-            return [([(0.0, 0.0)], self.circle.radius)]
+        for round_ in (self.circle, self.cylinder, self.mesh, self.urdf):
+            if round_:
+                return [([(0.0, 0.0)], round_.radius)]
         if self.box:
             x, y = 0.5 * self.box.length, 0.5 * self.box.width
             return [([(-x, -y), (x, -y), (x, y), (-x, y)], 0.0)]
@@ -172,13 +235,31 @@ class Shape(_Part):
         return [(segment, 0.5 * self.wall.thickness) for segment in pairwise(self.wall.points)]
 
 
-class Entity(_Part):
+class Surface(_Part):
+    """What happens where bodies touch, in worlds of forces; of two surfaces the product counts."""
+
+    friction: float = Field(0.5, ge=0, le=_LARGEST, description="Coefficient of friction; of two bodies, the product.")
+    elasticity: float = Field(
+        0.0, ge=0, le=1, description="Part of the closing speed with which bodies part; of two bodies, the product."
+    )
+
+
+class Entity(Surface):
     """A body in the world."""
 
     shape: Shape | None = Field(
         None, description="The outline; without one the entity is a point that touches nothing."
     )
-    mass: float = Field(1.0, gt=0, description="Mass [kg].")
+    mass: Mass = Field(1.0, description="Mass [kg].")
+    max_force: Mass | None = Field(
+        None,
+        description="Greatest force with which it does what its model says, in worlds of forces [N]; no limit if null.",
+    )
+    max_torque: Mass | None = Field(
+        None,
+        description="Greatest torque with which it turns as its model says, in worlds of forces [N m]; no limit if "
+        "null.",
+    )
 
     @field_validator("shape")
     @classmethod
@@ -271,22 +352,28 @@ class ScriptedPath(_Part):
         return Pose(position, headings[before] + share * turn, velocity, turn / span)
 
 
-class Obstacle(Entity):
-    """A body that is part of the environment: it stays where it is, or moves along a path that nothing diverts."""
+class Obstacle(Surface):
+    """A body that is part of the environment.
+
+    It stays where it is, moves along a path that nothing diverts, or, in worlds of forces and with a mass, is pushed
+    around by what it meets.
+    """
 
     shape: Shape = Field(description="The outline.")
+    mass: Mass | None = Field(
+        None, description="Mass [kg]. Worlds of forces move what has one, unless it has a path; null: it stays put."
+    )
     position: Position | None = Field(
         None,
         description="Where it stands: [x, y] or [x, y, z] [m]. A wall may leave it out: its points then are positions "
         "in the world. Something that moves has a path in its place.",
     )
     heading: Number = Field(0.0, description="Where its x axis points [rad], counter-clockwise from that of the world.")
+    velocity: Position | None = Field(
+        None, description="How it moves at the start, in worlds of forces: [x, y] or [x, y, z] [m/s]; needs a mass."
+    )
+    turn_rate: Number = Field(0.0, description="How it turns at the start, in worlds of forces [rad/s]; needs a mass.")
     path: ScriptedPath | None = Field(None, description="Where it is at which time; without one it does not move.")
-
-    @field_validator("shape")
-    @classmethod
-    def _suits(cls, shape: Shape) -> Shape:  # type: ignore[override]
-        return shape
 
     @model_validator(mode="after")
     def _is_somewhere(self) -> Obstacle:
@@ -294,7 +381,23 @@ class Obstacle(Entity):
             raise ValueError("the path says where it is; leave position out")
         if self.position is None and self.path is None and self.shape.wall is None:
             raise ValueError("it needs a position, or a path if it moves")
+        if (self.velocity or self.turn_rate) and not self.is_free:
+            raise ValueError("what moves at the start needs a mass, and no path")
+        if self.velocity and self.position and len(self.velocity) != len(self.position):
+            raise ValueError(f"position has {len(self.position)} coordinates and velocity {len(self.velocity)}")
+        if self.is_free and self.shape.wall:
+            raise ValueError("a wall stays put; leave mass out")
         return self
+
+    @property
+    def is_free(self) -> bool:
+        """Whether worlds of forces move it: it has a mass, and no path."""
+        return self.mass is not None and self.path is None
+
+    @property
+    def radius(self) -> float:
+        """The radius of the smallest circle around the position that holds the shape [m]."""
+        return self.shape.radius
 
     def pose(self, time: float = 0.0) -> Pose:
         """Return where it is, and how it moves from there on.

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, ClassVar
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, Field
 
-from symaware_cli.core.entity import Obstacle
+from symaware_cli.core.entity import Obstacle, Pose
 from symaware_cli.core.plugin import Parameters, Plugin
 from symaware_cli.core.proximity import Proximity
 from symaware_cli.core.scenery import Scenery
-from symaware_cli.core.time import nanoseconds
+from symaware_cli.core.time import nanoseconds, seconds
 from symaware_cli.core.world import Contact, Roster, Snapshot
 
 if TYPE_CHECKING:
@@ -29,12 +30,28 @@ class EnvironmentParameters(Parameters):
     time_step: float = Field(0.05, ge=1e-6, le=1e6, description="Simulated time between two steps [s].")
 
 
+class WorldError(ValueError):
+    """A world cannot do what a scenario asks of it.
+
+    Attributes:
+        path: Where in the scenario that is asked, such as ``("agents", "robot", "model")``.
+    """
+
+    def __init__(self, message: str, *path: str) -> None:
+        super().__init__(message)
+        self.path = path or ("environment",)
+
+
 class Environment(Plugin, ABC):
     """A world that holds the true state of every agent and moves it step by step.
 
     It never changes an array in place that somebody may hold: each step makes new ones.
 
+    A world that holds more than memory, such as the client of a physics engine, lets go of it in `close`; used in a
+    ``with`` statement, it is closed at the end.
+
     Attributes:
+        folder: Where the files lie that a scenario names.
         groups: The groups in the roster's order.
         obstacles: The bodies that are part of the environment, by name.
         proximity: Which agents are near each other, shared by all who ask about `snapshot().positions`.
@@ -44,6 +61,7 @@ class Environment(Plugin, ABC):
 
     Parameters: ClassVar[type[BaseModel]] = EnvironmentParameters
 
+    folder: Path = Path()
     groups: Sequence[AgentGroup]
     obstacles: Mapping[str, Obstacle]
     proximity: Proximity
@@ -64,6 +82,7 @@ class Environment(Plugin, ABC):
 
         Raises:
             ValueError: An obstacle has the name of a group.
+            WorldError: The world cannot do what is asked of it; only then is nothing in place.
         """
         for name in sorted({group.name for group in groups} & set(obstacles)):
             raise ValueError(f"there is both a group and an entity of the name `{name}`")
@@ -82,9 +101,43 @@ class Environment(Plugin, ABC):
             self._scenery = self._scenery.at(self.snapshot().time)
         return self._scenery
 
+    def moves(self, name: str) -> bool:
+        """Tell whether an obstacle ever moves."""
+        return self.obstacles[name].path is not None
+
+    def pose(self, name: str) -> Pose:
+        """Return where an obstacle is now."""
+        return self.obstacles[name].pose(seconds(self.snapshot().time))
+
+    def orientation(self, name: str) -> tuple[float, ...] | None:
+        """Return how an obstacle is turned now, as a quaternion (x, y, z, w); None for what never tilts."""
+        return None
+
+    def close(self) -> None:
+        """Let go of everything; the world cannot be used afterwards. To close it twice does nothing."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
+
     @abstractmethod
     def step(self) -> None:
         """Advance by one time step under the control inputs that the groups request."""
+
+    def push(self, group: AgentGroup, rows: Sequence[int], change: Array) -> None:
+        """Change the true states of some agents all at once, as a fault of a scenario may ask for.
+
+        Args:
+            group: Their group.
+            rows: Which agents of it.
+            change: What to add to the state of each; shape (nx,).
+
+        Raises:
+            NotImplementedError: This world cannot do that.
+        """
+        raise NotImplementedError(f"{type(self).__name__} cannot push anybody")
 
     @abstractmethod
     def state(self, group: AgentGroup) -> Array:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.core.plugin import Plugin
+from symaware_cli.core.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 
@@ -56,6 +57,8 @@ class Model(Plugin, ABC):
         control_input: Name and unit of each element of u.
         position: Where the position [m] stands in x.
         heading: Where the heading [rad] stands in x; None for models without one.
+        velocities: Where the velocity of the position [m/s] stands in x, one element for each of `position`; empty for
+            models whose velocity is no part of their state.
         angles: Which elements of x are angles that may be wrapped for display or comparison.
         time_step: The one step that a discrete model can take [s]; None for models in continuous time.
     """
@@ -64,6 +67,7 @@ class Model(Plugin, ABC):
     control_input: tuple[Quantity, ...] = ()
     position: tuple[int, ...] = (0, 1)
     heading: int | None = None
+    velocities: tuple[int, ...] = ()
     angles: tuple[int, ...] = ()
     time_step: float | None = None
 
@@ -142,6 +146,10 @@ class Model(Plugin, ABC):
         """
         after = self.successor(columns(state), columns(control_input), step, np)
         return None if after is None else rows(after, len(state))
+
+    def vehicle(self) -> Vehicle | None:
+        """Return what moves the bodies of a group in the world `pybullet`; None for those that a velocity moves."""
+        return None
 
     def noise_deviation(self, step: float) -> Array | None:
         """Return the standard deviation of the process noise of each element of x over a step [s].

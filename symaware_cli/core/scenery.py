@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core.entity import Obstacle
+from symaware_cli.core.entity import Obstacle, Pose
 from symaware_cli.core.geometry import Pieces, crosses, separation_from_points
 from symaware_cli.core.time import seconds
 
@@ -71,24 +71,29 @@ class Scenery:
         self._velocities = np.zeros((len(every), 2))
         self._headings = np.zeros(len(every))
         self._turn_rates = np.zeros(len(every))
-        self._set_out(enumerate(every))
+        now = seconds(time)
+        self._set_out((index, obstacle.pose(now)) for index, obstacle in enumerate(every))
 
     def at(self, time: int) -> Scenery:
         """Return the scenery at another time, in nanoseconds; the same one if nothing moves."""
         if not self.moves or time == self.time:
             return self
+        now = seconds(time)
+        return self.moved(time, [(index, obstacle.pose(now)) for index, obstacle in self._movers])
+
+    def moved(self, time: int, poses: Iterable[tuple[int, Pose]]) -> Scenery:
+        """Return the scenery at another time, in nanoseconds, with some obstacles, by index, in other places."""
         other = copy(self)
         other.time = time
+        other.moves = True
         for name in ("_positions", "_velocities", "_headings", "_turn_rates"):
             setattr(other, name, getattr(self, name).copy())
-        other._set_out(self._movers)
+        other._set_out(poses)
         return other
 
-    def _set_out(self, movers: Iterable[tuple[int, Obstacle]]) -> None:
-        """Put some obstacles where they are at the time."""
-        now = seconds(self.time)
-        for index, obstacle in movers:
-            pose = obstacle.pose(now)
+    def _set_out(self, poses: Iterable[tuple[int, Pose]]) -> None:
+        """Put some obstacles in their places."""
+        for index, pose in poses:
             self._positions[index] = pose.position[:2]
             self._velocities[index] = pose.velocity[:2]
             self._headings[index] = pose.heading

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fnmatch
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -54,6 +55,22 @@ class Roster:
         group, row = self._places[id]
         return self.starts[group] + row
 
+    def matching(self, pattern: str) -> list[int]:
+        """The indices of those whom an id, the name of a group or a pattern means, ascending.
+
+        Raises:
+            KeyError: There is nobody.
+        """
+        if pattern in self:
+            return [self.index(pattern)]
+        if pattern in self.groups:
+            number = self.groups.index(pattern)
+            return list(range(self.starts[number], self.starts[number] + self.counts[number]))
+        found = [index for index, id in enumerate(self.ids) if fnmatch.fnmatchcase(id, pattern)]
+        if not found:
+            raise KeyError(pattern)
+        return found
+
     def start(self, group: str) -> int:
         """Return the index of the first agent of a group."""
         return self.starts[self.groups.index(group)]
@@ -83,14 +100,25 @@ class Snapshot:
         models: Sequence[Model],
         states: Sequence[Array],
         control_inputs: Sequence[Array],
+        velocities: Array | None = None,
     ) -> None:
+        """Take the state of everything.
+
+        Args:
+            time: The instant, in nanoseconds.
+            roster: Who is who.
+            models: The model of each group.
+            states: The states of each group, read-only.
+            control_inputs: The control inputs in force of each group.
+            velocities: The velocities of all agents by index [m/s], read-only; by default what the models say.
+        """
         self.time = time
         self.roster = roster
         self.states = tuple(states)
         self._models = models
         self._inputs = tuple(control_inputs)
         self._positions: Array | None = None
-        self._velocities: Array | None = None
+        self._velocities = velocities
 
     def state(self, id: str) -> Array:
         """The state of one agent, read-only; shape (nx,).
@@ -147,6 +175,8 @@ class Contact:
         second: The other.
         point: Where they touch [m].
         depth: How far they overlap [m].
+        impulse: How hard they hit each other in the step in which it begins, along the line of contact [N s]; 0 in
+            worlds without forces, and where it ends.
         begins: They touch from now on; False when they part.
     """
 
@@ -155,3 +185,4 @@ class Contact:
     point: tuple[float, ...]
     depth: float
     begins: bool = True
+    impulse: float = 0.0

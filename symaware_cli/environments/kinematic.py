@@ -17,6 +17,7 @@ from symaware_cli.core import (
     Model,
     Obstacle,
     Snapshot,
+    WorldError,
     nanoseconds,
 )
 from symaware_cli.core.integration import euler, rk4
@@ -52,8 +53,16 @@ class KinematicEnvironment(Environment):
 
         Raises:
             ValueError: A model is a map over another time step than that of the environment.
+            WorldError: An entity is to move by forces, which there are none of.
         """
         super().initialise(groups, obstacles, seed)
+        for name, obstacle in self.obstacles.items():
+            if obstacle.velocity or obstacle.turn_rate:
+                raise WorldError(
+                    "what moves at the start goes on by its mass, in worlds of forces only: `pymunk` and `pybullet`; "
+                    "here, give it a path",
+                    *("environment", "entities", name),
+                )
         for group in self.groups:
             own = group.model.time_step
             if own is not None and nanoseconds(own) != self.time_step:
@@ -83,6 +92,15 @@ class KinematicEnvironment(Environment):
             self._applied[number], self._states[number] = applied, state
         self._time += self.time_step
         self._snapshot = self._contacts = None
+
+    def push(self, group: AgentGroup, rows: Sequence[int], change: Array) -> None:
+        """Change the true states of some agents all at once."""
+        number = self._number[group.name]
+        state = self._states[number].copy()
+        state[list(rows)] += change
+        state.flags.writeable = False
+        self._states[number] = state
+        self._snapshot = None
 
     def _noise(self, group: AgentGroup, seed: int) -> ProcessNoise | None:
         covariance = group.model.noise_covariance(self.parameters.time_step)

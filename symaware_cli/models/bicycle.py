@@ -49,6 +49,11 @@ class Bicycle(HeadingModel):
                 raise ValueError(f"`min_speed` {self.min_speed:g} lies above `max_speed` {self.max_speed:g}")
             return self
 
+    @property
+    def wheelbase(self) -> float:
+        """The distance between the axles [m]."""
+        return float(self.parameters.wheelbase)
+
     def motion(self, control_input: Any, math: Any) -> tuple[Any, Any]:
         """V and v tan(s) / L."""
         speed = control_input[0]

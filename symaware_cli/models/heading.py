@@ -45,7 +45,7 @@ class HeadingModel(NoisyModel):
     """
 
     heading: int = 2
-    angles = (2,)
+    angles: tuple[int, ...] = (2,)
 
     @abstractmethod
     def motion(self, control_input: Any, math: Any) -> tuple[Any, Any]:

@@ -133,6 +133,7 @@ class DoubleIntegrator(NoisyModel):
         self.state = (*_positions(dimensions), *_vector("velocity", "m/s", dimensions))
         self.control_input = _vector("acceleration", "m/s^2", dimensions)
         self.position = tuple(range(dimensions))
+        self.velocities = tuple(range(dimensions, 2 * dimensions))
 
     def derivative(self, state: Any, control_input: Any, math: Any) -> Sequence[Any]:
         """P' = v, v' = a."""

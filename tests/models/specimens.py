@@ -6,6 +6,8 @@ from symaware_cli.models.aircraft import DubinsAircraft
 from symaware_cli.models.bicycle import Bicycle
 from symaware_cli.models.integrator import DoubleIntegrator, SingleIntegrator
 from symaware_cli.models.linear import Linear
+from symaware_cli.models.quadrotor import Quadrotor
+from symaware_cli.models.racecar import Racecar
 from symaware_cli.models.unicycle import Unicycle
 
 
@@ -49,6 +51,10 @@ SPECIMENS = {
     "linear": made(Linear, **WALK),
     "linear, coupled": made(Linear, **COUPLED),
 }
+
+#: Those that have no closed form, whose velocity is part of their state, and that are told what turns their wheels or
+#: rotors.
+VEHICLES = {"racecar": made(Racecar, max_speed=1.3, min_speed=-0.4), "quadrotor": made(Quadrotor)}
 
 
 def step_of(model):

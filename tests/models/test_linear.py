@@ -9,7 +9,7 @@ from specimens import COUPLED, SPECIMENS, WALK, made
 
 from symaware_cli.models.integrator import DoubleIntegrator
 from symaware_cli.models.linear import Linear
-from symaware_cli.runtime.synchronous import run
+from symaware_cli.runtime.run import run
 from symaware_cli.scenario.build import build
 from symaware_cli.scenario.problem import ScenarioError
 

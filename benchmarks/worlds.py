@@ -1,0 +1,233 @@
+"""Measures the worlds of forces beside their bare engines: ``python benchmarks/worlds.py`` prints a table.
+
+Every figure is physics steps per CPU-second of one process; what counts is the ratio of two figures that are measured
+in turn, round after round, of which the best counts. The bare engine gets what a program for it alone would do: the
+same bodies and surfaces, motors told once a time step, and poses and velocities read back once a time step. It looks
+for no contacts. Bodies that are driven, it pushes one by one in each physics step.
+"""
+
+import argparse
+import json
+import math
+import os
+import time
+
+import numpy as np
+import pybullet
+import pybullet_data
+import pymunk
+from pymunk import batch
+
+from symaware_cli.core import AgentGroup, Entity, Obstacle
+from symaware_cli.environments.planar import PymunkEnvironment
+from symaware_cli.environments.spatial import PyBulletEnvironment
+from symaware_cli.models.integrator import SingleIntegrator
+from symaware_cli.models.quadrotor import Quadrotor
+from symaware_cli.models.racecar import Racecar
+
+TIME_STEP, SUBSTEPS = 0.05, 10
+RADIUS = 0.3
+CIRCLE = {"circle": {"radius": RADIUS}}
+#: gym-pybullet-drones 2: 10 drones with PID at 48 Hz, physics at 240 Hz, agent-steps of the controller per CPU-second.
+PEER_DRONES = 3000
+
+
+def places(count, crowded):
+    """Positions on a square grid, and velocities: outwards, or all towards the middle."""
+    side = math.ceil(math.sqrt(count))
+    spacing = 0.7 if crowded else 5.0
+    grid = np.array([[row % side, row // side] for row in range(count)], float) * spacing
+    away = grid - grid.mean(axis=0)
+    direction = away / np.maximum(np.linalg.norm(away, axis=1), 1e-9)[:, None]
+    return grid, -0.3 * direction if crowded else 0.1 * direction
+
+
+def stepped(environment, group, control_input, steps):
+    """CPU time of some steps of a world of ours: states and velocities of all, and contacts."""
+    if control_input is not None:
+        group.control_input = control_input
+    with environment:
+        started = time.process_time()
+        for _ in range(steps):
+            environment.step()
+            environment.contacts()
+        return time.process_time() - started
+
+
+def our_circles(kind, count, crowded, driven, steps):
+    """Circles that follow a velocity, or that fly freely."""
+    grid, velocity = places(count, crowded)
+    space = {} if kind is PymunkEnvironment else {"ground": None, "gravity": (0, 0, 0)}
+    environment = kind(kind.Parameters(time_step=TIME_STEP, substeps=SUBSTEPS, **space))
+    robots = AgentGroup("robot", [f"{n}" for n in range(count)], SingleIntegrator(), Entity(shape=CIRCLE), grid)
+    nobody = AgentGroup("nobody", ["nobody"], SingleIntegrator(), Entity(), [[-10.0, -10.0]])
+    free = {
+        f"b{n}": Obstacle(shape=CIRCLE, mass=1.0, position=grid[n].tolist(), velocity=velocity[n].tolist())
+        for n in range(count)
+    }
+    environment.initialise([robots if driven else nobody], {} if driven else free, 1)
+    return stepped(environment, robots, velocity if driven else None, steps)
+
+
+def bare_pymunk(count, crowded, driven, steps):
+    """Pymunk by itself; who is driven is pushed by one force a body and physics step."""
+    grid, velocity = places(count, crowded)
+    space, bodies, step = pymunk.Space(), [], TIME_STEP / SUBSTEPS
+    space.collision_slop = 5e-4
+    for position, own in zip(grid.tolist(), velocity.tolist(), strict=True):
+        body = pymunk.Body(1.0, float("inf") if driven else pymunk.moment_for_circle(1.0, 0.0, RADIUS))
+        body.position, body.velocity = tuple(position), (0.0, 0.0) if driven else tuple(own)
+        shape = pymunk.Circle(body, RADIUS)
+        shape.friction = 0.5
+        space.add(body, shape)
+        bodies.append(body)
+    wanted, buffer = [tuple(own) for own in velocity.tolist()], batch.Buffer()
+    fields = batch.BodyFields.POSITION | batch.BodyFields.ANGLE | batch.BodyFields.VELOCITY
+    started = time.process_time()
+    for _ in range(steps):
+        for _ in range(SUBSTEPS):
+            if driven:
+                for body, (x, y) in zip(bodies, wanted, strict=True):
+                    now = body.velocity
+                    body.apply_force_at_world_point(((x - now[0]) / step, (y - now[1]) / step), body.position)
+            space.step(step)
+        buffer.clear()
+        batch.get_space_bodies(space, fields, buffer)
+        np.frombuffer(buffer.float_buf()).reshape(-1, 5).copy()
+    return time.process_time() - started
+
+
+def bare_pybullet(count, crowded, driven, steps):
+    """PyBullet by itself, likewise."""
+    grid, velocity = places(count, crowded)
+    client, step = pybullet.connect(pybullet.DIRECT), TIME_STEP / SUBSTEPS
+    pybullet.setTimeStep(step, client)
+    shape = pybullet.createCollisionShape(pybullet.GEOM_SPHERE, radius=RADIUS, physicsClientId=client)
+    bodies = []
+    for (x, y), own in zip(grid.tolist(), velocity.tolist(), strict=True):
+        body = pybullet.createMultiBody(1.0, shape, -1, (x, y, 0), useMaximalCoordinates=1, physicsClientId=client)
+        pybullet.changeDynamics(body, -1, linearDamping=0, angularDamping=0, physicsClientId=client)
+        if not driven:
+            pybullet.resetBaseVelocity(body, (*own, 0.0), (0, 0, 0), client)
+        bodies.append(body)
+    wanted = [(*own, 0.0) for own in velocity.tolist()]
+    started = time.process_time()
+    for _ in range(steps):
+        for _ in range(SUBSTEPS):
+            if driven:
+                for body, aim in zip(bodies, wanted, strict=True):
+                    now, _ = pybullet.getBaseVelocity(body, client)
+                    force = [(to - by) / step for to, by in zip(aim, now, strict=True)]
+                    pybullet.applyExternalForce(body, -1, force, (0, 0, 0), pybullet.LINK_FRAME, client)
+            pybullet.stepSimulation(client)
+        for body in bodies:
+            pybullet.getBasePositionAndOrientation(body, client)
+            pybullet.getBaseVelocity(body, client)
+    used = time.process_time() - started
+    pybullet.disconnect(client)
+    return used
+
+
+def our_cars(count, steps):
+    """Racecars on wheels."""
+    environment = PyBulletEnvironment(PyBulletEnvironment.Parameters(time_step=TIME_STEP, substeps=SUBSTEPS))
+    states = [[0.0, 2.0 * row, 0.0, 0.0, 0.0] for row in range(count)]
+    cars = AgentGroup("car", [f"car{row}" for row in range(count)], Racecar(), Entity(), states)
+    environment.initialise([cars], {}, 1)
+    return stepped(environment, cars, [[1.0, 0.1]] * count, steps)
+
+
+def bare_cars(count, steps):
+    """The same wheels, motors and hinges, on PyBullet by itself."""
+    client = pybullet.connect(pybullet.DIRECT)
+    pybullet.setTimeStep(TIME_STEP / SUBSTEPS, client)
+    pybullet.setGravity(0, 0, -9.81, client)
+    plane = pybullet.createCollisionShape(pybullet.GEOM_PLANE, physicsClientId=client)
+    ground = pybullet.createMultiBody(0, plane, useMaximalCoordinates=1, physicsClientId=client)
+    pybullet.changeDynamics(ground, -1, lateralFriction=1, physicsClientId=client)
+    file = os.path.join(pybullet_data.getDataPath(), "racecar", "racecar.urdf")
+    flags = pybullet.URDF_IGNORE_VISUAL_SHAPES | pybullet.URDF_USE_INERTIA_FROM_FILE
+    cars = [pybullet.loadURDF(file, (0, 2.0 * row, 0), flags=flags, physicsClientId=client) for row in range(count)]
+    for car in cars:
+        for joint in (5, 7):
+            pybullet.setJointMotorControl2(car, joint, pybullet.VELOCITY_CONTROL, force=0, physicsClientId=client)
+        for joint in (2, 3, 5, 7):
+            pybullet.changeDynamics(car, joint, lateralFriction=1.0, physicsClientId=client)
+    started = time.process_time()
+    for _ in range(steps):
+        for car in cars:
+            for joint in (2, 3):
+                pybullet.setJointMotorControl2(
+                    car, joint, pybullet.VELOCITY_CONTROL, targetVelocity=20.0, force=0.5, physicsClientId=client
+                )
+            for joint in (4, 6):
+                pybullet.setJointMotorControl2(
+                    car, joint, pybullet.POSITION_CONTROL, targetPosition=0.1, force=10, physicsClientId=client
+                )
+        for _ in range(SUBSTEPS):
+            pybullet.stepSimulation(client)
+        for car in cars:
+            pybullet.getBasePositionAndOrientation(car, client)
+            pybullet.getBaseVelocity(car, client)
+            pybullet.getJointState(car, 4, client)
+    used = time.process_time() - started
+    pybullet.disconnect(client)
+    return used
+
+
+def our_drones(count, steps):
+    """Quadrotors that follow velocities, at 48 Hz over physics at 240 Hz; agent-steps per CPU-second."""
+    model = Quadrotor()
+    states = np.zeros((count, 12))
+    states[:, 0], states[:, 2] = np.arange(count), 1.0
+    drones = AgentGroup("drone", [f"drone{row}" for row in range(count)], model, Entity(), states)
+    environment = PyBulletEnvironment(PyBulletEnvironment.Parameters(time_step=1 / 48, substeps=5))
+    environment.initialise([drones], {}, 1)
+    wanted = np.tile([0.3, 0.1, 0.05], (count, 1))
+    with environment:
+        started = time.process_time()
+        for _ in range(steps):
+            drones.control_input = model.follow_velocity(environment.state(drones), wanted)
+            environment.step()
+            environment.contacts()
+        return count * steps / (time.process_time() - started)
+
+
+def cases():
+    """Name, ours, bare, and the target for the ratio."""
+    for engine, kind, bare, count in (
+        ("pymunk circles", PymunkEnvironment, bare_pymunk, 100),
+        ("pybullet spheres", PyBulletEnvironment, bare_pybullet, 50),
+    ):
+        for crowded in (False, True):
+            for driven in (False, True):
+                name = f"{count} {engine}, {'driven' if driven else 'free'}, {'crowded' if crowded else 'sparse'}"
+                chosen = (count, crowded, driven, 50 if crowded or driven else 400)
+                yield name, lambda k=kind, c=chosen: our_circles(k, *c), lambda b=bare, c=chosen: b(*c), 0.7
+    yield "5 racecars", lambda: our_cars(5, 60), lambda: bare_cars(5, 60), 0.8
+
+
+def main():
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--rounds", type=int, default=5)
+    parser.add_argument("--json", action="store_true", help="print figures only")
+    arguments = parser.parse_args()
+    found = {}
+    for name, ours, bare, target in cases():
+        pairs = [(ours(), bare()) for _ in range(arguments.rounds)]
+        best = [min(each) for each in zip(*pairs, strict=True)]
+        found[name] = {"ratio": best[1] / best[0], "target": target}
+    drones = max(our_drones(10, 300) for _ in range(arguments.rounds))
+    found["10 quadrotors, agent-steps per CPU-second"] = {"figure": drones, "target": 2 * PEER_DRONES}
+    if arguments.json:
+        print(json.dumps(found))
+        return
+    print("| what | measured | target |\n|---|---:|---:|")
+    for name, figures in found.items():
+        said = f"{figures['ratio']:.2f} x" if "ratio" in figures else f"{figures['figure']:,.0f}"
+        print(f"| {name} | {said} | >= {figures['target']:,g}{' x' if 'ratio' in figures else ''} |")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,61 @@
+"""Vehicles: bodies that move by wheels, joints or rotors of their own in a world of rigid bodies in space."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class Vehicle(ABC):
+    """How the bodies of a group move in the world `pybullet`, for models that no mere velocity describes.
+
+    A model makes one for its group in `Model.vehicle`. The world loads the bodies, calls `attach` once, `actuate` at
+    the beginning of each time step, `push` before each physics step, and reads the states back by `read`.
+
+    Attributes:
+        flags: What ``loadURDF`` is told besides.
+    """
+
+    flags: int = 0
+
+    @abstractmethod
+    def description(self) -> Path:
+        """The URDF file of one body."""
+
+    @abstractmethod
+    def pose(self, state: Array) -> tuple[Sequence[float], Sequence[float]]:
+        """Return where a body starts: the position of its base [m] and its orientation as a quaternion (x, y, z, w).
+
+        Args:
+            state: The state of one agent; shape (nx,).
+        """
+
+    @abstractmethod
+    def attach(self, engine: Any, client: int, bodies: Sequence[int], state: Array, step_time: float) -> None:
+        """Take over the bodies.
+
+        Args:
+            engine: The module ``pybullet``.
+            client: The client's id, for every call.
+            bodies: The id of each agent's body.
+            state: The initial states; shape (n, nx).
+            step_time: A physics step [s].
+        """
+
+    @abstractmethod
+    def actuate(self, control_input: Array) -> None:
+        """Take over the saturated control inputs of a time step; shape (n, nu)."""
+
+    def push(self) -> None:  # noqa: B027 (most have nothing to do)
+        """Apply what has to be applied anew in each physics step."""
+
+    @abstractmethod
+    def read(self) -> tuple[Array, Array]:
+        """Return the states, shape (n, nx), and the velocities [m/s], shape (n, 3)."""

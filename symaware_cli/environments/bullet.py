@@ -1,0 +1,85 @@
+"""The engine of the spatial world: a PyBullet client of its own for each world, and quiet."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import sys
+import tempfile
+import weakref
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from symaware_cli.core import WorldError
+
+
+@contextmanager
+def quiet() -> Iterator[list[str]]:
+    """Keep what the engine prints, from C and past Python, off the terminal; at the end it is in the list."""
+    said: list[str] = []
+    libc = ctypes.CDLL(None) if os.name == "posix" else None
+    if libc is None:
+        yield said
+        return
+    sys.stdout.flush()
+    sys.stderr.flush()
+    kept = [os.dup(number) for number in (1, 2)]
+    with tempfile.TemporaryFile() as file:
+        libc.fflush(None)
+        for number in (1, 2):
+            os.dup2(file.fileno(), number)
+        try:
+            yield said
+        finally:
+            libc.fflush(None)
+            for number, own in zip((1, 2), kept, strict=True):
+                os.dup2(own, number)
+                os.close(own)
+            file.seek(0)
+            said += file.read().decode(errors="replace").splitlines()
+
+
+with quiet():
+    import pybullet as engine  # type: ignore[import-not-found]
+
+__all__ = ["MOST_SHOWN", "Client", "engine", "quiet"]
+
+#: As many bodies the window of PyBullet can show.
+MOST_SHOWN = 1024
+
+
+class Client:
+    """A connection to an engine that belongs to one world.
+
+    It is closed by `close`, or when nobody refers to it any more.
+
+    Attributes:
+        id: What every call of the engine is told as ``physicsClientId``.
+    """
+
+    def __init__(self, window: bool) -> None:
+        """Connect.
+
+        Args:
+            window: Whether to show a window.
+
+        Raises:
+            WorldError: There is no screen, or too many worlds are open at once.
+        """
+        if window and sys.platform.startswith("linux") and not os.environ.get("DISPLAY"):
+            # Without a screen the engine would end the whole process.
+            raise WorldError("there is no screen to show a window on", "environment", "with", "gui")
+        with quiet():
+            self.id: int = engine.connect(engine.GUI if window else engine.DIRECT)
+        if self.id < 0:
+            raise WorldError("PyBullet opens no more worlds in this process; close some")
+        self._end = weakref.finalize(self, _disconnect, self.id)
+
+    def close(self) -> None:
+        """Disconnect; to do it twice does nothing."""
+        self._end()
+
+
+def _disconnect(client: int) -> None:
+    if engine.isConnected(client):
+        engine.disconnect(client)

@@ -1,0 +1,296 @@
+"""What worlds of forces have in common: physics steps, drives, and what is read back from bodies."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from symaware_cli.core import (
+    AgentGroup,
+    Contact,
+    Environment,
+    EnvironmentParameters,
+    Obstacle,
+    Pose,
+    Scenery,
+    Snapshot,
+    WorldError,
+    seconds,
+)
+from symaware_cli.environments.drive import Drive
+from symaware_cli.environments.touch import TouchLedger
+
+Array = NDArray[np.float64]
+
+
+class Bodies:
+    """What a world reads of bodies, a row for each.
+
+    Attributes:
+        positions: [m]; shape (m, d).
+        headings: Counting turns [rad]; shape (m,).
+        motion: Velocities [m/s], and in the last column turn rates about the vertical [rad/s]; shape (m, d + 1).
+    """
+
+    __slots__ = ("headings", "motion", "positions")
+
+    def __init__(self, positions: Array, headings: Array, motion: Array) -> None:
+        self.positions = positions
+        self.headings = headings
+        self.motion = motion
+
+
+class PhysicsEnvironment(Environment):
+    """A world in which forces move bodies.
+
+    A time step has a number of physics steps. In each the drive of an agent applies the force and the torque that bring
+    its body to the velocity which its model says, as far as `max_force` and `max_torque` of the body allow; gravity
+    and damping act on free bodies only. What became of the bodies is read back into the states of the agents.
+
+    Attributes:
+        dimensions: How many coordinates a position has at most.
+        step_time: A physics step [s].
+    """
+
+    dimensions: ClassVar[int]
+
+    class Parameters(EnvironmentParameters):
+        """How a world of forces moves."""
+
+        substeps: int = Field(10, ge=1, le=1000, description="How many physics steps a time step is divided into.")
+        damping: float = Field(
+            0.0, ge=0, lt=1, description="Part of its velocity that a free body loses in a second, moving and turning."
+        )
+
+    def initialise(self, groups: Sequence[AgentGroup], obstacles: Mapping[str, Obstacle], seed: int) -> None:
+        """Put everybody in place.
+
+        Raises:
+            ValueError: An obstacle has the name of a group.
+            WorldError: The world cannot do what a model or an entity asks of it.
+        """
+        super().initialise(groups, obstacles, seed)
+        self.step_time = seconds(self.time_step) / self.parameters.substeps
+        self._time = 0
+        self._number = {group.name: number for number, group in enumerate(self.groups)}
+        self._states = [group.initial_state for group in self.groups]
+        self._applied = [group.model.limit(group.control_input) for group in self.groups]
+        self._snapshot: Snapshot | None = None
+        for group in self.groups:
+            if len(group.model.position) > self.dimensions:
+                raise WorldError(
+                    f"a model that moves in {len(group.model.position)} dimensions has no place in a plane",
+                    *("agents", group.name, "model"),
+                )
+        self._width = max(len(group.model.position) for group in self.groups)
+        self._drives = [self._drive(group, seed) for group in self.groups]
+        self._free = [name for name, obstacle in self.obstacles.items() if obstacle.is_free]
+        self._moving = [name for name, obstacle in self.obstacles.items() if obstacle.path]
+        self._free_rows = {name: row for row, name in enumerate(self._free)}
+        self._touches = TouchLedger([*self.roster.ids, *self.obstacles, "ground"], len(self.roster))
+        self._contacts: Sequence[Contact] | None = None
+        self._prepare()
+        try:
+            self._build()
+            self._read()
+            self._find_overlaps()
+        except BaseException:
+            self.close()
+            raise
+
+    def _drive(self, group: AgentGroup, seed: int) -> Drive | None:
+        """What moves a group; None where its model does that by itself."""
+        return Drive(group, self.time_step, self.parameters.substeps, seed)
+
+    def _prepare(self) -> None:
+        """Set up the arrays of those that have a drive, in the order of the roster."""
+        driven = [drive for drive in self._drives if drive]
+        counts = [len(drive.group) for drive in driven]
+        count, width = sum(counts), self.dimensions + 1
+        rows = [self.roster.start(drive.group.name) + np.arange(len(drive.group)) for drive in driven]
+        #: The roster's index of each.
+        self._driven = np.concatenate([np.empty(0, np.intp), *rows])
+        starts = np.cumsum([0, *counts]).tolist()
+        self._parts = [
+            (drive, self._number[drive.group.name], slice(start, end))
+            for drive, start, end in zip(driven, starts, starts[1:], strict=False)
+        ]
+        #: What a force or torque must be for each unit of velocity that it adds in a physics step; shape (m, d + 1).
+        self._inertia = np.zeros((count, width))
+        self._adds = np.zeros((count, width), bool)
+        self._limits = np.full((count, 2), np.inf)
+        for drive, _, part in self._parts:
+            entity = drive.group.entity
+            self._inertia[part, :-1] = entity.mass / self.step_time
+            self._adds[part, : len(drive.group.model.position)] = drive.adds
+            for column, limit in enumerate((entity.max_force, entity.max_torque)):
+                self._limits[part, column] = np.inf if limit is None else limit
+        #: Whether the velocities that are wanted stay the same within a time step.
+        self._steady = not any(drive.turns or drive.adds for drive in driven)
+        self._any_adds, self._any_limits = bool(self._adds.any()), bool(np.isfinite(self._limits).any())
+        #: The velocities that bodies have, as far as is known without asking; shape (m, d + 1).
+        self._velocity = np.zeros((count, width))
+        #: Whether there is something to apply in each physics step, forces or not.
+        self._pushes = False
+        #: The part of a velocity that the engine's damping leaves after a physics step.
+        self._retained = 1.0
+        #: The velocities that bodies are to have, for each physics step or once for all.
+        self._plan = np.zeros((1 if self._steady else self.parameters.substeps, count, width))
+
+    @abstractmethod
+    def _build(self) -> None:
+        """Make all bodies in the engine."""
+
+    @abstractmethod
+    def _find_overlaps(self) -> None:
+        """Tell the ledger who overlaps at the start."""
+
+    @abstractmethod
+    def _refresh(self) -> None:
+        """Read the velocities of those that the last physics step may have diverted into `_velocity`."""
+
+    @abstractmethod
+    def _push(self, forces: Array | None) -> None:
+        """Apply forces [N] and, in the last column, torques [N m] to what is driven; none at all for None."""
+
+    @abstractmethod
+    def _advance(self, number: int) -> bool:
+        """Make one physics step, by its number in the time step, and tell the ledger of contacts.
+
+        Returns:
+            Whether something may have diverted what is driven.
+        """
+
+    @abstractmethod
+    def _bodies(self) -> tuple[Bodies, Bodies]:
+        """Read what is driven, and what is free."""
+
+    def step(self) -> None:
+        """Advance by one time step: so many physics steps under the saturated control inputs."""
+        for number, group in enumerate(self.groups):
+            applied = group.model.limit(group.control_input)
+            applied.flags.writeable = False
+            self._applied[number] = applied
+        self._lay_out()
+        settled = diverted = False
+        at_once = not self._any_limits and self._retained == 1.0
+        for number in range(self.parameters.substeps):
+            if diverted:
+                self._refresh()
+            # Who has the velocity that it wants, and keeps wanting it, needs no force until something diverts it.
+            forces = None if settled and not diverted else self._forces(number)
+            settled = self._steady and (forces is None or at_once)
+            if forces is not None or self._pushes:
+                self._push(forces)
+            diverted = self._advance(number)
+        self._time += self.time_step
+        self._touches.settle()
+        self._read()
+
+    def _lay_out(self) -> None:
+        """Plan the velocities of the time step."""
+        for drive, number, part in self._parts:
+            planned = drive.plan(self._states[number], self._applied[number])
+            dimensions = len(drive.group.model.position)
+            self._plan[:, part, :dimensions] = planned[..., :dimensions]
+            if drive.turns:
+                self._plan[:, part, -1] = planned[..., -1]
+
+    def _forces(self, number: int) -> Array | None:
+        """The forces and torques of a physics step; None if none is needed."""
+        now, wanted = self._velocity, self._plan[0 if self._steady else number]
+        if not len(now):
+            return None
+        if self._any_adds:
+            wanted = np.where(self._adds, now + wanted, wanted)
+        change = wanted - self._retained * now
+        if not change.any():
+            return None
+        forces: Array = change * self._inertia
+        if self._any_limits:
+            size = np.sqrt((forces[:, :-1] * forces[:, :-1]).sum(axis=1))
+            share = np.ones_like(forces)
+            share[:, :-1] = np.minimum(1.0, self._limits[:, 0] / np.maximum(size, 1e-300))[:, None]
+            share[:, -1] = np.minimum(1.0, self._limits[:, 1] / np.maximum(np.abs(forces[:, -1]), 1e-300))
+            forces *= share
+            wanted = self._retained * now + change * share
+        self._velocity = wanted
+        return forces
+
+    def _read(self) -> None:
+        """Take over what the engine made of everything."""
+        driven, free = self._bodies()
+        self._free_bodies = free
+        velocities = np.zeros((len(self.roster), self._width))
+        self._velocity = driven.motion
+        for drive, number, part in self._parts:
+            model, dimensions = drive.group.model, len(drive.group.model.position)
+            state = np.empty_like(self._states[number])
+            state[:, model.position] = driven.positions[part, :dimensions]
+            if model.velocities:
+                state[:, model.velocities] = driven.motion[part, :dimensions]
+            if model.heading is not None:
+                state[:, model.heading] = driven.headings[part]
+            state.flags.writeable = False
+            self._states[number] = state
+            start = self.roster.starts[number]
+            velocities[start : start + len(state), :dimensions] = driven.motion[part, :dimensions]
+        self._read_others(velocities)
+        velocities.flags.writeable = False
+        self._velocities = velocities
+        self._snapshot = self._contacts = None
+
+    def _read_others(self, velocities: Array) -> None:
+        """Take over the states of groups without a drive, and put their velocities into those of all."""
+
+    def state(self, group: AgentGroup) -> Array:
+        """The true states of a group, read-only; shape (n, nx)."""
+        return self._states[self._number[group.name]]
+
+    def applied_input(self, group: AgentGroup) -> Array:
+        """The control inputs of the last step after saturation, read-only; shape (n, nu)."""
+        return self._applied[self._number[group.name]]
+
+    def snapshot(self) -> Snapshot:
+        """The whole world now; its velocities are those of the bodies."""
+        if self._snapshot is None:
+            models = [group.model for group in self.groups]
+            self._snapshot = Snapshot(self._time, self.roster, models, self._states, self._applied, self._velocities)
+        return self._snapshot
+
+    @property
+    def scenery(self) -> Scenery:
+        """The obstacles where they are now; shared by all who ask within a step."""
+        names = [*self._free, *self._moving]
+        if names and self._scenery.time != self._time:
+            index = {name: number for number, name in enumerate(self._scenery.names)}
+            self._scenery = self._scenery.moved(self._time, [(index[name], self.pose(name)) for name in names])
+        return self._scenery
+
+    def moves(self, name: str) -> bool:
+        """Tell whether an obstacle ever moves: along a path, or because it is free."""
+        return name in self._free_rows or super().moves(name)
+
+    def pose(self, name: str) -> Pose:
+        """Return where an obstacle is now."""
+        row = self._free_rows.get(name)
+        if row is None:
+            return self.obstacles[name].pose(seconds(self._time))
+        bodies = self._free_bodies
+        return Pose(
+            tuple(bodies.positions[row].tolist()),
+            float(bodies.headings[row]),
+            tuple(bodies.motion[row, :-1].tolist()),
+            float(bodies.motion[row, -1]),
+        )
+
+    def contacts(self) -> Sequence[Contact]:
+        """The contacts that began or ended with the last step, and those of the start before the first."""
+        if self._contacts is None:
+            self._contacts = self._touches.take()
+        return self._contacts

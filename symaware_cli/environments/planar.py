@@ -1,0 +1,263 @@
+"""The planar world: rigid bodies in a plane, moved by Pymunk."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated, Any
+
+import numpy as np
+import pymunk
+from numpy.typing import NDArray
+from pydantic import Field
+from pymunk import batch
+
+from symaware_cli.core import Entity, Obstacle, Shape, seconds
+from symaware_cli.environments.joint import Joint, joined
+from symaware_cli.environments.physics import Bodies, PhysicsEnvironment
+from symaware_cli.environments.touch import Pair, pair
+
+Array = NDArray[np.float64]
+
+#: [m] How deep resting bodies may overlap, so that they stay in contact; Pymunk's own 0.1 is meant for pixels.
+_SLOP = 5e-4
+
+#: [m] How large a body without a shape is, as far as its inertia goes.
+_POINT = 0.1
+
+_POSE = batch.BodyFields.POSITION | batch.BodyFields.ANGLE | batch.BodyFields.VELOCITY
+_POSE |= batch.BodyFields.ANGULAR_VELOCITY
+_MOTION = batch.BodyFields.VELOCITY | batch.BodyFields.ANGULAR_VELOCITY
+_FORCE = batch.BodyFields.FORCE | batch.BodyFields.TORQUE
+_HIT = batch.ArbiterFields.BODY_A_ID | batch.ArbiterFields.BODY_B_ID
+_HIT |= batch.ArbiterFields.TOTAL_IMPULSE | batch.ArbiterFields.NORMAL
+_HIT |= batch.ArbiterFields.POINT_A_1 | batch.ArbiterFields.POINT_B_1 | batch.ArbiterFields.DISTANCE_1
+
+_Component = Annotated[float, Field(ge=-1e9, le=1e9)]
+
+
+class PymunkEnvironment(PhysicsEnvironment):
+    """Rigid bodies in a plane that push, rub and bounce off each other, by Pymunk (Chipmunk2D).
+
+    The plane is seen from above, so there is no gravity unless the scenario has some.
+    """
+
+    dimensions = 2
+
+    class Parameters(PhysicsEnvironment.Parameters):
+        """How the planar world moves."""
+
+        gravity: tuple[_Component, _Component] = Field(
+            (0.0, 0.0), description="Acceleration of free bodies [x, y] [m/s^2]; agents follow their models instead."
+        )
+        iterations: int = Field(10, ge=1, le=1000, description="How often a physics step goes over all contacts.")
+        joints: dict[str, Joint] = Field(
+            default_factory=dict, description="What holds bodies together, by a name of its own."
+        )
+
+    def _build(self) -> None:
+        """Bodies come in a fixed order: agents, free entities, moving ones, and last those that stay."""
+        parameters = self.parameters
+        space = self._space = pymunk.Space()
+        space.iterations = parameters.iterations
+        space.collision_slop = _SLOP
+        space.gravity = parameters.gravity
+        space.damping = 1.0 - parameters.damping
+        self._buffer, self._wrench = batch.Buffer(), batch.Buffer()
+        self._indices: dict[int, int] = {}
+        self._begun: list[Pair] = []
+        self._ended: list[Pair] = []
+        self._named: dict[str, pymunk.Body] = {}
+        positions, headings = self._places()
+        for drive, _, part in self._parts:
+            entity = drive.group.entity
+            for row in range(part.start, part.stop):
+                moment = _moment(entity) if drive.turns else float("inf")
+                body = pymunk.Body(entity.mass, moment)
+                body.position, body.angle = tuple(positions[row].tolist()), float(headings[row])
+                if drive.adds:
+                    body.velocity = tuple(self._velocity[row, :2].tolist())
+                self._add(int(self._driven[row]), body, entity.shape, entity)
+                self._inertia[row, -1] = moment / self.step_time if drive.turns else 0.0
+        first = len(self.roster)
+        index = {name: first + number for number, name in enumerate(self.obstacles)}
+        for name in self._free:
+            obstacle = self.obstacles[name]
+            body = pymunk.Body(obstacle.mass or 0.0, _moment(obstacle))
+            body.velocity, body.angular_velocity = _flat(obstacle.velocity or (0.0, 0.0)), obstacle.turn_rate
+            self._put(index[name], body, obstacle)
+        self._movers = [
+            (self._put(index[name], pymunk.Body(body_type=pymunk.Body.KINEMATIC), self.obstacles[name]), name)
+            for name in self._moving
+        ]
+        for name, obstacle in self.obstacles.items():
+            if not obstacle.is_free and not obstacle.path:
+                self._put(index[name], pymunk.Body(body_type=pymunk.Body.STATIC), obstacle)
+        constraints = joined(parameters.joints, self._named, space.static_body)
+        space.add(*constraints)
+        self._jointed = bool(constraints)
+        dynamic = len(self._driven) + len(self._free)
+        #: What is applied in each physics step, for all that Pymunk goes through; shape (dynamic and more, 3).
+        self._wrenches = np.zeros((dynamic + len(self.obstacles), 3))
+        self._wrench.set_float_buf(self._wrenches)
+        # Gravity is for free bodies; what is driven gets back what it takes.
+        self._lift = np.zeros((len(self._driven), 3))
+        self._lift[:, :2] = -np.array(parameters.gravity) * self._inertia[:, :2] * self.step_time
+        self._retained = (1.0 - parameters.damping) ** self.step_time
+        self._pushes = bool(self._lift.any())
+        space.on_collision(begin=self._on_begin, separate=self._on_separate)
+
+    def _places(self) -> tuple[Array, Array]:
+        """Where the agents start; and how fast, which goes into `_velocity`."""
+        positions, headings = np.zeros((len(self._driven), 2)), np.zeros(len(self._driven))
+        for drive, number, part in self._parts:
+            model, state = drive.group.model, self._states[number]
+            positions[part] = state[:, model.position]
+            if model.heading is not None:
+                headings[part] = state[:, model.heading]
+            if model.velocities:
+                self._velocity[part, :2] = state[:, model.velocities]
+        return positions, headings
+
+    def _put(self, index: int, body: pymunk.Body, obstacle: Obstacle) -> pymunk.Body:
+        pose = obstacle.pose()
+        body.position, body.angle = _flat(pose.position), pose.heading
+        self._add(index, body, obstacle.shape, obstacle)
+        return body
+
+    def _add(self, index: int, body: pymunk.Body, shape: Shape | None, surface: Entity | Obstacle) -> None:
+        shapes = [_shape(body, core, radius) for core, radius in (shape.pieces if shape else ())]
+        for each in shapes:
+            each.friction, each.elasticity = surface.friction, surface.elasticity
+            each.owner = index
+        self._indices[body.id] = index
+        self._named[self._touches.name(index)] = body
+        self._space.add(body, *shapes)
+
+    def close(self) -> None:
+        """Take the space apart."""
+        space = self.__dict__.pop("_space", None)
+        if space is not None:
+            space.on_collision(begin=pymunk.empty_callback, separate=pymunk.empty_callback)
+            space.remove(*space.constraints, *space.shapes, *space.bodies)
+
+    def _refresh(self) -> None:
+        self._velocity = self._rows(_MOTION, 3)[: len(self._driven)].copy()
+
+    def _push(self, forces: Array | None) -> None:
+        wrenches = self._wrenches[: len(self._driven)]
+        wrenches[:] = 0.0 if forces is None else forces
+        if self._pushes:
+            wrenches += self._lift
+        batch.set_space_bodies(self._space, _FORCE, self._wrench)
+
+    def _advance(self, number: int) -> bool:
+        for body, name in self._movers:
+            self._lead(body, name, number)
+        self._space.step(self.step_time)
+        if self._begun:
+            self._take_begun()
+        if self._ended:
+            # After those that begin, so that who slides along a wall from part to part stays in contact.
+            ended, self._ended = self._ended, []
+            for bodies in ended:
+                self._touches.end(bodies)
+        return self._jointed or self._touches.agents > 0
+
+    def _lead(self, body: pymunk.Body, name: str, number: int) -> None:
+        """Give an entity with a path the velocity that brings it where the path is after this physics step."""
+        path = self.obstacles[name]
+        start = seconds(self._time)
+        now, then = (path.pose(start + (number + ahead) * self.step_time) for ahead in (0, 1))
+        body.position, body.angle = _flat(now.position), now.heading
+        change = [after - before for after, before in zip(then.position[:2], now.position[:2], strict=True)]
+        body.velocity = (change[0] / self.step_time, change[1] / self.step_time)
+        body.angular_velocity = (then.heading - now.heading) / self.step_time
+
+    def _bodies(self) -> tuple[Bodies, Bodies]:
+        rows = self._rows(_POSE, 6)[: len(self._driven) + len(self._free)].copy()
+        parts = (rows[: len(self._driven)], rows[len(self._driven) :])
+        driven, free = (Bodies(part[:, :2], part[:, 2], part[:, 3:]) for part in parts)
+        return driven, free
+
+    def _rows(self, fields: batch.BodyFields, width: int) -> Array:
+        """What Pymunk has of all bodies, a row for each; to be copied before the next such call."""
+        self._buffer.clear()
+        batch.get_space_bodies(self._space, fields, self._buffer)
+        return np.frombuffer(self._buffer.float_buf()).reshape(-1, width)
+
+    def _find_overlaps(self) -> None:
+        found = []
+        for shape in self._space.shapes:
+            if shape.body is not None and shape.body.body_type == pymunk.Body.DYNAMIC:
+                for hit in self._space.shape_query(shape):
+                    other = hit.shape
+                    if other is not None and other.owner != shape.owner:
+                        point, depth = _deepest(hit.contact_point_set)
+                        found.append((pair(shape.owner, other.owner), -depth, point))
+        for bodies, depth, point in sorted(found):
+            if depth < 0.0:
+                self._touches.start(bodies, point, -depth)
+
+    def _on_begin(self, arbiter: pymunk.Arbiter, space: pymunk.Space, data: Any) -> None:
+        one, other = arbiter.shapes
+        self._begun.append(pair(one.owner, other.owner))
+
+    def _on_separate(self, arbiter: pymunk.Arbiter, space: pymunk.Space, data: Any) -> None:
+        one, other = arbiter.shapes
+        self._ended.append(pair(one.owner, other.owner))
+
+    def _take_begun(self) -> None:
+        """Tell the ledger of contacts that began in the last physics step, with what the engine knows of them now."""
+        begun, self._begun = self._begun, []
+        wanted = set(begun)
+        self._buffer.clear()
+        batch.get_space_arbiters(self._space, _HIT, self._buffer)
+        ids = np.frombuffer(self._buffer.int_buf(), np.uintp).reshape(-1, 2).tolist()
+        hits = np.frombuffer(self._buffer.float_buf()).reshape(-1, 9).tolist()
+        index = self._indices
+        found: dict[Pair, tuple[tuple[float, float], float, float]] = {}
+        for (one, other), hit in zip(ids, hits, strict=True):
+            bodies = pair(index[one], index[other])
+            if bodies in wanted:
+                impulse_x, impulse_y, along_x, along_y, a_x, a_y, b_x, b_y, gap = hit
+                impulse = abs(impulse_x * along_x + impulse_y * along_y)
+                point, depth = (0.5 * (a_x + b_x), 0.5 * (a_y + b_y)), max(0.0, -gap)
+                if bodies in found:
+                    # Of several parts that touch, the deepest tells where, and all together how hard.
+                    impulse += found[bodies][2]
+                    point, depth = max((depth, point), found[bodies][1::-1])[::-1]
+                found[bodies] = point, depth, impulse
+        for bodies in begun:
+            self._touches.begin(bodies, *found[bodies])
+
+
+def _shape(body: pymunk.Body, core: Sequence[Sequence[float]], radius: float) -> Any:
+    """One convex piece of a body's outline."""
+    if len(core) == 1:
+        return pymunk.Circle(body, radius, _flat(core[0]))
+    if len(core) == 2:
+        return pymunk.Segment(body, _flat(core[0]), _flat(core[1]), radius)
+    return pymunk.Poly(body, [_flat(corner) for corner in core], None, radius)
+
+
+def _flat(position: Sequence[float]) -> tuple[float, float]:
+    """The coordinates in the plane."""
+    return position[0], position[1]
+
+
+def _moment(entity: Entity | Obstacle) -> float:
+    """The moment of inertia about the position, which is taken to be the centre of mass [kg m^2]."""
+    assert entity.mass is not None
+    if entity.shape is None:
+        return pymunk.moment_for_circle(entity.mass, 0.0, _POINT)
+    ((core, radius),) = entity.shape.pieces
+    if len(core) == 1:
+        return pymunk.moment_for_circle(entity.mass, 0.0, radius)
+    return pymunk.moment_for_poly(entity.mass, [_flat(corner) for corner in core], (0.0, 0.0), radius)
+
+
+def _deepest(found: pymunk.ContactPointSet) -> tuple[tuple[float, float], float]:
+    """The middle of the deepest overlap, and how deep it is."""
+    deepest = min(found.points, key=lambda each: each.distance)
+    middle = 0.5 * (deepest.point_a + deepest.point_b)
+    return (float(middle.x), float(middle.y)), -float(deepest.distance)

@@ -1,0 +1,146 @@
+"""Solids: the shapes of a scenario as bodies of PyBullet."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+from symaware_cli.core import Shape, Wall, WorldError
+from symaware_cli.environments import asset
+from symaware_cli.environments.bullet import engine, quiet
+
+
+class Solids:
+    """Makes bodies in one world."""
+
+    def __init__(self, client: int, folder: Path, height: float, floor: float | None, loading: int) -> None:
+        """Take note of the world.
+
+        Args:
+            client: The engine's client.
+            folder: Where the files lie that a scenario names.
+            height: How high what has no height of its own is [m].
+            floor: The height of the ground [m]; None where there is none.
+            loading: Flags for loading URDF files.
+        """
+        self._client = client
+        self._folder = folder
+        self._height = height
+        self._floor = floor
+        self._loading = loading
+        self._outlines: dict[str, int] = {}
+
+    def standing(self, shape: Shape | None) -> float:
+        """How high something of a plane stands [m]."""
+        return 0.0 if self._floor is None else self._floor + self._half_height(shape)
+
+    def _half_height(self, shape: Shape | None) -> float:
+        """How far above the ground the origin of a shape is that stands on it [m]."""
+        if shape is None or shape.mesh or shape.urdf:
+            return 0.0
+        if shape.circle:
+            return shape.circle.radius
+        if shape.box:
+            return 0.5 * _box_height(shape)
+        return 0.5 * (shape.cylinder.height if shape.cylinder else self._height)
+
+    def body(self, mass: float, shape: int, position: Sequence[float], heading: float) -> int:
+        """Make a body of an outline, by the engine's number of that; fixed if it has no mass."""
+        body: int = engine.createMultiBody(
+            mass, shape, -1, position, turn(heading), useMaximalCoordinates=1, physicsClientId=self._client
+        )
+        return body
+
+    def make(self, mass: float, shape: Shape | None, position: Sequence[float], heading: float, *where: str) -> int:
+        """Make one body of any shape but a wall."""
+        if shape is not None and shape.urdf:
+            file = asset.find(shape.urdf.file, self._folder, *where, "shape")
+            asset.check_description(file, shape.urdf.file, self._folder, *where, "shape")
+            with quiet() as said:
+                try:
+                    body: int = engine.loadURDF(
+                        str(file),
+                        position,
+                        turn(heading),
+                        useFixedBase=mass == 0.0,
+                        globalScaling=shape.urdf.scale,
+                        flags=self._loading,
+                        physicsClientId=self._client,
+                    )
+                except engine.error:
+                    body = -1
+            if body < 0:
+                raise WorldError(f"PyBullet cannot load `{shape.urdf.file}`: {last(said)}", *where, "shape")
+            return body
+        return self.body(mass, self._outline(shape, *where), position, heading)
+
+    def _outline(self, shape: Shape | None, *where: str) -> int:
+        """The engine's number of a shape; the same for all that have it."""
+        if shape is None:
+            return -1
+        key = shape.model_dump_json()
+        if key not in self._outlines:
+            with quiet():
+                number = self._new_outline(shape, *where)
+            if number < 0:
+                raise WorldError("PyBullet cannot make a body of this shape", *where, "shape")
+            self._outlines[key] = number
+        return self._outlines[key]
+
+    def _new_outline(self, shape: Shape, *where: str) -> int:
+        said: dict[str, Any] = {"shapeType": engine.GEOM_MESH}
+        if shape.circle:
+            said = {"shapeType": engine.GEOM_SPHERE, "radius": shape.circle.radius}
+        elif shape.cylinder:
+            said = {
+                "shapeType": engine.GEOM_CYLINDER,
+                "radius": shape.cylinder.radius,
+                "height": shape.cylinder.height,
+            }
+        elif shape.box:
+            extents = (shape.box.length, shape.box.width, _box_height(shape))
+            said = {"shapeType": engine.GEOM_BOX, "halfExtents": [0.5 * extent for extent in extents]}
+        elif shape.polygon:
+            half = 0.5 * self._height
+            said["vertices"] = [[*corner, height] for corner in shape.polygon.vertices for height in (-half, half)]
+        elif shape.mesh:
+            said["fileName"] = str(asset.find(shape.mesh.file, self._folder, *where, "shape"))
+            said["meshScale"] = [shape.mesh.scale] * 3
+        try:
+            number: int = engine.createCollisionShape(**said, physicsClientId=self._client)
+        except engine.error:
+            return -1
+        return number
+
+    def make_wall(self, wall: Wall, position: Sequence[float], heading: float) -> list[int]:
+        """A wall's segments, and what rounds their ends."""
+        half, height, bodies = 0.5 * wall.thickness, self._height, []
+        cosine, sine = math.cos(heading), math.sin(heading)
+        points = [(position[0] + cosine * x - sine * y, position[1] + sine * x + cosine * y) for x, y in wall.points]
+        for (x, y), (to_x, to_y) in pairwise(points):
+            extents = [0.5 * math.dist((x, y), (to_x, to_y)), half, 0.5 * height]
+            shape = engine.createCollisionShape(engine.GEOM_BOX, halfExtents=extents, physicsClientId=self._client)
+            middle = (0.5 * (x + to_x), 0.5 * (y + to_y), position[2])
+            bodies.append(self.body(0.0, shape, middle, math.atan2(to_y - y, to_x - x)))
+        shape = engine.createCollisionShape(
+            engine.GEOM_CYLINDER, radius=half, height=height, physicsClientId=self._client
+        )
+        return bodies + [self.body(0.0, shape, (x, y, position[2]), 0.0) for x, y in dict.fromkeys(points)]
+
+
+def turn(heading: float) -> tuple[float, float, float, float]:
+    """The quaternion (x, y, z, w) of a heading."""
+    return (0.0, 0.0, math.sin(0.5 * heading), math.cos(0.5 * heading))
+
+
+def last(said: Sequence[str]) -> str:
+    """The last thing that the engine complained of."""
+    return next((line.strip() for line in reversed(said) if line.strip()), "it does not say why")
+
+
+def _box_height(shape: Shape) -> float:
+    assert shape.box
+    return shape.box.height or min(shape.box.length, shape.box.width)

@@ -1,0 +1,399 @@
+"""The spatial world: rigid bodies in space, moved by PyBullet."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from symaware_cli.core import AgentGroup, Entity, Obstacle, Parameters, Vehicle, WorldError, seconds
+from symaware_cli.environments.bullet import MOST_SHOWN, Client, engine, quiet
+from symaware_cli.environments.drive import Drive
+from symaware_cli.environments.physics import Bodies, PhysicsEnvironment
+from symaware_cli.environments.solid import Solids, last, turn
+from symaware_cli.environments.touch import Pair, pair
+
+Array = NDArray[np.float64]
+
+_Component = Annotated[float, Field(ge=-1e9, le=1e9)]
+
+#: What collides with what: the group of each kind of body, and the groups that it meets.
+_GROUND, _FIXED, _LED, _FREE, _UPRIGHT = (1 << number for number in range(5))
+_MEETS = {
+    _GROUND: _FREE,
+    _FIXED: _FREE | _UPRIGHT,
+    _LED: _FREE | _UPRIGHT,
+    _FREE: _GROUND | _FIXED | _LED | _FREE | _UPRIGHT,
+    _UPRIGHT: _FIXED | _LED | _FREE | _UPRIGHT,
+}
+
+#: [kg] and [kg m^2]: what nothing moves or tilts, and the engine can still compute with.
+_IMMOVABLE = 1e9
+
+#: [m] A contact has ended when the gap is wider than this; wheels that roll hop by less.
+_GAP = 5e-3
+
+#: [m/s] Slower than this nothing bounces. PyBullet's own 0.2 is that of larger things.
+_BOUNCE = 0.01
+
+
+class Ground(Parameters):
+    """A plane that everything falls on."""
+
+    height: float = Field(0.0, ge=-1e9, le=1e9, description="Where it is [m].")
+    friction: float = Field(1.0, ge=0, description="Coefficient of friction, times that of what lies on it.")
+    elasticity: float = Field(1.0, ge=0, le=1, description="Elasticity, times that of what falls on it.")
+
+
+class PyBulletEnvironment(PhysicsEnvironment):
+    """Rigid bodies in space that fall, push, rub and bounce off each other, by PyBullet.
+
+    The z axis points upwards. Agents of models that move in a plane stand upright at one height, and the ground does
+    not touch them.
+    """
+
+    dimensions = 3
+
+    class Parameters(PhysicsEnvironment.Parameters):
+        """How the spatial world moves."""
+
+        gravity: tuple[_Component, _Component, _Component] = Field(
+            (0.0, 0.0, -9.81),
+            description="Acceleration of free bodies and of vehicles [x, y, z] [m/s^2]; other agents follow their "
+            "models instead.",
+        )
+        ground: Ground | None = Field(Ground(), description="The plane that everything falls on; none if null.")
+        height: float = Field(1.0, gt=0, description="How high what has no height of its own is, such as a wall [m].")
+        recovery: float = Field(
+            0.02,
+            ge=0,
+            le=1,
+            description="Part of an overlap that a physics step undoes. It adds energy to collisions: 0 is exact, and "
+            "then what overlaps stays so.",
+        )
+        iterations: int = Field(50, ge=1, le=1000, description="How often a physics step goes over all contacts.")
+        visuals: bool = Field(
+            False,
+            description="Whether URDF files are loaded with what the bodies look like, for pictures; a racecar takes "
+            "6 MB for that, and else none.",
+        )
+        gui: bool = Field(False, description="Whether to show the window of PyBullet; it needs a screen.")
+
+    def _drive(self, group: AgentGroup, seed: int) -> Drive | None:
+        return super()._drive(group, seed) if group.model.vehicle() is None else None
+
+    def _build(self) -> None:
+        """Bodies come in a fixed order: the ground, agents, and entities by name."""
+        parameters = self.parameters
+        count = len(self.roster) + len(self.obstacles)
+        if parameters.gui and count > MOST_SHOWN:
+            raise WorldError(
+                f"the window of PyBullet shows at most {MOST_SHOWN:,} bodies, and there are {count:,}",
+                *("environment", "with", "gui"),
+            )
+        self._client = Client(parameters.gui)
+        client = self._id = self._client.id
+        engine.setTimeStep(self.step_time, client)
+        engine.setGravity(*parameters.gravity, client)
+        engine.setPhysicsEngineParameter(
+            numSolverIterations=parameters.iterations,
+            contactERP=parameters.recovery,
+            restitutionVelocityThreshold=_BOUNCE,
+            physicsClientId=client,
+        )
+        self._fall = np.array([*parameters.gravity, 0.0]) * self.step_time
+        self._falls = bool(self._fall.any())
+        self._pushes = self._falls or any(drive is None for drive in self._drives)
+        pictures = parameters.gui or parameters.visuals
+        self._loading = 0 if pictures else engine.URDF_IGNORE_VISUAL_SHAPES
+        self._index: dict[int, int] = {}
+        self._frames: dict[int, tuple[Sequence[float], Sequence[float]]] = {}
+        floor = parameters.ground.height if parameters.ground else None
+        self._solids = Solids(client, self.folder, parameters.height, floor, self._loading)
+        if parameters.ground:
+            shape = engine.createCollisionShape(engine.GEOM_PLANE, physicsClientId=client)
+            plane = self._solids.body(0.0, shape, (0.0, 0.0, parameters.ground.height), 0.0)
+            self._finish(plane, len(self.roster) + len(self.obstacles), parameters.ground, _GROUND)
+        self._vehicles: list[tuple[Vehicle, int]] = []
+        self._agents = [-1] * len(self._driven)
+        self._row_of = {index: row for row, index in enumerate(self._driven.tolist())}
+        self._headings = np.zeros(len(self._driven))
+        self._heights = np.zeros(len(self._driven))
+        self._planar = np.zeros(len(self._driven), bool)
+        parts = {number: part for _, number, part in self._parts}
+        for number, group in enumerate(self.groups):
+            if number in parts:
+                self._add_driven(group, self._states[number], parts[number])
+            else:
+                self._add_vehicles(group, number)
+        first = len(self.roster)
+        for index, (name, obstacle) in enumerate(self.obstacles.items()):
+            self._add_obstacle(first + index, name, obstacle)
+        self._free_headings = np.array([self.obstacles[name].heading for name in self._free])
+
+    # -- bodies
+
+    def _add_driven(self, group: AgentGroup, state: Array, part: slice) -> None:
+        model, entity = group.model, group.entity
+        turns, planar = model.heading is not None, len(model.position) == 2
+        where = ("agents", group.name, "entity")
+        for row, own in zip(range(part.start, part.stop), state, strict=True):
+            position = own[list(model.position)].tolist()
+            if planar:
+                position.append(self._solids.standing(entity.shape))
+            heading = float(own[model.heading]) if model.heading is not None else 0.0
+            body = self._solids.make(entity.mass, entity.shape, position, heading, *where)
+            inertia = self._moment(body, entity)
+            turning = inertia if turns else _IMMOVABLE
+            # What is driven stays upright: nothing tilts it.
+            upright = [_IMMOVABLE, _IMMOVABLE, turning]
+            engine.changeDynamics(body, -1, mass=entity.mass, localInertiaDiagonal=upright, physicsClientId=self._id)
+            self._finish(body, int(self._driven[row]), entity, _UPRIGHT if planar else _FREE, damping=0.0)
+            if model.velocities:
+                self._velocity[row, : len(model.velocities)] = own[list(model.velocities)]
+                engine.resetBaseVelocity(body, self._velocity[row, :3].tolist(), (0, 0, 0), self._id)
+            self._agents[row], self._headings[row] = body, heading
+            self._heights[row], self._planar[row] = position[2], planar
+            self._inertia[row, -1] = inertia / self.step_time if turns else 0.0
+
+    def _add_vehicles(self, group: AgentGroup, number: int) -> None:
+        vehicle = group.model.vehicle()
+        assert vehicle is not None
+        bodies, start, file = [], self.roster.start(group.name), str(vehicle.description())
+        flags = vehicle.flags | self._loading
+        for row, own in enumerate(self._states[number]):
+            position, orientation = vehicle.pose(own)
+            with quiet() as said:
+                body = engine.loadURDF(file, position, orientation, flags=flags, physicsClientId=self._id)
+            if body < 0:
+                raise WorldError(f"PyBullet cannot load {file}: {last(said)}", "agents", group.name, "model")
+            self._index[body] = start + row
+            bodies.append(body)
+        for body in bodies:
+            for link in range(-1, engine.getNumJoints(body, self._id)):
+                engine.setCollisionFilterGroupMask(body, link, _FREE, _MEETS[_FREE], self._id)
+        vehicle.attach(engine, self._id, bodies, self._states[number], self.step_time)
+        self._vehicles.append((vehicle, number))
+
+    def _add_obstacle(self, index: int, name: str, obstacle: Obstacle) -> None:
+        pose = obstacle.pose()
+        position = list(pose.position)
+        if len(position) == 2:
+            position.append(self._solids.standing(obstacle.shape))
+        where = ("environment", "entities", name)
+        kind = _FREE if obstacle.is_free else _LED if obstacle.path else _FIXED
+        if obstacle.shape.wall:
+            for body in self._solids.make_wall(obstacle.shape.wall, position, pose.heading):
+                self._finish(body, index, obstacle, kind)
+            return
+        mass = obstacle.mass if obstacle.is_free else _IMMOVABLE if obstacle.path else 0.0
+        assert mass is not None
+        body = self._solids.make(mass, obstacle.shape, position, pose.heading, *where)
+        self._entities[name] = body
+        self._finish(body, index, obstacle, kind)
+        if obstacle.is_free:
+            velocity = [*(obstacle.velocity or ()), 0.0, 0.0, 0.0][:3]
+            engine.resetBaseVelocity(body, velocity, (0.0, 0.0, obstacle.turn_rate), self._id)
+
+    def _prepare(self) -> None:
+        super()._prepare()
+        self._entities: dict[str, int] = {}
+
+    def _finish(
+        self, body: int, index: int, surface: Entity | Obstacle | Ground, kind: int, damping: float | None = None
+    ) -> None:
+        """Say what a body is: whose, of which surface, and whom it meets."""
+        self._index[body] = index
+        lost = self.parameters.damping if damping is None else damping
+        for link in range(-1, engine.getNumJoints(body, self._id)):
+            engine.changeDynamics(
+                body,
+                link,
+                lateralFriction=surface.friction,
+                restitution=surface.elasticity,
+                linearDamping=lost,
+                angularDamping=lost,
+                activationState=engine.ACTIVATION_STATE_DISABLE_SLEEPING,
+                # Who is only near is not pushed yet: it would lose of its bounce what is left of the way.
+                contactProcessingThreshold=0.0,
+                physicsClientId=self._id,
+            )
+            engine.setCollisionFilterGroupMask(body, link, kind, _MEETS[kind], self._id)
+        frame = engine.getDynamicsInfo(body, -1, self._id)[3:5]
+        if any(frame[0]):
+            self._frames[body] = engine.invertTransform(*frame)
+
+    def _moment(self, body: int, entity: Entity) -> float:
+        """The moment of inertia about the vertical [kg m^2]."""
+        moment = float(engine.getDynamicsInfo(body, -1, self._id)[2][2]) if entity.shape else 0.0
+        # A body without a shape turns as a small ball does.
+        return moment or 0.4 * entity.mass * 0.01
+
+    # -- steps
+
+    def close(self) -> None:
+        """Close the engine's client."""
+        client = self.__dict__.get("_client")
+        if client is not None:
+            client.close()
+
+    def _lay_out(self) -> None:
+        super()._lay_out()
+        # Who moves in a plane is brought back to its height within the time step.
+        step = seconds(self.time_step)
+        self._plan[:, self._planar, 2] = (self._heights - self._positions[:, 2])[self._planar] / step
+        for vehicle, number in self._vehicles:
+            vehicle.actuate(self._applied[number])
+
+    def _refresh(self) -> None:
+        self._velocity = self._velocity.copy()
+        for row in self._touched:
+            velocity, spin = engine.getBaseVelocity(self._agents[row], self._id)
+            self._velocity[row] = (*velocity, spin[2])
+
+    def _push(self, forces: Array | None) -> None:
+        """Give each body the velocity that the force would within this physics step, before contacts are solved."""
+        for vehicle, _ in self._vehicles:
+            vehicle.push()
+        rows: Sequence[int] = range(len(self._agents))
+        if not self._falls:
+            rows = [] if forces is None else np.flatnonzero(forces.any(axis=1)).tolist()
+        if not rows:
+            return
+        velocities = (self._velocity - self._fall).tolist()
+        for row in rows:
+            *velocity, turn_rate = velocities[row]
+            engine.resetBaseVelocity(self._agents[row], velocity, (0.0, 0.0, turn_rate), self._id)
+
+    def _advance(self, number: int) -> bool:
+        for name in self._moving:
+            self._lead(name, number)
+        engine.stepSimulation(self._id)
+        self._take_contacts()
+        return bool(self._touched)
+
+    def _lead(self, name: str, number: int) -> None:
+        """Put an entity with a path where it is, with the velocity that brings it where the path is next."""
+        body, path = self._entities[name], self.obstacles[name].path
+        assert path is not None
+        start, heading = seconds(self._time), self.obstacles[name].heading
+        now, then = (path.pose(start + (number + ahead) * self.step_time, heading) for ahead in (0, 1))
+        height = [self._solids.standing(self.obstacles[name].shape)] if len(now.position) == 2 else []
+        position = [*now.position, *height]
+        change = [after - before for after, before in zip([*then.position, *height], position, strict=True)]
+        velocity = [by / self.step_time - fall for by, fall in zip(change, self._fall, strict=False)]
+        engine.resetBasePositionAndOrientation(body, position, turn(now.heading), self._id)
+        spin = (0.0, 0.0, (then.heading - now.heading) / self.step_time)
+        engine.resetBaseVelocity(body, velocity, spin, self._id)
+
+    def _take_contacts(self) -> None:
+        """Tell the ledger what the engine found in the last physics step."""
+        found = engine.getContactPoints(physicsClientId=self._id)
+        self._touched: Sequence[int] = ()
+        ledger = self._touches
+        if not found and not ledger:
+            return
+        near: dict[Pair, Any] = {}
+        index = self._index
+        for contact in found:
+            one, other = index[contact[1]], index[contact[2]]
+            bodies = (one, other) if one < other else (other, one)
+            known = near.get(bodies)
+            if known is None or contact[8] < known[8]:
+                near[bodies] = contact
+        new = [bodies for bodies in near if bodies not in ledger and bodies[0] != bodies[1]]
+        if new:
+            impulses = self._impulses(found)
+            for bodies in sorted(new):
+                gap, impulse = near[bodies][8], impulses[bodies]
+                if gap <= 0.0 or impulse > 0.0:
+                    ledger.begin(bodies, _middle(near[bodies]), max(0.0, -gap), impulse)
+        for bodies in ledger.touching:
+            if bodies not in near or near[bodies][8] > _GAP:
+                ledger.end(bodies)
+        if self._agents:
+            rows = self._row_of
+            self._touched = sorted({rows[body] for bodies in near for body in bodies if body in rows})
+
+    def _impulses(self, found: Sequence[Any]) -> dict[Pair, float]:
+        """How hard bodies pressed on each other in the last physics step [N s]."""
+        impulses: dict[Pair, float] = {}
+        for contact in found:
+            bodies = pair(self._index[contact[1]], self._index[contact[2]])
+            impulses[bodies] = impulses.get(bodies, 0.0) + contact[9] * self.step_time
+        return impulses
+
+    def _find_overlaps(self) -> None:
+        self._touched = ()
+        engine.performCollisionDetection(self._id)
+        found: dict[Pair, Any] = {}
+        ground = len(self.roster) + len(self.obstacles)
+        for contact in engine.getContactPoints(physicsClientId=self._id):
+            bodies = pair(self._index[contact[1]], self._index[contact[2]])
+            if bodies[1] == ground:
+                if contact[8] <= _GAP:
+                    self._touches.rest(bodies, _middle(contact))
+            elif bodies[0] != bodies[1] and contact[8] < -1e-9:
+                known = found.get(bodies)
+                if known is None or contact[8] < known[8]:
+                    found[bodies] = contact
+        for bodies in sorted(found):
+            self._touches.start(bodies, _middle(found[bodies]), -found[bodies][8])
+
+    # -- what is read back
+
+    def _bodies(self) -> tuple[Bodies, Bodies]:
+        driven = self._look(self._agents, self._headings)
+        free = self._look([self._entities[name] for name in self._free], self._free_headings)
+        self._positions, self._headings = driven.positions, driven.headings
+        self._free_headings = free.headings
+        return driven, free
+
+    def _look(self, bodies: Sequence[int], headings: Array) -> Bodies:
+        """Read bodies; their headings count turns from where they were before."""
+        client, frames = self._id, self._frames
+        # One list and one array at the end: rows of an array that are filled one by one cost twice as much.
+        flat: list[float] = []
+        for body in bodies:
+            position, orientation = engine.getBasePositionAndOrientation(body, client)
+            if body in frames:
+                position, orientation = engine.multiplyTransforms(position, orientation, *frames[body])
+            velocity, spin = engine.getBaseVelocity(body, client)
+            flat += position
+            flat += orientation
+            flat += velocity
+            flat += spin
+        values = np.array(flat).reshape(len(bodies), 13)
+        turned = _headings(values[:, 3:7])
+        headings = headings + np.remainder(turned - headings + np.pi, 2 * np.pi) - np.pi
+        return Bodies(values[:, :3], headings, values[:, [7, 8, 9, 12]])
+
+    def _read_others(self, velocities: Array) -> None:
+        for vehicle, number in self._vehicles:
+            state, velocity = vehicle.read()
+            state.flags.writeable = False
+            self._states[number] = state
+            group = self.groups[number]
+            start, dimensions = self.roster.start(group.name), len(group.model.position)
+            velocities[start : start + len(group), :dimensions] = velocity[:, :dimensions]
+
+    def orientation(self, name: str) -> tuple[float, ...] | None:
+        """Return how an entity is turned now, as a quaternion (x, y, z, w); None for what never tilts."""
+        if name not in self._free_rows:
+            return None
+        orientation: tuple[float, ...] = engine.getBasePositionAndOrientation(self._entities[name], self._id)[1]
+        return orientation
+
+
+def _headings(orientations: Array) -> Array:
+    """The headings of quaternions (x, y, z, w), each in (-pi, pi] [rad]; (m, 4) to (m,)."""
+    x, y, z, w = orientations.T
+    turned: Array = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+    return turned
+
+
+def _middle(contact: Any) -> tuple[float, ...]:
+    return tuple(0.5 * (one + other) for one, other in zip(contact[5], contact[6], strict=True))

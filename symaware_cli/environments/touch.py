@@ -1,0 +1,114 @@
+"""Touches: what a physics engine says of bodies that meet, as contacts that begin and end."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from symaware_cli.core import Contact
+
+#: Two bodies, by index, the lesser first.
+Pair = tuple[int, int]
+
+
+def pair(one: int, other: int) -> Pair:
+    """Put two bodies into order."""
+    return (one, other) if one < other else (other, one)
+
+
+class TouchLedger:
+    """Keeps which bodies touch, from one physics step to the next.
+
+    A body of several parts touches as long as one of them does.
+
+    Attributes:
+        agents: How many contacts an agent takes part in.
+    """
+
+    def __init__(self, names: Sequence[str], agents: int) -> None:
+        """Start with nobody touching.
+
+        Args:
+            names: The name of each body, by index.
+            agents: How many of them, the first ones, are agents.
+        """
+        self.agents = 0
+        self._first_other = agents
+        self._names = names
+        self._touching: dict[Pair, int] = {}
+        self._points: dict[Pair, tuple[float, ...]] = {}
+        #: What overlaps at the start was told then; that the engine finds it, too, is no news.
+        self._told: set[Pair] = set()
+        self._news: list[Contact] = []
+
+    def __bool__(self) -> bool:
+        return bool(self._touching)
+
+    def __contains__(self, bodies: object) -> bool:
+        return bodies in self._touching
+
+    def name(self, body: int) -> str:
+        """The name of a body."""
+        return self._names[body]
+
+    @property
+    def touching(self) -> Sequence[Pair]:
+        """Who touches now."""
+        return list(self._touching)
+
+    def start(self, bodies: Pair, point: tuple[float, ...], depth: float) -> None:
+        """Tell of bodies that overlap at the start."""
+        if bodies not in self._told:
+            self._told.add(bodies)
+            self._points[bodies] = point
+            self._news.append(self._contact(bodies, point, depth))
+
+    def rest(self, bodies: Pair, point: tuple[float, ...]) -> None:
+        """Take note of bodies that touch at the start because one stands on the other, which is no news."""
+        if bodies not in self._touching:
+            self._join(bodies)
+            self._points[bodies] = point
+
+    def begin(self, bodies: Pair, point: tuple[float, ...], depth: float, impulse: float) -> None:
+        """A part of one begins to touch a part of the other."""
+        if bodies in self._touching:
+            self._touching[bodies] += 1
+            return
+        self._join(bodies)
+        if bodies in self._told:
+            self._told.discard(bodies)
+        else:
+            self._points[bodies] = point
+            self._news.append(self._contact(bodies, point, depth, impulse=impulse))
+
+    def end(self, bodies: Pair) -> None:
+        """A part of one ceases to touch a part of the other."""
+        count = self._touching.pop(bodies, 0)
+        if count > 1:
+            self._touching[bodies] = count - 1
+        elif count:
+            self.agents -= bodies[0] < self._first_other
+            self._part(bodies)
+
+    def settle(self) -> None:
+        """Part those that were told of at the start, and whom the engine does not find to touch."""
+        for bodies in sorted(self._told):
+            self._part(bodies)
+        self._told.clear()
+
+    def take(self) -> Sequence[Contact]:
+        """Return what began and ended since the last time, sorted by the names of the bodies."""
+        news, self._news = self._news, []
+        return sorted(news, key=lambda contact: (contact.first, contact.second))
+
+    def _part(self, bodies: Pair) -> None:
+        self._news.append(self._contact(bodies, self._points.pop(bodies), 0.0, begins=False))
+
+    def _join(self, bodies: Pair) -> None:
+        self._touching[bodies] = 1
+        self.agents += bodies[0] < self._first_other
+
+    def _contact(
+        self, bodies: Pair, point: tuple[float, ...], depth: float, begins: bool = True, impulse: float = 0.0
+    ) -> Contact:
+        first, second = sorted((self._names[bodies[0]], self._names[bodies[1]]))
+        return Contact(first, second, point, depth, begins, impulse)

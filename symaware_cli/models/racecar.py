@@ -1,0 +1,225 @@
+"""The racecar of pybullet_data: four wheels, two of them driven and two steered."""
+
+from __future__ import annotations
+
+import math as numbers
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, model_validator
+
+from symaware_cli.core import Model, Parameters, Quantity, Vehicle
+from symaware_cli.models.heading import HeadingModel
+from symaware_cli.models.noise import Deviation
+
+Array = NDArray[np.float64]
+
+#: [m] As pybullet_data/racecar/racecar.urdf has them: between the axles, between the wheels of one, and of a wheel, to
+#: which PyBullet adds a margin of 1 mm.
+WHEELBASE, TRACK, WHEEL_RADIUS = 0.325, 0.245, 0.051
+
+
+class Racecar(HeadingModel):
+    """A model car of the scale 1:10 (MIT Racecar) that is told a speed and a steering angle.
+
+    In the world `pybullet` it is what racecar/racecar.urdf of pybullet_data describes. Motors turn the rear wheels and
+    the front hinges with what torque they have, and the ground drives it by friction. The inner wheels turn slower and
+    steer more, as on a car (Ackermann).
+
+    Elsewhere, and for those who plan, it is a kinematic bicycle whose speed and steering angle follow what is asked
+    for with a time constant each: x' = v cos(heading), y' = v sin(heading), heading' = v tan(s) / L, v' = (speed - v) /
+    speed_time, s' = (steering_angle - s) / steering_time.
+
+    The position is that of the middle of the rear axle; on the ground, at height 0 of the file.
+    """
+
+    state = (
+        Quantity("x", "m"),
+        Quantity("y", "m"),
+        Quantity("heading", "rad"),
+        Quantity("speed", "m/s"),
+        Quantity("steering_angle", "rad"),
+    )
+    control_input = (Quantity("speed", "m/s"), Quantity("steering_angle", "rad"))
+    heading = 2
+    angles = (2, 4)
+    wheelbase = WHEELBASE
+
+    class Parameters(Parameters):
+        """Limits of the racecar, and how it responds."""
+
+        min_speed: float = Field(-1.0, description="Least speed [m/s]; negative to drive backwards.")
+        max_speed: float = Field(3.0, gt=0, description="Greatest speed [m/s].")
+        max_steering_angle: float = Field(
+            0.5, gt=0, lt=1.0, description="Greatest steering angle to either side [rad]."
+        )
+        steering_gain: float = Field(
+            4.0, gt=0, description="Turn rate for each radian between the heading and the wanted direction [1/s]."
+        )
+        speed_time: float = Field(0.2, gt=0, description="Time constant of the speed, outside of `pybullet` [s].")
+        steering_time: float = Field(
+            0.05, gt=0, description="Time constant of the steering angle, outside of `pybullet` [s]."
+        )
+        motor_torque: float = Field(0.5, gt=0, description="Greatest torque on each rear wheel, in `pybullet` [N m].")
+        wheel_friction: float = Field(
+            1.0, ge=0, description="Coefficient of friction of the tyres, in `pybullet`; times that of the ground."
+        )
+        process_noise: Deviation = None
+
+        @model_validator(mode="after")
+        def _speeds_in_order(self) -> Racecar.Parameters:
+            if self.min_speed > self.max_speed:
+                raise ValueError(f"`min_speed` {self.min_speed:g} lies above `max_speed` {self.max_speed:g}")
+            return self
+
+    def motion(self, control_input: Any, math: Any) -> tuple[Any, Any]:
+        """Where speed and steering angle settle."""
+        return control_input[0], control_input[0] * math.tan(control_input[1]) / WHEELBASE
+
+    def derivative(self, state: Any, control_input: Any, math: Any) -> Sequence[Any]:
+        """A bicycle whose speed and steering angle lag behind."""
+        heading, speed, angle = state[2], state[3], state[4]
+        return (
+            speed * math.cos(heading),
+            speed * math.sin(heading),
+            speed * math.tan(angle) / WHEELBASE,
+            (control_input[0] - speed) / self.parameters.speed_time,
+            (control_input[1] - angle) / self.parameters.steering_time,
+        )
+
+    def successor(  # type: ignore[override]
+        self, state: Any, control_input: Any, step: Any, math: Any
+    ) -> None:
+        """It has no closed form."""
+        return
+
+    def jacobian(self, state: Array, control_input: Array) -> Array:
+        """By central differences."""
+        return Model.jacobian(self, state, control_input)
+
+    def velocity(self, state: Array, control_input: Array) -> Array:
+        """The speed in the state, along the heading."""
+        heading, speed = state[:, 2].copy(), state[:, 3].copy()
+        return np.stack([speed * np.cos(heading), speed * np.sin(heading)], axis=1)
+
+    def input_bounds(self) -> tuple[Sequence[float], Sequence[float]]:
+        """Speed within its limits; steering angle within its limit to either side."""
+        limits = self.parameters
+        return [limits.min_speed, -limits.max_steering_angle], [limits.max_speed, limits.max_steering_angle]
+
+    def follow_velocity(self, state: Array, velocity: Array) -> Array:
+        """Roll forwards at the wanted speed, since turning needs it, and steer for a turn rate that ends the error."""
+        speed, error = self.aim(state, velocity)
+        followed = np.empty((len(state), 2))
+        followed[:, 0] = speed
+        followed[:, 1] = np.arctan2(WHEELBASE * self.parameters.steering_gain * error, speed)
+        return followed
+
+    def vehicle(self) -> Vehicle:
+        """Its wheels and hinges in the world `pybullet`."""
+        return RacecarVehicle(self.parameters)
+
+
+class RacecarVehicle(Vehicle):
+    """The wheels and hinges of racecars in the world `pybullet`."""
+
+    #: URDF_USE_INERTIA_FROM_FILE: by default PyBullet makes inertia up from collision shapes, and the chassis has none.
+    flags = 2
+
+    def __init__(self, parameters: Any) -> None:
+        self._parameters = parameters
+
+    def description(self) -> Path:
+        """The file in pybullet_data."""
+        import pybullet_data  # type: ignore[import-untyped]
+
+        return Path(pybullet_data.getDataPath(), "racecar", "racecar.urdf")
+
+    def pose(self, state: Array) -> tuple[Sequence[float], Sequence[float]]:
+        """The base of the file is the middle of the rear axle, at the height where the wheels stand."""
+        half = 0.5 * float(state[2])
+        return (float(state[0]), float(state[1]), WHEEL_RADIUS - 0.05), (0.0, 0.0, numbers.sin(half), numbers.cos(half))
+
+    def attach(self, engine: Any, client: int, bodies: Sequence[int], state: Array, step_time: float) -> None:
+        """Find the joints, and let the wheels roll."""
+        self._engine, self._client, self._bodies = engine, client, tuple(bodies)
+        names = {
+            engine.getJointInfo(bodies[0], joint, client)[1].decode(): joint
+            for joint in range(engine.getNumJoints(bodies[0], client))
+        }
+        self._driven = [names["left_rear_wheel_joint"], names["right_rear_wheel_joint"]]
+        rolling = [names["left_front_wheel_joint"], names["right_front_wheel_joint"]]
+        self._steered = [names["left_steering_hinge_joint"], names["right_steering_hinge_joint"]]
+        self._headings = state[:, 2].copy()
+        self._told: list[list[float]] = [[] for _ in bodies]
+        for body, own in zip(bodies, state, strict=True):
+            for joint in names.values():
+                engine.changeDynamics(
+                    body, joint, lateralFriction=0.0, linearDamping=0.0, angularDamping=0.0, physicsClientId=client
+                )
+            for joint in (*self._driven, *rolling):
+                friction = self._parameters.wheel_friction
+                engine.changeDynamics(body, joint, lateralFriction=friction, physicsClientId=client)
+                engine.resetJointState(body, joint, 0.0, float(own[3]) / WHEEL_RADIUS, client)
+            for joint in rolling:
+                engine.setJointMotorControl2(body, joint, engine.VELOCITY_CONTROL, force=0.0, physicsClientId=client)
+            for joint, angle in zip(self._steered, hinge_angles(float(own[4])), strict=True):
+                engine.resetJointState(body, joint, angle, 0.0, client)
+            heading, speed = float(own[2]), float(own[3])
+            forwards = (speed * numbers.cos(heading), speed * numbers.sin(heading), 0.0)
+            engine.resetBaseVelocity(body, forwards, (0.0, 0.0, speed * numbers.tan(own[4]) / WHEELBASE), client)
+
+    def actuate(self, control_input: Array) -> None:
+        """Set the motors of those who are told something new."""
+        engine, torque = self._engine, self._parameters.motor_torque
+        for row, (body, told) in enumerate(zip(self._bodies, control_input.tolist(), strict=True)):
+            if told == self._told[row]:
+                continue
+            self._told[row] = told
+            speed, angle = told
+            aside = 0.5 * TRACK * numbers.tan(angle) / WHEELBASE
+            engine.setJointMotorControlArray(
+                body,
+                self._driven,
+                engine.VELOCITY_CONTROL,
+                targetVelocities=[speed * (1.0 - aside) / WHEEL_RADIUS, speed * (1.0 + aside) / WHEEL_RADIUS],
+                forces=[torque, torque],
+                physicsClientId=self._client,
+            )
+            engine.setJointMotorControlArray(
+                body,
+                self._steered,
+                engine.POSITION_CONTROL,
+                targetPositions=hinge_angles(angle),
+                forces=[10.0, 10.0],
+                physicsClientId=self._client,
+            )
+
+    def read(self) -> tuple[Array, Array]:
+        """Read the pose and velocity of the base, and the hinges."""
+        engine, client = self._engine, self._client
+        values = np.empty((len(self._bodies), 10))
+        for row, body in enumerate(self._bodies):
+            (x, y, _), orientation = engine.getBasePositionAndOrientation(body, client)
+            velocity, _ = engine.getBaseVelocity(body, client)
+            left = engine.getJointState(body, self._steered[0], client)[0]
+            values[row] = (x, y, *orientation, *velocity, left)
+        qx, qy, qz, qw = values[:, 2:6].T
+        turned = np.arctan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
+        self._headings = self._headings + np.remainder(turned - self._headings + np.pi, 2 * np.pi) - np.pi
+        state = np.empty((len(self._bodies), 5))
+        state[:, :2], state[:, 2] = values[:, :2], self._headings
+        state[:, 3] = values[:, 6] * np.cos(turned) + values[:, 7] * np.sin(turned)
+        tangent = np.tan(values[:, 9])
+        state[:, 4] = np.arctan(tangent / (1.0 + 0.5 * TRACK / WHEELBASE * tangent))
+        return state, values[:, 6:9]
+
+
+def hinge_angles(angle: float) -> list[float]:
+    """The angles of the left and the right hinge that turn the car as a bicycle with a steering angle [rad]."""
+    tangent = numbers.tan(angle)
+    aside = 0.5 * TRACK * tangent / WHEELBASE
+    return [numbers.atan(tangent / (1.0 - aside)), numbers.atan(tangent / (1.0 + aside))]
