@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from symaware_cli.cli.terminal import size_in_words
 from symaware_cli.recording.overview import Overview
+
+#: How many columns of a channel are named.
+_MOST = 9
 
 
 def text(summary: Overview) -> str:
@@ -46,7 +51,7 @@ def _channels(summary: Overview) -> list[str]:
     lines = [f"  {'channel':<{width}}  {'messages':>9}  {'rate':>9}  {'size':>8}  content"]
     for channel in summary.channels:
         rate = f"{channel.rate:.4g} Hz" if channel.rate else "-"
-        content = f"{channel.schema.rpartition('.')[2]} {', '.join(channel.columns)}".rstrip()
+        content = f"{channel.schema.rpartition('.')[2]} {_listed(channel.columns)}".rstrip()
         size = size_in_words(channel.size)
         lines.append(f"  {channel.topic:<{width}}  {channel.messages:>9,}  {rate:>9}  {size:>8}  {content}")
     return lines
@@ -54,3 +59,10 @@ def _channels(summary: Overview) -> list[str]:
 
 def _line(label: str, text: str) -> str:
     return f"  {label:<9} {text}"
+
+
+def _listed(names: Sequence[str]) -> str:
+    """The names, or the first few of very many."""
+    if len(names) <= _MOST + 1:
+        return ", ".join(names)
+    return f"{', '.join(names[:_MOST])} and {len(names) - _MOST} more"
