@@ -12,9 +12,11 @@ from symaware_cli.models.integrator import SingleIntegrator
 from symaware_cli.recording.manifest import manifest
 from symaware_cli.recording.recorder import Recorder
 from symaware_cli.recording.writer import LogWriter
+from symaware_cli.runtime.run import run
 from symaware_cli.runtime.simulation import Simulation, Slot
 from symaware_cli.runtime.summary import Summary
-from symaware_cli.runtime.synchronous import run
+from symaware_cli.runtime.terms import Terms
+from symaware_cli.runtime.timing import STEADY, Timing
 
 COMMAND = (sys.executable, "-P", "-m", "symaware_cli")
 """What starts `symaware` in a process of its own; -P, so that no folder stands in for what is installed."""
@@ -25,7 +27,7 @@ STEP = 50_000_000
 
 @dataclass
 class Team:
-    """A group to be: how many agents, and what makes each of their components."""
+    """A group to be: how many agents, what makes each of their components, and when these take their turns."""
 
     components: Mapping[str, Callable[[], Component | GroupComponent]] = field(default_factory=dict)
     count: int | None = None
@@ -33,6 +35,7 @@ class Team:
     knowledge: Sequence[Mapping[str, object]] = ()
     model: Model = field(default_factory=SingleIntegrator)
     entity: Entity = field(default_factory=Entity)
+    timings: Mapping[str, Timing] = field(default_factory=dict)
 
     def group(self, name: str) -> AgentGroup:
         ids = [name] if self.count is None else [f"{name}.{row}" for row in range(self.count)]
@@ -44,7 +47,8 @@ class Team:
         for name, make in self.components.items():
             first = make()
             others = [] if isinstance(first, GroupComponent) else [make() for _ in group.ids[1:]]
-            slots.append(Slot(group, name, f"test.{name}", [first, *others]))
+            timing = self.timings.get(name, STEADY)
+            slots.append(Slot(group, name, f"test.{name}", [first, *others], timing))
         return slots
 
 
@@ -68,15 +72,17 @@ def simulation(
     )
 
 
-def simulate(teams: Mapping[str, Team], steps: int = 3, log: Path | None = None, **options: object) -> Summary:
+def simulate(
+    teams: Mapping[str, Team], steps: int = 3, log: Path | None = None, terms: Terms | None = None, **options: object
+) -> Summary:
     """Put teams into a world and let it run, with a log if there is a path for it."""
-    return execute(simulation(teams, **options), steps, log)
+    return execute(simulation(teams, **options), steps, log, terms)
 
 
-def execute(ready: Simulation, steps: int, log: Path | None = None) -> Summary:
+def execute(ready: Simulation, steps: int, log: Path | None = None, terms: Terms | None = None) -> Summary:
     """Let a simulation run, with a log if there is a path for it."""
     if log is None:
-        return run(ready, steps)
+        return run(ready, steps, terms=terms)
     with LogWriter(log) as writer:
         content = manifest(
             name=ready.name,
@@ -89,4 +95,4 @@ def execute(ready: Simulation, steps: int, log: Path | None = None) -> Summary:
             indexed={group.name: True for group in ready.groups},
         )
         writer.attach("manifest.json", "application/json", content)
-        return run(ready, steps, Recorder(writer, ready.environment, ready.groups))
+        return run(ready, steps, Recorder(writer, ready.environment, ready.groups), terms=terms)

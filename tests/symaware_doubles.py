@@ -2,10 +2,11 @@
 
 import os
 import random
+import signal
 import struct
 import time
 from pathlib import Path
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -24,6 +25,7 @@ COMPONENTS = {
     "doubles.bulky": "Bulky",
     "doubles.chance": "Chance",
     "doubles.risk": "Risk",
+    "doubles.thinker": "Thinker",
 }
 ENVIRONMENTS = {"doubles.faulty-world": "FaultyWorld"}
 
@@ -245,3 +247,47 @@ class FaultyWorld(KinematicEnvironment):
     def contacts(self):
         self._broken("contacts")
         return super().contacts()
+
+
+class Thinker(Controller):
+    """A controller that has state, draws by chance and fires events, as a planner does; and that may die of it."""
+
+    events: ClassVar = {"thought": "It computed."}
+
+    class Parameters(Parameters):
+        """What becomes of it."""
+
+        at: float = Field(1e9, description="When it comes to grief [s].")
+        how: Literal["raise", "exit", "kill", "hang", "nan"] = Field("raise", description="In which way.")
+        agent: str = Field("", description="Whose; empty for everybody's.")
+
+    def initialise_component(self, agent, awareness, knowledge):
+        super().initialise_component(agent, awareness, knowledge)
+        self._count = 0
+        self._last = np.zeros(2)
+        self._solver = (number for number in ())  # a generator cannot be pickled, as many a solver
+
+    def _compute(self):
+        self._count += 1
+        parameters = self.parameters
+        if self.time >= parameters.at and parameters.agent in ("", self._agent.id):
+            match parameters.how:
+                case "raise":
+                    raise ZeroDivisionError("on purpose")
+                case "exit":
+                    os._exit(3)
+                case "kill":
+                    os.kill(os.getpid(), signal.SIGKILL)
+                case "hang":
+                    time.sleep(1000)
+                case "nan":
+                    return [np.nan, 0.0], TimeSeries()
+        if self._count % 5 == 0:
+            self.emit("thought", f"turn {self._count}", last=self._last.tolist())
+        goal = self._agent.self_knowledge["goal"]
+        way = 0.3 * (goal - self._agent.self_state) + 0.2 * self._last + 0.1 * self.random.standard_normal(2)
+        return way, TimeSeries({self.time: way})
+
+    def _update(self, value):
+        super()._update(value)
+        self._last = np.array(value[0])

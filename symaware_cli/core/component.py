@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
 import numpy as np
@@ -13,12 +14,13 @@ from symaware_cli.core.agent import Agent, AgentGroup, Surroundings
 from symaware_cli.core.awareness import AwarenessDatabase, AwarenessVector
 from symaware_cli.core.event import Event, Level, Subscriber, Subscription
 from symaware_cli.core.knowledge import KnowledgeDatabase
-from symaware_cli.core.message import Message
+from symaware_cli.core.message import Delivery, Message
 from symaware_cli.core.model import Quantity
 from symaware_cli.core.plugin import Plugin
 from symaware_cli.core.random import RowGenerators, generator
 from symaware_cli.core.series import TimeSeries
-from symaware_cli.core.time import SECOND
+from symaware_cli.core.time import SECOND, nanoseconds
+from symaware_cli.core.waiting import Happening, Mail, Sleep, Wait
 from symaware_cli.core.world import Snapshot
 
 if TYPE_CHECKING:
@@ -84,12 +86,34 @@ class BaseComponent(Plugin, ABC, Generic[Owner]):
         """Update the awareness, the knowledge or the control input with a value that was computed."""
 
     async def _async_compute(self) -> Any:
-        """Compute in the asynchronous mode; may await."""
+        """Compute in the asynchronous mode; may await `sleep`, `happening` and `messages`."""
         return self._compute()
 
     async def _async_update(self, value: Any) -> None:
-        """Update in the asynchronous mode; may await."""
+        """Update in the asynchronous mode; may await, too."""
         self._update(value)
+
+    def sleep(self, duration: float) -> Wait:
+        """Let simulated time pass within a turn of the asynchronous mode: ``await self.sleep(0.2)``.
+
+        Args:
+            duration: How long [s]; 0 lets all others go first who have something to do at this instant.
+
+        Raises:
+            ValueError: The duration is negative or not finite.
+        """
+        if not 0 <= duration < math.inf:
+            raise ValueError(f"cannot sleep for {duration} s")
+        return Sleep(nanoseconds(duration))
+
+    def happening(self, name: str, source: str = "*") -> Wait:
+        """Wait for an event within a turn of the asynchronous mode: ``event = await self.happening("contact")``.
+
+        Args:
+            name: The event's name.
+            source: A path, in which ``*`` matches anything.
+        """
+        return Happening(name, source)
 
     def compute(self) -> Any:
         """Compute, with the events ``computing`` and ``computed``."""
@@ -243,6 +267,22 @@ class GroupComponent(BaseComponent[AgentGroup]):
         self._emit_from(self.agent_path(row), name, text, level, data)
 
 
+class GroupCommunicationReceiver(GroupComponent):
+    """Listens for all agents of a group at once; `_compute` returns what arrived, and `_update` is given it."""
+
+    @property
+    @abstractmethod
+    def kinds(self) -> Collection[str]:
+        """The kinds of messages that it reads; nobody else in the group gets these, unless it asks for them, too."""
+
+    def _compute(self) -> Any:
+        return self._surroundings.exchange.collect(self.path)
+
+    @abstractmethod
+    def _update(self, value: Sequence[Delivery | Message]) -> None:
+        """Make something of what was heard: mailings in columns, and single messages, each in order."""
+
+
 class PerceptionSystem(Component):
     """Perceives states in the environment.
 
@@ -311,14 +351,36 @@ class CommunicationSender(Component):
 
     def send(self, message: Message) -> None:
         """Send a message; its receiver can read it from the next step on."""
-        self._surroundings.exchange.send(message)
+        surroundings = self._surroundings
+        if "sending" in surroundings.events.wanted:
+            surroundings.events.fire(Event("sending", f"agents.{message.sender}", self.now, subject=message))
+        surroundings.exchange.send(message)
 
 
 class CommunicationReceiver(Component):
     """Listens to other agents; `_update` is given the messages that arrived, oldest first."""
 
-    def _compute(self) -> Sequence[Message]:
-        return self._surroundings.exchange.receive(self._agent.id)
+    @property
+    def kinds(self) -> Collection[str] | None:
+        """The kinds of messages that it reads, which nobody else gets then, unless it asks for them, too.
+
+        None for whatever nobody asks for.
+        """
+        return None
+
+    def _compute(self) -> Any:
+        return self._surroundings.exchange.receive(self._agent.id, self._reader)
+
+    @property
+    def _reader(self) -> str:
+        return "" if self.kinds is None else self.name
+
+    def messages(self) -> Wait:
+        """Wait for messages within a turn of the asynchronous mode: ``heard = await self.messages()``.
+
+        What is there already counts: they are all that arrived and were not handed over before, oldest first.
+        """
+        return Mail(self._agent.id, self._reader)
 
     @abstractmethod
     def _update(self, value: Sequence[Message]) -> None:

@@ -15,7 +15,7 @@ TURNS = frozenset({"computing", "computed", "updating", "updated"})
 #: Events that recur with every step, turn or message: never part of ``*``, and not recorded as events.
 RECURRING = TURNS | {
     *("initialising", "initialised", "iterating", "iterated", "stepping", "stepped"),
-    *("sending", "sent", "received"),
+    *("sending", "sent", "received", "dropped", "traffic"),
 }
 
 
@@ -115,6 +115,10 @@ class EventBus:
         self.wanted = frozenset(self._subscriptions)
         self.turns_wanted = not TURNS.isdisjoint(self.wanted)
         return subscription
+
+    def audience(self, name: str) -> int:
+        """How many subscribed to events of a name, by this name."""
+        return sum(each.active for each in self._subscriptions.get(name, ()))
 
     def fire(self, event: Event) -> None:
         """Tell all who subscribed.

@@ -1,1 +1,1 @@
-"""When things happen: the simulation, the synchronous mode, faults and interruptions."""
+"""When things happen: the simulation, both modes, pace, faults and interruptions."""

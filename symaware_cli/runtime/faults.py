@@ -1,58 +1,340 @@
-"""What can go wrong in a run, told so that somebody can act on it."""
+"""Faults that a scenario asks for: what they do, from when on, and for how long."""
 
 from __future__ import annotations
 
-import traceback
-from collections.abc import Mapping
-from typing import Any
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from symaware_cli.core import seconds
+import numpy as np
+from numpy.typing import NDArray
+
+from symaware_cli.core import AgentGroup, Event, Level
+from symaware_cli.core.random import generator
+from symaware_cli.network.disturbance import Disturbance
+from symaware_cli.runtime.agenda import Phase
+from symaware_cli.runtime.timing import Duration, Trigger
+
+if TYPE_CHECKING:
+    from symaware_cli.runtime.activity import Activity
+    from symaware_cli.runtime.run import Run
+    from symaware_cli.runtime.simulation import Slot
+
+Array = NDArray[np.float64]
+
+#: Before the place of the first component.
+_FIRST = -1
 
 
-class RunError(Exception):
-    """A run cannot go on.
+class Agents(NamedTuple):
+    """Some agents of one group.
 
     Attributes:
-        source: The dotted path of what failed, such as ``agents.robot.2.steer`` or ``environment``.
-        plugin: The entry-point name of the plugin that failed.
-        time: Simulated time in nanoseconds.
-        problem: What happened, in one sentence.
-        trace: The traceback, if an exception was the cause.
+        group: The group.
+        rows: Which of it, ascending.
     """
 
-    def __init__(self, source: str, plugin: str, time: int, problem: str, cause: BaseException | None = None) -> None:
-        super().__init__(_recordable(f"{source} ({plugin}) failed at {seconds(time):g} s: {problem}"))
-        self.source = source
-        self.plugin = plugin
-        self.time = time
-        self.problem = _recordable(problem)
-        self.trace = _recordable("".join(traceback.format_exception(cause))) if cause is not None else ""
-
-    @property
-    def data(self) -> Mapping[str, Any]:
-        """The facts, as recorded with the event ``failed``."""
-        parts = self.source.split(".")
-        agent = ".".join(parts[1:-1]) if parts[0] == "agents" else None
-        component = parts[-1] if parts[0] == "agents" else None
-        return {
-            "agent": agent,
-            "component": component,
-            "plugin": self.plugin,
-            "time": seconds(self.time),
-            "problem": self.problem,
-            "traceback": self.trace,
-        }
+    group: AgentGroup
+    rows: Sequence[int]
 
 
-def describe(error: BaseException) -> str:
-    """Put an exception into one line."""
-    try:
-        text = " ".join(str(error).split())
-    except Exception:  # an exception of a plugin may be as broken as the plugin
-        text = ""
-    return f"{type(error).__name__}: {text}" if text else type(error).__name__
+class Components(NamedTuple):
+    """A component of some agents.
+
+    Attributes:
+        slot: The component.
+        rows: Of which agents, ascending.
+    """
+
+    slot: Slot
+    rows: Sequence[int]
+
+    def activity(self, run: Run) -> Activity:
+        """The turns of the component."""
+        return run.activities[run.simulation.slots.index(self.slot)]
 
 
-def _recordable(text: str) -> str:
-    """Spell out what UTF-8 cannot hold, such as the halves of a character in a file name."""
-    return text.encode("utf-8", "backslashreplace").decode()
+class Effect(ABC):
+    """What a fault does."""
+
+    @abstractmethod
+    def begin(self, run: Run, name: str) -> Any:
+        """Do it.
+
+        Args:
+            run: The run it happens to.
+            name: What the fault is called; keys what it draws.
+
+        Returns:
+            What `end` needs to know.
+        """
+
+    def end(self, run: Run, begun: Any) -> None:
+        """Undo it, if it can be undone; `begun` is what `begin` returned."""
+        return
+
+
+@dataclass(frozen=True)
+class Stop(Effect):
+    """Agents take no part; when it is over they begin anew."""
+
+    agents: Sequence[Agents]
+
+    def begin(self, run: Run, name: str) -> Any:
+        """Take them out of the run, unless they are out of it already."""
+        stopped = []
+        for group, rows in self.agents:
+            taking_part = [row for row in rows if not run.attendance.is_retired(group, row)]
+            run.attendance.retire(group, taking_part, "safe", f"stopped by the fault `{name}`")
+            stopped.append(Agents(group, taking_part))
+        return stopped
+
+    def end(self, run: Run, begun: Any) -> None:
+        """Let those begin anew who were stopped."""
+        for group, rows in begun:
+            run.attendance.revive(group, rows)
+
+
+@dataclass(frozen=True)
+class Restart(Effect):
+    """Components give up what they are doing and begin anew."""
+
+    components: Sequence[Components]
+
+    def begin(self, run: Run, name: str) -> Any:
+        """Initialise them again."""
+        for each in self.components:
+            each.activity(run).begin_anew(each.rows)
+
+
+@dataclass(frozen=True)
+class Freeze(Effect):
+    """Components take no turns; what they wrote stays."""
+
+    components: Sequence[Components]
+
+    def begin(self, run: Run, name: str) -> Any:
+        """Hold them."""
+        for each in self.components:
+            for row in each.rows:
+                each.activity(run).hold(row)
+
+    def end(self, run: Run, begun: Any) -> None:
+        """Let them go."""
+        for each in self.components:
+            for row in each.rows:
+                each.activity(run).release(row)
+
+
+@dataclass(frozen=True)
+class Slow(Effect):
+    """Computations take longer than they do."""
+
+    components: Sequence[Components]
+    latency: Duration
+
+    def begin(self, run: Run, name: str) -> Any:
+        """Set another latency."""
+        for each in self.components:
+            each.activity(run).slow_down(each.rows, self.latency)
+
+    def end(self, run: Run, begun: Any) -> None:
+        """Let the latency be that of the scenario again."""
+        for each in self.components:
+            each.activity(run).slow_down(each.rows, None)
+
+
+@dataclass(frozen=True)
+class Blind(Effect):
+    """Sensors see nobody; one's own state is still felt."""
+
+    components: Sequence[Components]
+
+    def begin(self, run: Run, name: str) -> Any:
+        """Take away what they see from now on, and what they saw."""
+        begun = []
+        for each in self.components:
+            disturbance = partial(_blindfold, frozenset(each.rows))
+            activity = each.activity(run)
+            activity.disturb(disturbance)
+            disturbance(activity.slot.group, None)
+            begun.append((activity, disturbance))
+        return begun
+
+    def end(self, run: Run, begun: Any) -> None:
+        """Let them see again, with their next turns."""
+        for activity, disturbance in begun:
+            activity.undisturb(disturbance)
+
+
+def _blindfold(rows: frozenset[int], group: AgentGroup, before: Array | None) -> None:
+    """Take away what some agents believe of others."""
+    awareness = group.awareness
+    for row in sorted(rows):
+        database = group.agents[row].awareness_database
+        for id in list(database.others):
+            del database[id]
+        if database.world is not awareness.world:
+            database.world = None
+    if awareness.world is not None and awareness.tracks is None:
+        # One snapshot is shared by all; without some of them, everybody's picture has to be written out.
+        awareness.tracks = group.others(np.inf)
+        awareness.world = None
+    if awareness.tracks is not None:
+        awareness.tracks = awareness.tracks.select(~np.isin(awareness.tracks.observers, sorted(rows)))
+    observation = awareness.observation
+    if observation is not None:
+        seen = observation.tracks.select(~np.isin(observation.tracks.observers, sorted(rows)))
+        awareness.observation = replace(observation, tracks=seen)
+
+
+@dataclass(frozen=True)
+class Error(Effect):
+    """Sensors measure one's own state with an error: an offset, or noise that is drawn at each turn, or both."""
+
+    components: Sequence[Components]
+    bias: Array
+    deviation: Array
+
+    def begin(self, run: Run, name: str) -> Any:
+        """Add the error to what they measure from now on."""
+        begun = []
+        for each in self.components:
+            activity = each.activity(run)
+            paths = [f"agents.{activity.slot.group.ids[row]}.{activity.slot.name}" for row in each.rows]
+            randoms = [generator(run.simulation.seed, f"{path}/faults/{name}") for path in paths]
+            disturbance = partial(_mismeasure, self, each.rows, randoms)
+            activity.disturb(disturbance)
+            begun.append((activity, disturbance))
+        return begun
+
+    def end(self, run: Run, begun: Any) -> None:
+        """Let them measure as before."""
+        for activity, disturbance in begun:
+            activity.undisturb(disturbance)
+
+
+def _mismeasure(
+    error: Error, rows: Sequence[int], randoms: Sequence[np.random.Generator], group: AgentGroup, before: Array | None
+) -> None:
+    awareness = group.awareness
+    if awareness.state is before:
+        return
+    # Only what was measured in this turn is wrong: a component of single agents may have written a few rows.
+    chosen = [
+        place
+        for place, row in enumerate(rows)
+        if before is None or len(before) > 1 or not np.array_equal(awareness.state[row], before[row])
+    ]
+    errors = np.zeros_like(awareness.state)
+    for place in chosen:
+        errors[rows[place]] = error.bias
+        if error.deviation.any():
+            errors[rows[place]] += error.deviation * randoms[place].standard_normal(len(error.deviation))
+    awareness.state = awareness.state + errors
+    observation = awareness.observation
+    if observation is not None and observation.state is not None:
+        awareness.observation = replace(observation, state=observation.state + errors)
+
+
+@dataclass(frozen=True)
+class Cut(Effect):
+    """Messages of some agents to others are lost or late.
+
+    Attributes:
+        ways: Whose messages, and to whom.
+        loss: Probability that one is lost.
+        delay: How much later one arrives, in nanoseconds.
+    """
+
+    ways: Sequence[tuple[frozenset[str], frozenset[str]]]
+    loss: float
+    delay: int
+
+    def begin(self, run: Run, name: str) -> Any:
+        """Disturb the exchange."""
+        disturbances = [Disturbance(name, *ends, self.loss, self.delay) for ends in self.ways]
+        run.simulation.exchange.disturbances.extend(disturbances)
+        return disturbances
+
+    def end(self, run: Run, begun: Any) -> None:
+        """Let messages through again."""
+        for disturbance in begun:
+            run.simulation.exchange.disturbances.remove(disturbance)
+
+
+@dataclass(frozen=True)
+class Restore(Effect):
+    """Another fault is over before its time."""
+
+    fault: str
+
+    def begin(self, run: Run, name: str) -> Any:
+        """End it, unless it has not begun or is over already."""
+        end = run.ongoing_faults.get(self.fault)
+        if end is not None:
+            end()
+
+
+@dataclass(frozen=True)
+class Push(Effect):
+    """The true state of agents changes all at once."""
+
+    agents: Sequence[Agents]
+    change: Array
+
+    def begin(self, run: Run, name: str) -> Any:
+        """Push them."""
+        for group, rows in self.agents:
+            run.push(group, rows, self.change)
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A fault that a scenario asks for.
+
+    Attributes:
+        name: What it is called.
+        text: What it does, in one line.
+        source: Whom it happens to, as a path.
+        effect: What it does.
+        at: When, in nanoseconds; None where it comes with an event.
+        on: The event it comes with, the first time that it fires.
+        lasting: For how long, in nanoseconds; None for the rest of the run.
+    """
+
+    name: str
+    text: str
+    source: str
+    effect: Effect
+    at: int | None = None
+    on: Trigger | None = None
+    lasting: int | None = None
+
+    def await_turn(self, run: Run) -> None:
+        """Enter it in the agenda, or listen for its event."""
+        if self.at is not None:
+            run.agenda.put(self.at, _FIRST, Phase.LANDING, 0, partial(self._begin, run))
+        elif self.on is not None:
+            connection = run.switchboard.connect(self.on.event, self.on.source, lambda event: come(event))
+
+            def come(event: Event) -> None:
+                connection.cancel()
+                run.agenda.put(run.agenda.now, _FIRST, Phase.LANDING, 0, partial(self._begin, run))
+
+    def _begin(self, run: Run) -> None:
+        lasts = "" if self.lasting is None else f" for {self.lasting / 1e9:g} s"
+        said = f"{self.name}: {self.text}{lasts}"
+        run.simulation.announce("fault", self.source, said, level=Level.WARNING, fault=self.name)
+        begun = self.effect.begin(run, self.name)
+        end = run.ongoing_faults[self.name] = partial(self._end, run, begun)
+        if self.lasting is not None:
+            run.agenda.put(run.agenda.now + self.lasting, _FIRST, Phase.LANDING, 0, end)
+
+    def _end(self, run: Run, begun: Any) -> None:
+        if run.ongoing_faults.pop(self.name, None) is None:
+            return  # it was ended before
+        self.effect.end(run, begun)
+        run.simulation.announce("fault-over", self.source, f"{self.name}: over", fault=self.name)

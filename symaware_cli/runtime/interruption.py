@@ -1,9 +1,10 @@
-"""Ctrl-C and its relatives: they end a run between two records, never within one."""
+"""Ctrl-C, its relatives and limits of wall time: they end a run between two records, never within one."""
 
 from __future__ import annotations
 
 import signal
 import threading
+import time
 from collections.abc import Callable
 from types import FrameType, TracebackType
 from typing import Any
@@ -12,35 +13,66 @@ from symaware_cli.core import Event
 
 
 class Interrupted(BaseException):
-    """Somebody asked the run to end; not an `Exception`, so that no component swallows it."""
+    """Somebody or something asked the run to end; not an `Exception`, so that no component swallows it."""
 
-    def __init__(self, signal_number: int) -> None:
-        super().__init__(signal.Signals(signal_number).name)
+
+class OverdueError(BaseException):
+    """A turn takes more wall time than it may; not an `Exception`, so that the component does not swallow it."""
+
+    def __init__(self, limit: float) -> None:
+        super().__init__(f"it did not come back within {limit:g} s of wall time")
 
 
 class Interruption:
-    """Turns SIGINT and SIGTERM into `Interrupted` while a run lasts.
+    """Turns SIGINT and SIGTERM into `Interrupted` while a run lasts, and the end of its wall time.
 
     Where nothing may be left half done, `shield` holds the signal back and `unshield` delivers it. A second signal
     quits at once, so that a run can always be got rid of.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, timeout: float | None = None, turn_limit: float | None = None) -> None:
+        """Prepare; entering the context begins.
+
+        Args:
+            timeout: Wall time after which the run is interrupted [s].
+            turn_limit: Wall time after which what was let through with one `unshield` is ended by `OverdueError` [s].
+        """
         self._shielded = False
-        self._pending: int | None = None
+        self._pending: str | None = None
         self._count = 0
         self._previous: dict[int, signal.Handlers | object] = {}
+        self._timeout = timeout
+        self._turn_limit = turn_limit
+        self._deadline: float | None = None
+        #: Counts what is let through, for the alarm to see whether it still is the same.
+        self._serial = 0
+        self._watched = True
+        self._seen = (0, 0.0)
 
     def __enter__(self) -> Interruption:
         # Only the main thread may handle signals; elsewhere whoever runs us decides.
         if threading.current_thread() is threading.main_thread():
             for number in (signal.SIGINT, signal.SIGTERM):
                 self._previous[number] = signal.signal(number, self._handle)
+            if self._timeout is not None or self._turn_limit is not None:
+                self._set_alarm()
         return self
+
+    def _set_alarm(self) -> None:
+        now = time.monotonic()
+        self._seen = (-1, now)
+        intervals = [] if self._turn_limit is None else [self._turn_limit / 4]
+        if self._timeout is not None:
+            self._deadline = now + self._timeout
+            intervals.append(max(self._timeout, 1e-3))
+        self._previous[signal.SIGALRM] = signal.signal(signal.SIGALRM, self._on_alarm)
+        signal.setitimer(signal.ITIMER_REAL, min(intervals), min([*intervals, 1.0]))
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        if signal.SIGALRM in self._previous:
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
         for number, handler in self._previous.items():
             signal.signal(number, handler)  # type: ignore[arg-type]
 
@@ -53,9 +85,25 @@ class Interruption:
         if self._count > 2:
             raise KeyboardInterrupt
         # Also where it is raised at once: a component that swallows it is interrupted after its turn.
-        self._pending = number
+        self._pending = signal.Signals(number).name
         if not self._shielded:
-            raise Interrupted(number) if self._count == 1 else KeyboardInterrupt
+            raise Interrupted(self._pending) if self._count == 1 else KeyboardInterrupt
+
+    def _on_alarm(self, number: int, frame: FrameType | None) -> None:
+        now = time.monotonic()
+        if self._deadline is not None and now >= self._deadline:
+            self._deadline = None
+            self._pending = f"the time-out of {self._timeout:g} s"
+            if not self._shielded:
+                raise Interrupted(self._pending)
+        if self._turn_limit is None:
+            return
+        serial, since = self._seen
+        if self._shielded or not self._watched or serial != self._serial:
+            self._seen = (self._serial, now)
+        elif now - since >= self._turn_limit:
+            self._seen = (self._serial, now)
+            raise OverdueError(self._turn_limit)
 
     def shielded(self, call: Callable[[Event], Any]) -> Callable[[Event], None]:
         """Make a subscriber that holds signals back while it works, and delivers them afterwards."""
@@ -74,13 +122,18 @@ class Interruption:
         """Hold signals back."""
         self._shielded = True
 
-    def unshield(self) -> None:
+    def unshield(self, watched: bool = True) -> None:
         """Let signals through again, first the one that was held back.
+
+        Args:
+            watched: Whether the limit of a turn holds until the next `shield`.
 
         Raises:
             Interrupted: A signal came in the meantime.
         """
         self._shielded = False
+        self._watched = watched
+        self._serial += 1
         if self._pending is not None:
-            number, self._pending = self._pending, None
-            raise Interrupted(number)
+            cause, self._pending = self._pending, None
+            raise Interrupted(cause)

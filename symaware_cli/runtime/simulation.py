@@ -12,6 +12,7 @@ from symaware_cli.core import (
     Environment,
     Event,
     EventBus,
+    GroupCommunicationReceiver,
     GroupComponent,
     Level,
     Message,
@@ -21,8 +22,14 @@ from symaware_cli.core import (
 )
 from symaware_cli.core.event import RECURRING
 from symaware_cli.network.exchange import MemoryExchange
-from symaware_cli.runtime.faults import RunError, describe
+from symaware_cli.network.network import Change, Network
+from symaware_cli.network.traffic import Traffic
+from symaware_cli.runtime.failure import RunError, describe
 from symaware_cli.runtime.interruption import Interrupted
+from symaware_cli.runtime.timing import STEADY, Timing
+
+#: The links that began or ended are named in the event if they are no more than this.
+_MOST_LINKS_NAMED = 40
 
 
 class Slot:
@@ -33,17 +40,24 @@ class Slot:
         name: The entry's key in the scenario.
         use: The plugin's entry-point name.
         components: The instances, by row; a single one where it is a group component.
+        timing: When they take their turns.
         turns: Each instance with its two methods, for the hot loop; empty where a turn is not just the two.
     """
 
-    __slots__ = ("components", "group", "name", "path", "turns", "use")
+    __slots__ = ("components", "group", "name", "path", "timing", "turns", "use")
 
     def __init__(
-        self, group: AgentGroup, name: str, use: str, components: Sequence[Component] | Sequence[GroupComponent]
+        self,
+        group: AgentGroup,
+        name: str,
+        use: str,
+        components: Sequence[Component] | Sequence[GroupComponent],
+        timing: Timing = STEADY,
     ) -> None:
         self.group = group
         self.name = name
         self.use = use
+        self.timing = timing
         self.components: tuple[Component | GroupComponent, ...] = tuple(components)
         plain = all(type(each).compute_and_update is Component.compute_and_update for each in self.components)
         self.turns = tuple((each, each._compute, each._update) for each in self.components) if plain else ()
@@ -56,7 +70,15 @@ class Slot:
     @property
     def listens(self) -> bool:
         """Whether the components read the messages that arrive for their agents."""
-        return isinstance(self.components[0], CommunicationReceiver)
+        return isinstance(self.components[0], CommunicationReceiver | GroupCommunicationReceiver)
+
+    @property
+    def kinds(self) -> frozenset[str] | None:
+        """The kinds of messages that they read; None for whatever nobody asks for."""
+        first = self.components[0]
+        if isinstance(first, CommunicationReceiver | GroupCommunicationReceiver) and first.kinds is not None:
+            return frozenset(first.kinds)
+        return None
 
     def initialise(self) -> None:
         """Let every instance take up its work.
@@ -64,17 +86,30 @@ class Slot:
         Raises:
             RunError: One raised.
         """
-        for row, component in enumerate(self.components):
-            try:
-                if isinstance(component, GroupComponent):
-                    component.initialise_component(self.group)
-                else:
-                    agent = self.group.agents[row]
-                    component.initialise_component(agent, agent.awareness_database, agent.knowledge_database)
-            except (SubscriberError, Interrupted, KeyboardInterrupt):
-                raise
-            except BaseException as error:
-                raise RunError(component.path, self.use, 0, describe(error), error) from error
+        for row in range(len(self.components)):
+            self.initialise_one(row, 0)
+
+    def initialise_one(self, row: int, now: int) -> None:
+        """Let one instance take up its work, at the start or anew.
+
+        Args:
+            row: Which one.
+            now: When, in nanoseconds.
+
+        Raises:
+            RunError: It raised.
+        """
+        component = self.components[row]
+        try:
+            if isinstance(component, GroupComponent):
+                component.initialise_component(self.group)
+            else:
+                agent = self.group.agents[row]
+                component.initialise_component(agent, agent.awareness_database, agent.knowledge_database)
+        except (SubscriberError, Interrupted, KeyboardInterrupt):
+            raise
+        except BaseException as error:
+            raise RunError(component.path, self.use, now, describe(error), error) from error
 
 
 class Simulation:
@@ -89,6 +124,7 @@ class Simulation:
         clock: Simulated time.
         events: Who is told of what happens.
         exchange: What carries messages.
+        recorders: How many subscribers take messages in columns, the event ``traffic``, where there are any.
     """
 
     def __init__(
@@ -115,8 +151,24 @@ class Simulation:
             environment.initialise(self.groups, obstacles, seed)
         except Exception as error:
             raise RunError("environment", environment_use, 0, describe(error), error) from error
-        listening = {id for slot in self.slots if slot.listens for id in slot.group.ids}
-        self.exchange = MemoryExchange(environment.roster.ids, self._sent, self._received, listening)
+        listening = {id for slot in self.slots if slot.listens and slot.kinds is None for id in slot.group.ids}
+        self.exchange = MemoryExchange(
+            environment.roster.ids,
+            self._sent,
+            self._received,
+            listening,
+            self._dropped,
+            on_traffic=self._passed,
+            on_change=self._relinked,
+            seed=seed,
+            time_step=environment.time_step,
+        )
+        for slot in self.slots:
+            if slot.kinds is not None:
+                columns = isinstance(slot.components[0], GroupComponent)
+                name = slot.path if columns else slot.name
+                self.exchange.inboxes.open(name, slot.group.ids, slot.kinds, columns=columns)
+        self.recorders = 0
         surroundings = Surroundings(seed, environment, self.exchange, self.clock, self.events)
         for group in self.groups:
             group.surroundings = surroundings
@@ -132,6 +184,7 @@ class Simulation:
         Raises:
             RunError: One raised.
         """
+        self.exchange.renew_links()
         for slot in self.slots:
             self.announce("initialising", slot.path)
             slot.initialise()
@@ -142,10 +195,48 @@ class Simulation:
         if name in self.events.wanted or name not in RECURRING:
             self.events.fire(Event(name, source, self.clock.now, level, text, data, self))
 
+    def connect(self, network: Network) -> None:
+        """Let messages go over a network, instead of from everybody to everybody at once."""
+        self.exchange.network = network
+
     def _sent(self, message: Message) -> None:
         if "sent" in self.events.wanted:
             self.events.fire(Event("sent", f"agents.{message.sender}", self.clock.now, subject=message))
 
+    def _dropped(self, message: Message, reason: str) -> None:
+        if "dropped" in self.events.wanted:
+            text, source = f"lost by `{reason}`", f"agents.{message.sender}"
+            self.events.fire(
+                Event("dropped", source, self.clock.now, text=text, data={"reason": reason}, subject=message)
+            )
+
     def _received(self, message: Message) -> None:
         if "received" in self.events.wanted:
             self.events.fire(Event("received", f"agents.{message.receiver}", self.clock.now, subject=message))
+
+    def _passed(self, traffic: Traffic) -> None:
+        """Tell of messages in columns all at once, and of each of them only where somebody listens."""
+        now = self.clock.now
+        if "traffic" in self.events.wanted:
+            self.events.fire(Event("traffic", "exchange", now, subject=traffic))
+        name = {"sent": "sent", "delivered": "received", "dropped": "dropped"}[traffic.stage]
+        if self.events.audience(name) <= self.recorders:
+            return
+        for message, reason in traffic.messages(self.environment.roster.ids):
+            source = f"agents.{message.receiver if name == 'received' else message.sender}"
+            data = {"reason": reason} if reason else {}
+            self.events.fire(Event(name, source, now, data={**data, "traffic": True}, subject=message))
+
+    def _relinked(self, change: Change) -> None:
+        """Tell that links have changed."""
+        text = f"{change.links} links"
+        if change.begun or change.ended:
+            text += f": {len(change.begun)} new, {len(change.ended)} no more"
+        data: dict[str, object] = {"links": change.links, "begun": len(change.begun), "ended": len(change.ended)}
+        if len(change.begun) + len(change.ended) <= _MOST_LINKS_NAMED:
+            data |= {"begun": [list(each) for each in change.begun], "ended": [list(each) for each in change.ended]}
+        level = Level.INFO
+        if change.parts is not None and change.parts > 1:
+            level, data["parts"] = Level.WARNING, change.parts
+            text += f"; not connected: {change.parts} parts"
+        self.announce("links-changed", "topology", text, level=level, **data)

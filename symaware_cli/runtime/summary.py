@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from symaware_cli.core import Contact, Environment, Event, seconds
+from symaware_cli.runtime.pacer import Pace
 from symaware_cli.runtime.simulation import Simulation
 
 
@@ -47,6 +48,10 @@ class Summary:
         log: The log's path, if there is one.
         log_size: Its size in bytes.
         failure: Why the run failed, if it did.
+        turns: How many turns the components took, all in all.
+        overruns: How many turns were due while the one before still computed.
+        failures: How many times a component failed without ending the run.
+        pace: How well the pace was kept, if one was asked for.
     """
 
     name: str
@@ -64,6 +69,10 @@ class Summary:
     log: str | None = None
     log_size: int | None = None
     failure: str | None = None
+    turns: int = 0
+    overruns: int = 0
+    failures: int = 0
+    pace: Pace | None = None
 
     @property
     def real_time_factor(self) -> float:

@@ -18,18 +18,26 @@ from symaware_cli.core import (
     Model,
     Plugin,
     Quantity,
+    Topology,
+    WorldError,
     nanoseconds,
 )
-from symaware_cli.runtime.faults import RunError
+from symaware_cli.environments.asset import needed
+from symaware_cli.runtime.failure import RunError
+from symaware_cli.runtime.faults import Fault
 from symaware_cli.runtime.simulation import Simulation, Slot
+from symaware_cli.runtime.terms import Terms
 from symaware_cli.scenario.catalogue import Catalogue, PluginError, place_of
 from symaware_cli.scenario.check import check
 from symaware_cli.scenario.compose import Composition, compose
 from symaware_cli.scenario.document import Scenario
+from symaware_cli.scenario.faults import FaultBuilder
 from symaware_cli.scenario.problem import Problem, ScenarioError, dotted, nearest, quoted
 from symaware_cli.scenario.resolved import resolved
 from symaware_cli.scenario.sampling import Sampler
 from symaware_cli.scenario.source import Path
+from symaware_cli.scenario.timing import TimingCheck
+from symaware_cli.scenario.topology import NetworkBuilder
 
 #: More steps than this are a slip of the pen: at a million steps a second they would take a quarter of an hour.
 _MOST_STEPS = 10**9
@@ -46,14 +54,16 @@ class Built:
         document: What the scenario says.
         simulation: What it describes.
         steps: How many steps to make.
+        terms: In which way to run.
         resolved: The one document, as YAML, that the files and overrides amount to; running it repeats the run.
-        files: Each file as written, by its path relative to the scenario's folder.
+        files: Each file as written, by its path relative to the scenario's folder; meshes and the like, too.
         uses: For each group, the entry-point names of its ``model`` and ``components``.
     """
 
     document: Scenario
     simulation: Simulation
     steps: int
+    terms: Terms
     resolved: bytes
     files: Mapping[str, bytes]
     uses: Mapping[str, Mapping[str, Any]]
@@ -88,12 +98,15 @@ def build(
         composition, found = error.partial, error.problems
     if seed is not None:
         composition.data["seed"] = seed
-    return _Builder(composition, catalogue or Catalogue(), found).build()
+    return _Builder(composition, catalogue or Catalogue(), found, path.parent).build()
 
 
 class _Builder:
-    def __init__(self, composition: Composition, catalogue: Catalogue, found: Sequence[Problem]) -> None:
+    def __init__(
+        self, composition: Composition, catalogue: Catalogue, found: Sequence[Problem], folder: FilePath
+    ) -> None:
         self._composition = composition
+        self._folder = folder
         self._catalogue = catalogue
         self._found = tuple(found)
         self._problems: list[Problem] = []
@@ -121,10 +134,46 @@ class _Builder:
                 groups.append(group)
             slots += group_slots
         steps = self._steps(_mapping(data.get("run")).get("duration"), environment)
+        topologies = self._topologies(data.get("topology"))
+        terms, network = Terms(), None
+        if isinstance(document, Scenario) and environment is not None:
+            terms = self._terms(document, environment, groups, slots)
+            if document.topology is not None and len(groups) == len(document.agents):
+                builder = NetworkBuilder(self._report, environment, groups, seed)
+                network = builder.build(document.topology, topologies)
         if self._problems or self._found or isinstance(document, list) or environment is None:
             raise ScenarioError([*self._found, *filter(self._is_news, self._problems)])
         simulation = self._simulation(document, environment, groups, slots)
-        return Built(document, simulation, steps, resolved(data, document), self._composition.files, self._uses)
+        if network is not None:
+            simulation.connect(network)
+        text = resolved(data, document)
+        files = {**self._composition.files, **_assets(document, self._folder)}
+        return Built(document, simulation, steps, terms, text, files, self._uses)
+
+    def _terms(
+        self, document: Scenario, environment: Environment, groups: Sequence[AgentGroup], slots: Sequence[Slot]
+    ) -> Terms:
+        """Check what is said about time and faults, and let the components know."""
+        check = TimingCheck(self._composition, environment.time_step, self._problems.append)
+        for slot in slots:
+            use = document.agents[slot.group.name].components[slot.name]
+            path: Path = ("agents", slot.group.name, "components", slot.name)
+            slot.timing = check.timing(use, slot.group, type(slot.components[0]), path)
+        check.triggers(slots)
+        run, until = document.run, check.until(document.run)
+        faults: Sequence[Fault | None] = ()
+        if len(groups) == len(document.agents):
+            names = list(document.faults)
+            builder = FaultBuilder(self._composition, self._report, check, environment, groups, slots, names)
+            faults = [builder.build(name, use) for name, use in document.faults.items()]
+        return Terms(
+            mode=run.mode,
+            until=until,
+            pace=run.pace,
+            turn_limit=run.turn_limit,
+            workers=run.workers,
+            faults=tuple(fault for fault in faults if fault is not None),
+        )
 
     def _is_news(self, problem: Problem) -> bool:
         """Whether a problem is more than a consequence of a value that was found wrong already and is a hole now."""
@@ -146,6 +195,8 @@ class _Builder:
     def _load(self, data: Mapping[str, Any]) -> None:
         """Import every plugin that is named anywhere."""
         self._import("environment", data.get("environment"), ("environment",))
+        for place, topology in _topologies(data.get("topology")):
+            self._import("topology", topology, place)
         for name, entry in _mapping(data.get("agents")).items():
             path: Path = ("agents", name)
             self._import("model", _mapping(entry).get("model"), (*path, "model"))
@@ -211,7 +262,13 @@ class _Builder:
         if not isinstance(step, int) or step < 1:
             self._report("broken-plugin", f"{quoted(entry['use'])} has no time step", ("environment", "use"))
             return None
+        environment.folder = self._folder
         return environment
+
+    def _topologies(self, entry: Any) -> dict[Path, Topology]:
+        """Make every topology that is named, by its path."""
+        made = {path: self._make(each, path) for path, each in _topologies(entry)}
+        return {path: instances[0] for path, instances in made.items() if instances}
 
     def _model(self, entry: Mapping[str, Any], path: Path) -> Model | None:
         made = self._make(entry, path)
@@ -341,10 +398,22 @@ class _Builder:
                 obstacles=document.environment.entities,
             )
         except RunError as error:
-            self._report(
-                "unsuitable", f"{quoted(error.plugin)} cannot set up the world: {error.problem}", ("environment",)
-            )
+            cause = error.__cause__
+            if isinstance(cause, WorldError):
+                said = f"{quoted(error.plugin)} cannot do this: {_words(cause)}"
+                self._report("unsuitable", said, cause.path, key=True)
+            else:
+                said = f"{quoted(error.plugin)} cannot set up the world: {error.problem}"
+                self._report("unsuitable", said, ("environment",))
             raise ScenarioError(self._problems) from error
+
+
+def _assets(document: Scenario, folder: FilePath) -> dict[str, bytes]:
+    """The files that shapes are made of, by path relative to the folder."""
+    shapes = [entity.shape for entity in document.environment.entities.values()]
+    shapes += [agents.entity.shape for agents in document.agents.values() if agents.entity.shape]
+    named = [body.file for shape in shapes for body in (shape.mesh, shape.urdf) if body]
+    return {name: content for file in named for name, content in needed(file, folder).items()}
 
 
 def _unresolved(value: Any, path: Path) -> Iterator[Path]:
@@ -375,6 +444,14 @@ def _is_numeric(group: AgentGroup, name: str) -> bool:
         return group.known(name).dtype == float
     except (TypeError, ValueError):
         return False
+
+
+def _topologies(entry: Any) -> Iterator[tuple[Path, Mapping[str, Any]]]:
+    """Yield each topology that a section names, with its path."""
+    yield ("topology",), _mapping(entry)
+    changes = _mapping(entry).get("changes")
+    for number, each in enumerate(changes if isinstance(changes, list) else ()):
+        yield ("topology", "changes", number), _mapping(each)
 
 
 def _mapping(value: Any) -> Mapping[str, Any]:

@@ -14,20 +14,35 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from symaware_cli.core import Component, Environment, GroupComponent, Model
+from symaware_cli.core import Component, Environment, GroupComponent, Model, Topology
 from symaware_cli.scenario.problem import nearest, quoted
 
 #: What a scenario can use, and the entry-point group where it is registered.
-GROUPS = {"component": "symaware.components", "environment": "symaware.environments", "model": "symaware.models"}
+GROUPS = {
+    "component": "symaware.components",
+    "environment": "symaware.environments",
+    "model": "symaware.models",
+    "topology": "symaware.topologies",
+}
+
+#: What several of a kind are called.
+PLURALS = {kind: group.rpartition(".")[2] for kind, group in GROUPS.items()}
 
 _BASES: Mapping[str, tuple[type, ...]] = {
     "component": (Component, GroupComponent),
     "environment": (Environment,),
     "model": (Model,),
+    "topology": (Topology,),
 }
 
 #: Modules that come with an extra of this package.
-_EXTRAS = {"rerun": "viewer", "pybullet": "pybullet", "pybullet_data": "pybullet", "casadi": "casadi"}
+_EXTRAS = {
+    "rerun": "viewer",
+    "pybullet": "pybullet",
+    "pybullet_data": "pybullet",
+    "pymunk": "pymunk",
+    "casadi": "casadi",
+}
 
 _DISTRIBUTION = "symaware-cli"
 
@@ -123,7 +138,7 @@ class Catalogue:
         return loaded
 
     def _unknown(self, kind: str, name: str) -> PluginError:
-        everything = f"a name that `symaware list {kind}s` shows"
+        everything = f"a name that `symaware list {PLURALS[kind]}` shows"
         for other in GROUPS:
             if other != kind and name in self._found[other]:
                 article = "an" if other[0] in "aeiou" else "a"

@@ -89,6 +89,9 @@ def _one_each(problems: Iterable[Problem]) -> list[Problem]:
             first[key] = problem
         elif known.code == problem.code == "wrong-type" and problem.expected not in (None, known.expected):
             first[key] = replace(known, expected=f"{known.expected} or {problem.expected}")
+        elif known.code == "wrong-type" and problem.code == "invalid-value":
+            # One branch takes what another has no use for, and says what is wrong with it.
+            first[key] = problem
     # Where something inside a list is wrong, it is no news that the list is not what another branch wants.
     inside = [problem.path for problem in first.values()]
     return [

@@ -5,11 +5,12 @@ Descriptions are shown by editors, so each states its unit.
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, WithJsonSchema
+from pydantic import BaseModel, ConfigDict, Field, WithJsonSchema, model_validator
 
 from symaware_cli.core import Entity, Obstacle
+from symaware_cli.network.channel.parameters import ChannelParameters
 
 #: The version of the format that this package reads.
 FORMAT = 1
@@ -40,8 +41,87 @@ class Use(Part):
     with_: dict[str, Any] = Field(default_factory=dict, alias="with", description="The plugin's own parameters.")
 
 
+Seconds = Annotated[float, Field(ge=0, le=1e9)]
+
+
+class Trigger(Part):
+    """An event on which a component takes a turn."""
+
+    event: str = Field(min_length=1, max_length=64, description="The event's name, such as `goal-reached`.")
+    of: str | None = Field(
+        None,
+        min_length=1,
+        max_length=200,
+        description="Whose event: a component of the same agent, by its name; `environment`; or a path of anybody, in "
+        "which * matches anything, such as `agents.leader.steer`. If left out, any component of the same agent.",
+    )
+
+
+class Drawn(Part):
+    """A time that is drawn anew each time."""
+
+    uniform: tuple[Seconds, Seconds] | None = Field(
+        None, description="Drawn evenly between the least and greatest [s]."
+    )
+    normal: tuple[Seconds, Seconds] | None = Field(
+        None, description="Drawn from the normal distribution of a mean and deviation, but never less than 0 [s]."
+    )
+
+    @model_validator(mode="after")
+    def _is_one(self) -> Self:
+        if (self.uniform is None) == (self.normal is None):
+            raise ValueError("say either `uniform` or `normal`")
+        if self.uniform is not None and self.uniform[0] > self.uniform[1]:
+            raise ValueError("the least time comes first")
+        return self
+
+
 class ComponentUse(Use):
     """A component of every agent of the group."""
+
+    period: float | None = Field(
+        None,
+        ge=0,
+        le=1e9,
+        description="Time between two turns [s]; 0 for the next one as soon as the last is over. If left out, there is "
+        "a turn at each step of the world or, with a trigger, on that alone.",
+    )
+    offset: float = Field(0.0, ge=0, le=1e9, description="When the first turn is [s].")
+    jitter: float = Field(
+        0.0,
+        ge=0,
+        le=1e9,
+        description="How much later than that each turn may be, drawn evenly [s]; less than the period.",
+    )
+    trigger: Trigger | None = Field(None, description="An event on which there is a turn.")
+    condition: str | None = Field(
+        None,
+        max_length=500,
+        description="What must hold for the agent, or the turn is left out, such as `risk > 0.2`.",
+    )
+    latency: Seconds | Drawn = Field(
+        0.0,
+        description="How long a computation takes [s]: its update lands that much later. A number, or "
+        "{uniform: [least, greatest]} or {normal: [mean, deviation]}.",
+    )
+    overrun: Literal["skip", "queue", "fail"] = Field(
+        "skip",
+        description="What becomes of a turn that is due while the one before still computes: it is left out, put off "
+        "until that is over, or a failure.",
+    )
+    on_failure: Literal["stop", "isolate", "restart"] = Field(
+        "stop",
+        description="What becomes of a failure: the run stops; the agent takes no further part and coasts; or the "
+        "component begins anew.",
+    )
+    tries: int = Field(3, ge=1, le=1_000_000, description="How often a component begins anew before the run stops.")
+    coast: Literal["safe", "last"] = Field(
+        "safe",
+        description="The control input of who coasts: one that stops it as far as its model can, or the last.",
+    )
+    run_in: Literal["here", "process"] = Field(
+        "here", description="Where to compute: in the run's own process, or in worker processes beside it."
+    )
 
 
 class ModelUse(Use):
@@ -59,11 +139,36 @@ class EnvironmentUse(Use):
 class Run(Part):
     """How long, and in which way, the scenario runs."""
 
-    mode: Literal["synchronous"] = Field(
-        "synchronous", description="synchronous: at each step every component takes one turn, then the world moves."
+    mode: Literal["synchronous", "asynchronous"] = Field(
+        "synchronous",
+        description="synchronous: turns are at steps of the world, all that are due in declared order, then the world "
+        "moves. asynchronous: components have instants of their own in between, and may wait within their turns.",
     )
     duration: float = Field(
         gt=0, le=1e9, description="Simulated time [s]; the run ends with the first step that reaches it."
+    )
+    until: str | None = Field(
+        None,
+        max_length=500,
+        description="The run ends with the first step after which this holds, such as `all(goals_reached)`.",
+    )
+    pace: float | None = Field(
+        None,
+        gt=0,
+        le=1e6,
+        description="Simulated time for each second of wall time; 1.0 is real time. As fast as possible if left out.",
+    )
+    turn_limit: float | None = Field(
+        None,
+        ge=0.01,
+        le=1e6,
+        description="Wall time after which a turn that does not come back counts as a failure [s]; none if left out.",
+    )
+    workers: int | None = Field(
+        None,
+        ge=1,
+        le=256,
+        description="How many processes compute what is to `run_in: process`; one a core if left out.",
     )
 
 
@@ -90,11 +195,180 @@ class Agents(Part):
     )
 
 
+Target = Annotated[str, Field(min_length=1, max_length=200)]
+_AGENTS = "Which agents: an id, a group or a pattern, such as `robot.2`, `robot` or `robot.*`."
+_COMPONENT = (
+    "Which component of which agents, such as `robot.2.steer`, `robot.steer` for the whole group, or `*.steer`."
+)
+
+
+class Slowness(Part):
+    """A component whose computations take longer."""
+
+    of: Target = Field(description=_COMPONENT)
+    latency: Seconds | Drawn = Field(description="How long a computation takes meanwhile [s]; as for a component.")
+
+
+class Bias(Part):
+    """A sensor that measures one's own state with an offset."""
+
+    of: Target = Field(description=_COMPONENT)
+    state: list[float] = Field(min_length=1, description="What is added to the state, in the model's order and units.")
+
+
+class Noise(Part):
+    """A sensor that measures one's own state with noise."""
+
+    of: Target = Field(description=_COMPONENT)
+    deviation: list[Annotated[float, Field(ge=0)]] = Field(
+        min_length=1, description="Standard deviations of what is added to the state, in the model's order and units."
+    )
+
+
+class Loss(Part):
+    """Messages that do not arrive."""
+
+    sender: Target = Field("*", description=_AGENTS)
+    receiver: Target = Field("*", description=_AGENTS)
+    probability: float = Field(1.0, ge=0, le=1, description="Probability that a message is lost.")
+
+
+class Delay(Part):
+    """Messages that arrive late."""
+
+    sender: Target = Field("*", description=_AGENTS)
+    receiver: Target = Field("*", description=_AGENTS)
+    by: float = Field(gt=0, le=1e9, description="How much later they arrive [s].")
+
+
+class Severance(Part):
+    """Links that carry nothing, in either direction."""
+
+    between: tuple[Target, Target] = Field(description=f"Whose links with whom. {_AGENTS}")
+
+
+class Degradation(Part):
+    """Links that are worse than they are."""
+
+    sender: Target = Field("*", description=_AGENTS)
+    receiver: Target = Field("*", description=_AGENTS)
+    loss: float = Field(0.0, ge=0, le=1, description="Probability that a message is lost besides.")
+    delay: float = Field(0.0, ge=0, le=1e9, description="How much later messages arrive [s].")
+
+    @model_validator(mode="after")
+    def _is_something(self) -> Self:
+        if not self.loss and not self.delay:
+            raise ValueError("say a `loss` or a `delay`, or both")
+        return self
+
+
+class Shove(Part):
+    """A push."""
+
+    of: Target = Field(description=_AGENTS)
+    by: list[float] = Field(
+        min_length=1, description="What is added to the true state, in the model's order and units."
+    )
+
+
+class FaultUse(Part):
+    """Something that goes wrong: when, for how long, and one of the kinds of faults."""
+
+    at: float | None = Field(None, ge=0, le=1e9, description="When [s].")
+    on: Trigger | None = Field(None, description="The event it comes with, the first time that this fires.")
+    for_: float | None = Field(
+        None, alias="for", gt=0, le=1e9, description="For how long [s]; for the rest of the run if left out."
+    )
+    stop: Target | None = Field(None, description=f"Agents take no part; afterwards they begin anew. {_AGENTS}")
+    restart: Target | None = Field(None, description=f"Components begin anew. {_COMPONENT}")
+    freeze: Target | None = Field(None, description=f"A component takes no turns. {_COMPONENT}")
+    blind: Target | None = Field(None, description=f"A sensor sees nobody. {_COMPONENT}")
+    slow: Slowness | None = Field(None, description="A component whose computations take longer.")
+    bias: Bias | None = Field(None, description="A sensor that measures one's own state with an offset.")
+    noise: Noise | None = Field(None, description="A sensor that measures one's own state with noise.")
+    drop: Loss | None = Field(None, description="Messages that do not arrive.")
+    delay: Delay | None = Field(None, description="Messages that arrive late.")
+    cut: Severance | None = Field(None, description="Links that carry nothing, in either direction.")
+    degrade: Degradation | None = Field(None, description="Links that lose and delay messages besides.")
+    partition: list[list[Target]] | None = Field(
+        None,
+        min_length=1,
+        description="Sets of agents, each a list of ids, groups or patterns, that do not reach each other; all others "
+        "are one set more.",
+    )
+    restore: Name | None = Field(None, description="Another fault that is over before its time, by its name.")
+    push: Shove | None = Field(None, description="A change of the true state all at once, where the world can do it.")
+
+    @model_validator(mode="after")
+    def _is_one(self) -> Self:
+        if (self.at is None) == (self.on is None):
+            raise ValueError("say when it comes: either `at` or `on`")
+        given = [kind for kind in FAULTS if getattr(self, kind) is not None]
+        if len(given) != 1:
+            raise ValueError(f"say one thing that goes wrong: {', '.join(FAULTS)}")
+        if self.for_ is not None and given[0] in ("restart", "restore", "push"):
+            raise ValueError(f"a {given[0]} has no `for`: it happens at once")
+        return self
+
+
+#: The kinds of faults, by their keys.
+FAULTS = (
+    *("stop", "restart", "freeze", "blind", "slow", "bias", "noise"),
+    *("drop", "delay", "cut", "degrade", "partition", "restore", "push"),
+)
+
+
+class LinkUse(Part):
+    """Links with a channel of their own."""
+
+    sender: Target = Field("*", description=_AGENTS)
+    receiver: Target = Field("*", description=_AGENTS)
+    channel: ChannelParameters = Field(description="In what it differs from the channel of all links.")
+
+
+class TopologyChange(Use):
+    """Another topology from some time on."""
+
+    at: float = Field(gt=0, le=1e9, description="When [s].")
+
+
+class TopologyUse(Use):
+    """Who reaches whom with messages, and how these get there."""
+
+    channel: ChannelParameters = Field(
+        default_factory=ChannelParameters, description="How messages get over every link."
+    )
+    links: list[LinkUse] = Field(
+        default_factory=list,
+        max_length=10_000,
+        description="Links with a channel of their own; where several concern one, the later has its say.",
+    )
+    changes: list[TopologyChange] = Field(
+        default_factory=list, max_length=10_000, description="Other topologies that hold later, in order of time."
+    )
+    repeat: float | None = Field(
+        None, gt=0, le=1e9, description="After which time all of this begins again [s]; never if left out."
+    )
+    connected: bool = Field(
+        False,
+        description="Whether everybody is to reach everybody, at last through others: what stays as it is must be so, "
+        "and of what moves the log says when it is not.",
+    )
+
+
 class Recording(Part):
     """What goes into the log."""
 
     interval: float = Field(
         0.0, ge=0, le=1e9, description="Least simulated time between two records [s]; 0 records every step."
+    )
+    events: Literal["all", "notable", "none"] = Field(
+        "notable",
+        description="Which events: also those that recur with every step, turn or message; those that do not; or none "
+        "but the last one.",
+    )
+    messages: Literal["all", "dropped", "none"] = Field(
+        "all", description="Which messages between agents: all, those that are dropped, or none."
     )
     omit: list[Kind] = Field(default_factory=list, description="What to leave out, for smaller logs.")
 
@@ -112,4 +386,8 @@ class Scenario(Part):
     run: Run = Field(description="How long, and in which way, the scenario runs.")
     environment: EnvironmentUse = Field(description="The world.")
     agents: dict[Name, Agents] = Field(min_length=1, description="The groups of agents by name.")
+    topology: TopologyUse | None = Field(
+        None, description="Who reaches whom with messages; everybody, with the next step, if left out."
+    )
+    faults: dict[Name, FaultUse] = Field(default_factory=dict, description="What goes wrong, by name.")
     recording: Recording = Field(default_factory=lambda: Recording(), description="What goes into the log.")

@@ -7,20 +7,22 @@ import tempfile
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 from symaware_cli.core import Quantity, nanoseconds
 from symaware_cli.recording.manifest import manifest
 from symaware_cli.recording.recorder import Recorder
 from symaware_cli.recording.writer import LogWriter
+from symaware_cli.runtime.run import run
 from symaware_cli.runtime.simulation import Simulation
 from symaware_cli.runtime.summary import Summary
-from symaware_cli.runtime.synchronous import run
 from symaware_cli.scenario.build import Built, build
 from symaware_cli.scenario.catalogue import versions
 
 #: The attachment that a log is run again from.
 RESOLVED = "resolved.yaml"
+
+_MEDIA_TYPES = {".toml": "application/toml", ".yaml": "application/yaml", ".yml": "application/yaml"}
 
 
 def open_scenario(path: Path, overrides: Sequence[str] = (), seed: int | None = None) -> Built:
@@ -41,6 +43,8 @@ def open_scenario(path: Path, overrides: Sequence[str] = (), seed: int | None = 
         raise LogError(f"{path} holds no scenario to run again")
     with tempfile.TemporaryDirectory() as folder:
         extracted = Path(folder) / RESOLVED
+        for name, content in attachments.items():
+            _extract(name, content, Path(folder))
         extracted.write_bytes(resolved)
         built = build(extracted, overrides, seed, name=f"{path}:{RESOLVED}")
     written = {
@@ -49,27 +53,44 @@ def open_scenario(path: Path, overrides: Sequence[str] = (), seed: int | None = 
     return replace(built, files=written)
 
 
-def unused_path(name: str, folder: Path = Path()) -> Path:
-    """Return a path for a log that overwrites none: ``name.mcap``, else ``name-2.mcap`` and so on."""
-    path, number = folder / f"{name}.mcap", 1
+def _extract(name: str, content: bytes, folder: Path) -> None:
+    """Lay out a file of the scenario, such as a mesh; whatever else a log calls an attachment stays where it is."""
+    inner = PurePosixPath(name)
+    if inner.parts[:1] != ("scenario",) or ".." in inner.parts or "\\" in name or ":" in name or len(inner.parts) < 2:
+        return
+    path = folder.joinpath(*inner.parts[1:])
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(content)
+
+
+def unused_path(name: str, folder: Path = Path(), suffix: str = ".mcap") -> Path:
+    """Return a path for a file that overwrites none: ``name.mcap``, else ``name-2.mcap`` and so on."""
+    path, number = folder / f"{name}{suffix}", 1
     while path.exists():
         number += 1
-        path = folder / f"{name}-{number}.mcap"
+        path = folder / f"{name}-{number}{suffix}"
     return path
 
 
-def execute(built: Built, log: Path | None, on_progress: Callable[[int], None] | None = None) -> Summary:
+def execute(
+    built: Built,
+    log: Path | None,
+    on_progress: Callable[[int], None] | None = None,
+    timeout: float | None = None,
+) -> Summary:
     """Run a scenario.
 
     Args:
         built: What to run; it cannot be run twice.
         log: Where to record it, or None for nowhere.
         on_progress: Called now and then with simulated time in nanoseconds.
+        timeout: Wall time after which the run is ended [s].
 
     Raises:
         LogError: The log cannot be written.
     """
     with ExitStack() as stack:
+        stack.enter_context(built.simulation.environment)
         recorder = None
         if log is not None:
             writer = stack.enter_context(LogWriter(log))
@@ -81,8 +102,10 @@ def execute(built: Built, log: Path | None, on_progress: Callable[[int], None] |
                 interval=nanoseconds(built.document.recording.interval),
                 omit=built.document.recording.omit,
                 quantities=_series_quantities(built.simulation),
+                events=built.document.recording.events,
+                messages=built.document.recording.messages,
             )
-        return run(built.simulation, built.steps, recorder, on_progress)
+        return run(built.simulation, built.steps, recorder, on_progress, replace(built.terms, timeout=timeout))
 
 
 def _series_quantities(simulation: Simulation) -> dict[str, dict[str, Sequence[Quantity]]]:
@@ -111,7 +134,7 @@ def _attach(writer: LogWriter, built: Built) -> None:
         ),
     )
     for name, content in built.files.items():
-        media_type = "application/toml" if name.endswith(".toml") else "application/yaml"
+        media_type = _MEDIA_TYPES.get(PurePosixPath(name).suffix, "application/octet-stream")
         writer.attach(f"scenario/{name}", media_type, content)
     writer.attach(RESOLVED, "application/yaml", built.resolved)
     writer.attach("versions.json", "application/json", json.dumps(versions(), indent=1).encode())

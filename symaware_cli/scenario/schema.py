@@ -9,7 +9,12 @@ from symaware_cli.scenario.catalogue import GROUPS, Catalogue, PluginError
 from symaware_cli.scenario.document import Scenario
 from symaware_cli.scenario.sampling import Grid, Ring
 
-_USES = {"component": "ComponentUse", "environment": "EnvironmentUse", "model": "ModelUse"}
+_USES = {
+    "component": ("ComponentUse",),
+    "environment": ("EnvironmentUse",),
+    "model": ("ModelUse",),
+    "topology": ("TopologyUse", "TopologyChange"),
+}
 
 
 def scenario_schema(
@@ -41,9 +46,9 @@ def scenario_schema(
                 continue
             names.append({"const": listing.name, "description": (inspect.getdoc(plugin) or "").partition("\n")[0]})
             branches.append(_branch(listing.name, kind, plugin, definitions))
-        use = definitions[_USES[kind]]
-        use["properties"]["use"]["anyOf"] = names
-        use["allOf"] = branches
+        for use in _USES[kind]:
+            definitions[use]["properties"]["use"]["anyOf"] = names
+            definitions[use]["allOf"] = branches
     _describe_values(schema)
     return _with_bases(schema), broken
 

@@ -14,7 +14,7 @@ from symaware_doubles import Progress
 from symaware_cli import Component, open_log
 from symaware_cli.recording.recorder import Recorder
 from symaware_cli.recording.writer import LogWriter
-from symaware_cli.runtime.synchronous import run
+from symaware_cli.runtime.run import run
 
 SCENARIO = """
 symaware: 1

@@ -4,7 +4,7 @@ import pytest
 from simulating import Team, execute, simulate, simulation
 
 from symaware_cli import Component, Entity, GroupComponent, Obstacle
-from symaware_cli.runtime.faults import RunError
+from symaware_cli.runtime.failure import RunError
 
 
 class Idle(Component):

@@ -114,7 +114,7 @@ def test_the_outcome_does_not_depend_on_the_order_of_agents(groups, listening_fi
 
 
 def test_progress_is_told_in_simulated_time():
-    from symaware_cli.runtime.synchronous import run
+    from symaware_cli.runtime.run import run
 
     told = []
     run(simulation({"robot": Team()}), 5, on_progress=told.append)

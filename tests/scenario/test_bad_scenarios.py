@@ -33,6 +33,8 @@ def _installed(known_plugins: None) -> Iterator[None]:
         patch.chdir(BAD)
         # What a plugin that needs an extra finds where the extra is not installed.
         patch.setitem(sys.modules, "pybullet", None)
+        for name in ("bullet", "spatial"):
+            patch.delitem(sys.modules, f"symaware_cli.environments.{name}", raising=False)
         yield
 
 

@@ -1,0 +1,142 @@
+"""Measures the asynchronous mode: ``python benchmarks/asynchronous.py`` prints a table.
+
+A turn of a component that does next to nothing, for 1,000 components at 100 Hz: all at the same instants, each at
+instants of its own, and as coroutines that sleep. Figures are CPU time of one process, of several rounds the best;
+beside them SimPy's timeout event in the same session (``python benchmarks/run.py`` installs the peers). Then how well a
+paced run keeps 100 agents at 100 Hz, in wall time, which means something on an otherwise idle machine only.
+"""
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from symaware_cli.core import AgentGroup, Component, Entity
+from symaware_cli.environments.kinematic import KinematicEnvironment
+from symaware_cli.models.integrator import SingleIntegrator
+from symaware_cli.runtime.run import run
+from symaware_cli.runtime.simulation import Simulation, Slot
+from symaware_cli.runtime.terms import Terms
+from symaware_cli.runtime.timing import Timing
+
+HERE = Path(__file__).parent
+SIMPY = HERE / ".peers" / "new" / ("Scripts" if os.name == "nt" else "bin") / "python"
+MILLISECOND = 1_000_000
+
+
+class Trivial(Component):
+    """Counts its turns."""
+
+    count = 0
+
+    def _compute(self):
+        self.count += 1
+
+    def _update(self, value):
+        pass
+
+
+class Sleeper(Trivial):
+    """Sleeps from turn to turn, within one turn that lasts for the whole run."""
+
+    async def _async_compute(self):
+        await self.sleep(self.offset)
+        while True:
+            self.count += 1
+            await self.sleep(0.01)
+
+
+def simulation(kind, count, timing, time_step):
+    group = AgentGroup(
+        "a",
+        [f"a.{row}" for row in range(count)],
+        SingleIntegrator(),
+        Entity(),
+        [[3.0 * row, 0.0] for row in range(count)],
+    )
+    components = [kind() for _ in range(count)]
+    for row, component in enumerate(components):
+        component.offset = 0.01 * row / count
+    world = KinematicEnvironment(KinematicEnvironment.Parameters(time_step=time_step))
+    return Simulation(
+        name="benchmark",
+        seed=1,
+        environment=world,
+        environment_use="kinematic",
+        groups=[group],
+        slots=[Slot(group, "it", "benchmark", components, timing)],
+        obstacles={},
+    )
+
+
+def measured(kind, count, timing, duration, time_step=0.1, **terms):
+    """CPU time of a run, how many turns were taken, and how well the pace was kept."""
+    ready = simulation(kind, count, timing, time_step)
+    started = time.process_time()
+    summary = run(ready, round(duration / time_step), terms=Terms(mode="asynchronous", **terms))
+    cpu = time.process_time() - started
+    assert summary.status == "finished", summary.failure
+    return cpu, [component.count for component in ready.slots[0].components], summary
+
+
+def cases(count, duration):
+    """Every case by name: CPU time and turns."""
+    together = Timing(period=10 * MILLISECOND)
+    apart = Timing(period=10 * MILLISECOND, jitter=9 * MILLISECOND)
+    yield "at the same instants", lambda: measured(Trivial, count, together, duration)
+    yield "each at instants of its own", lambda: measured(Trivial, count, apart, duration)
+    yield "coroutines that sleep", lambda: measured(Sleeper, count, Timing(), duration)
+    yield "synchronous, for comparison", lambda: synchronous(count, duration)
+
+
+def synchronous(count, duration):
+    ready = simulation(Trivial, count, Timing(), 0.01)
+    started = time.process_time()
+    summary = run(ready, round(duration / 0.01))
+    return time.process_time() - started, [each.count for each in ready.slots[0].components], summary
+
+
+def simpy(count, turns):
+    """The same as SimPy does it; None where it is not installed."""
+    if not SIMPY.exists():
+        return None
+    command = [str(SIMPY), str(HERE / "peers" / "simpy_timeout.py"), str(count), str(turns)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    return json.loads(done.stdout) if done.returncode == 0 else None
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--agents", type=int, default=1000)
+    parser.add_argument("--duration", type=float, default=10.0)
+    arguments = parser.parse_args()
+    best = {}
+    for _ in range(arguments.rounds):
+        for name, case in cases(arguments.agents, arguments.duration):
+            cpu, counts, _ = case()
+            expected = round(arguments.duration * 100)
+            # What sleeps is at its last instant but one when the run ends, at the most.
+            assert set(counts) <= {expected - 1, expected}, (name, min(counts), max(counts))
+            best[name] = min(best.get(name, 1e9), 1e6 * cpu / sum(counts))
+        peer = simpy(arguments.agents, round(arguments.duration * 100))
+        if peer is not None:
+            best["SimPy's timeout event"] = min(
+                best.get("SimPy's timeout event", 1e9), 1e6 * peer["cpu"] / peer["turns"]
+            )
+    print(f"{arguments.agents:,} components at 100 Hz for {arguments.duration:g} s, CPU time of a turn")
+    for name, cost in best.items():
+        print(f"  {name:<32} {cost:6.2f} us   {1e6 / cost:12,.0f} turns per CPU-second")
+    timing = Timing(period=10 * MILLISECOND, jitter=9 * MILLISECOND)
+    cpu, counts, summary = measured(Trivial, 100, timing, 5.0, pace=1.0)
+    kept = summary.pace
+    rate, late = min(counts) / summary.wall_time, f"{kept.late:,} of {kept.instants:,} instants late"
+    print(f"100 agents at 100 Hz, paced for 5 s: {rate:.2f} Hz kept, in {summary.wall_time:.3f} s")
+    print(f"  {late}, by {1e3 * kept.worst:.2f} ms at most; {cpu:.2f} s of CPU time")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

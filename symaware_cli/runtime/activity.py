@@ -1,0 +1,524 @@
+"""The turns of one component entry of one group: when they begin, how long they take, and what they come to."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from symaware_cli.core import AgentGroup, Component, Event, GroupComponent, Level, SubscriberError
+from symaware_cli.core.column import Column
+from symaware_cli.core.random import generator
+from symaware_cli.runtime.agenda import Phase
+from symaware_cli.runtime.expression import EvaluationError
+from symaware_cli.runtime.failure import RunError, describe
+from symaware_cli.runtime.interruption import Interrupted
+from symaware_cli.runtime.occasion import Recurrence, concerned
+from symaware_cli.runtime.restraint import restrained
+from symaware_cli.runtime.scope import AgentScope
+from symaware_cli.runtime.task import FAILED, Task
+from symaware_cli.runtime.timing import Duration
+from symaware_cli.runtime.workers import Computed, WorkerError
+
+if TYPE_CHECKING:
+    from symaware_cli.runtime.run import Run
+    from symaware_cli.runtime.simulation import Slot
+
+_NO_SUPERVISION = nullcontext()
+
+#: Changes what was written, given the group and the believed states as they were before.
+Disturb = Callable[[AgentGroup, Any], None]
+
+
+class Activity:
+    """Lets the components of one slot take their turns.
+
+    A row here is that of a component: of an agent, or 0 where one component serves the whole group.
+
+    Attributes:
+        run: The run that it is part of.
+        slot: Whose turns they are.
+        place: Its position among all slots.
+        turns: How many turns were taken, each component's counted.
+        overruns: How many were due while the one before still computed.
+        failures: How many failed without ending the run.
+    """
+
+    def __init__(self, run: Run, slot: Slot, place: int) -> None:
+        self.slot = slot
+        self.place = place
+        self.turns = 0
+        self.overruns = 0
+        self.failures = 0
+        self.run = run
+        self._simulation = run.simulation
+        self._timing = slot.timing
+        self._group = slot.group
+        self._is_group = isinstance(slot.components[0], GroupComponent)
+        self._columns = (
+            (slot.group.control_column, "control input"),
+            (slot.group.awareness.state_column, "state"),
+        )
+        self._row_of = {id: row for row, id in enumerate(slot.group.ids)}
+        #: Agents that take no part at present, with how many reasons there are for it.
+        self._off: Counter[int] = Counter()
+        self._held: list[int] = []
+        #: What the components of some rows are busy with, and how many turns were put off meanwhile.
+        self._busy: dict[int, Task | object] = {}
+        self._backlog: Counter[int] = Counter()
+        self._called: set[int] = set()
+        self._tries: Counter[int] = Counter()
+        self._coroutines = run.asynchronous and any(_is_coroutine(each) for each in slot.components)
+        self._scope = AgentScope(slot.group) if self._timing.condition else None
+        self._latencies: dict[int, Any] = {}
+        #: What faults make of the latency of some rows, and of what is written.
+        self._slowness: dict[int, Duration] = {}
+        self._disturbances: list[Disturb] = []
+        self._review()
+
+    def _review(self) -> None:
+        """Find out whether there is nothing to think of but computing and updating."""
+        timing = self._timing
+        self._held = sorted(self._off)
+        self._takes_time = bool(self._slowness) or not timing.latency.is_zero
+        self._guarded = bool(self._held or self._disturbances) or timing.on_failure != "stop"
+        self._plain = (
+            not self._guarded
+            and not self._coroutines
+            and timing.condition is None
+            and not self._takes_time
+            and not timing.in_process
+            and timing.period != 0
+        )
+
+    @property
+    def is_steady(self) -> bool:
+        """Whether it takes its turns at each step of the world, for the run to see to."""
+        return self._timing.is_steady(self._simulation.environment.time_step)
+
+    @property
+    def awaits(self) -> bool:
+        """Whether its components are coroutines of their own."""
+        return self._coroutines
+
+    def begin(self) -> None:
+        """Enter the first turns in the agenda, and listen for what triggers further ones."""
+        timing, run = self._timing, self.run
+        if timing.trigger is not None:
+            run.switchboard.connect(timing.trigger.event, timing.trigger.source, self._on_trigger)
+        if self.is_steady or (timing.trigger is not None and timing.period is None):
+            return
+        step = self._simulation.environment.time_step
+        if not timing.jitter:
+            Recurrence(self, None, timing.instants(step, run.agenda.grid, None)).enter()
+            return
+        for row, component in enumerate(self.slot.components):
+            random = generator(self._simulation.seed, f"{component.path}/jitter")
+            Recurrence(self, [row], timing.instants(step, run.agenda.grid, random)).enter()
+
+    def _on_trigger(self, event: Event) -> None:
+        """Enter a turn for those whom an event concerns; one turn, however many events fire before it."""
+        trigger = self._timing.trigger
+        assert trigger is not None
+        agents = concerned(event, trigger, self._group.name, self._row_of)
+        if not agents:
+            return
+        if not self._called:
+            run = self.run
+            run.agenda.put(run.agenda.now, self.place, Phase.TURN, 0, self._answer)
+        self._called.update([0] if self._is_group else agents)
+
+    def _answer(self) -> None:
+        rows = sorted(self._called)
+        self._called.clear()
+        self.take(rows)
+
+    def take(self, rows: Sequence[int] | None = None) -> None:
+        """Let the components of some rows, or of all, take a turn.
+
+        Raises:
+            RunError: One failed, and that ends the run.
+        """
+        if not self._plain:
+            self._take_each(range(len(self.slot.components)) if rows is None else rows)
+            return
+        # One after the other, with nothing to think of: the hot loop.
+        slot, run = self.slot, self.run
+        component = slot.components[0]
+        run.interruption.unshield()
+        try:
+            if slot.turns and not self._simulation.events.turns_wanted:
+                # What compute_and_update does where nobody listens, for half its price.
+                turns = slot.turns if rows is None else [slot.turns[row] for row in rows]
+                self.turns += len(turns)
+                for component, compute, update in turns:  # noqa: B007 (tells which one raised)
+                    update(compute())
+            else:
+                components = slot.components if rows is None else [slot.components[row] for row in rows]
+                self.turns += len(components)
+                for component in components:
+                    component.compute_and_update()
+        except (SubscriberError, Interrupted, KeyboardInterrupt):
+            raise
+        except BaseException as error:
+            raise self._failure(component, describe(error), error) from error
+        finally:
+            run.interruption.shield()
+        for column, what in self._columns:
+            if column.fresh:
+                self._check(column, what, None)
+
+    def _take_each(self, rows: Iterable[int]) -> None:
+        """Some components, each looked at by itself."""
+        rows = [row for row in rows if self._may(row)]
+        if not rows:
+            return
+        self.turns += len(rows)
+        before = self._before()
+        if (self._takes_time or self._timing.in_process) and not self._coroutines:
+            self._compute(rows)
+        else:
+            components = self.slot.components
+            with self._supervised():
+                for row in rows:
+                    if self._coroutines:
+                        Task(self, row, components[row]).start()
+                    else:
+                        self.attempt(row, components[row].compute_and_update)
+        self._check_all(before)
+        if self._timing.period == 0:
+            for row in rows:
+                if row not in self._busy:
+                    self._again(row)
+
+    def _may(self, row: int) -> bool:
+        """Whether a component takes a turn that is due."""
+        if self._is_group:
+            if len(self._held) == len(self._group):
+                return False
+        elif row in self._off:
+            return False
+        if not self._holds(row):
+            if self._timing.period == 0:
+                self._wait_for_step(row)
+            return False
+        if row not in self._busy:
+            return True
+        self._overrun(row)
+        return False
+
+    def _holds(self, row: int) -> bool:
+        """Whether the condition holds; for a component of the whole group, for any of its agents."""
+        scope, condition = self._scope, self._timing.condition
+        if scope is None or condition is None:
+            return True
+        rows = [each for each in range(len(self._group)) if each not in self._off] if self._is_group else [row]
+        try:
+            return any(condition.holds(partial(scope.look_up, each)) for each in rows)
+        except EvaluationError as error:
+            self.fail(row, self._failure(self.slot.components[row], str(error), error))
+            return False
+
+    def _overrun(self, row: int) -> None:
+        self.overruns += 1
+        component, overrun = self.slot.components[row], self._timing.overrun
+        said = {"skip": "is left out", "queue": "is put off", "fail": "is a failure"}[overrun]
+        text = f"a turn is due while the one before still computes; it {said}"
+        self._simulation.announce("overrun", component.path, text, level=Level.WARNING, overrun=overrun)
+        if overrun == "fail":
+            self.fail(row, self._failure(component, "a turn was due while the one before still computed"))
+        elif overrun == "queue":
+            self._backlog[row] += 1
+
+    def _compute(self, rows: Sequence[int]) -> None:
+        """Compute now, with the data of now, and enter the updates for when the computations are over."""
+        now, landings = self.run.agenda.now, dict[int, list[tuple[int, object, Any]]]()
+        for row, value in self._values(rows):
+            if value is FAILED:
+                continue
+            token = self._busy[row] = object()
+            time = now + self.latency(row)
+            if time == now:
+                self._land([(row, token, value)])
+            else:
+                landings.setdefault(time, []).append((row, token, value))
+        for time, landing in sorted(landings.items()):
+            self.run.agenda.put(time, self.place, Phase.LANDING, landing[0][0], partial(self._land, landing))
+
+    def _values(self, rows: Sequence[int]) -> Iterator[tuple[int, Any]]:
+        """Yield what each component computes, one after the other; in workers they compute all at once before."""
+        run, events = self.run, self._simulation.events
+        done: dict[int, Computed | WorkerError] | None = None
+        if self._timing.in_process:
+            done = self.attempt(rows[0], run.workers.compute, self.slot, rows)
+            if done is FAILED:
+                return
+        for row in rows:
+            component = self.slot.components[row]
+            if "computing" in events.wanted:
+                component._announce("computing")
+            if done is None:
+                yield row, self.attempt(row, component._compute)
+                continue
+            outcome = done[row]
+            if isinstance(outcome, WorkerError):
+                self.fail(row, self._failure(component, outcome.problem, outcome))
+                yield row, FAILED
+                continue
+            for name, source, level, text, data in outcome.events:
+                events.fire(Event(name, source, run.agenda.now, Level(level), text, data, component))
+            yield row, outcome.value
+
+    def _land(self, landing: Sequence[tuple[int, object, Any]]) -> None:
+        """Update with values that were computed before, unless their component was stopped meanwhile."""
+        before, wanted = self._before(), self._simulation.events.wanted
+        landed = []
+        with self._supervised():
+            for row, token, value in landing:
+                if self._busy.get(row) is not token:
+                    continue
+                del self._busy[row]
+                component = self.slot.components[row]
+                if "computed" in wanted:
+                    component._announce("computed")
+                self.attempt(row, component.update, value)
+                landed.append(row)
+        self._check_all(before)
+        for row in landed:
+            self.over(row)
+
+    def latency(self, row: int) -> int:
+        """How long the present computation of a component takes, in nanoseconds."""
+        duration, random = self._slowness.get(row, self._timing.latency), self._latencies.get(row)
+        if random is None and duration.is_drawn:
+            path = self.slot.components[row].path
+            random = self._latencies[row] = generator(self._simulation.seed, f"{path}/latency")
+        return duration.draw(random)
+
+    def over(self, row: int) -> None:
+        """A turn that took time is over: take the ones that were put off, or the next one."""
+        if self._backlog[row]:
+            self._backlog[row] -= 1
+            self._take_each([row])
+        elif self._timing.period == 0:
+            self._again(row)
+
+    def _again(self, row: int) -> None:
+        run = self.run
+        run.agenda.put(run.agenda.now, self.place, Phase.TURN, row, partial(self.take, [row]))
+
+    def _wait_for_step(self, row: int) -> None:
+        """What takes turn after turn looks at a condition that does not hold once a step."""
+        run = self.run
+        time = run.next_step
+        run.agenda.put(time, self.place, Phase.TURN, row, partial(self.take, [row]))
+
+    def attempt(self, row: int, call: Callable[..., Any], *arguments: Any) -> Any:
+        """Call something of a component, with signals let through; what it raises is its failure."""
+        interruption = self.run.interruption
+        interruption.unshield()
+        try:
+            return call(*arguments)
+        except (SubscriberError, Interrupted, KeyboardInterrupt):
+            raise
+        except BaseException as error:
+            problem = self._failure(self.slot.components[row], describe(error), error)
+            self.fail(row, problem)
+            return FAILED
+        finally:
+            interruption.shield()
+
+    def _failure(
+        self, component: Component | GroupComponent, problem: str, cause: BaseException | None = None
+    ) -> RunError:
+        return RunError(component.path, self.slot.use, self._simulation.clock.now, problem, cause)
+
+    def fail(self, row: int, failure: RunError, agents: Sequence[int] | None = None) -> None:
+        """Do what the scenario says about a component that failed.
+
+        Args:
+            row: The component's row.
+            failure: What happened.
+            agents: The rows of the agents concerned, where those are not all that the component serves.
+
+        Raises:
+            RunError: The failure ends the run.
+        """
+        timing = self._timing
+        if timing.on_failure == "stop" or (timing.on_failure == "restart" and self._tries[row] >= timing.tries):
+            raise failure
+        self.failures += 1
+        self._simulation.announce("failed", failure.source, str(failure), level=Level.WARNING, **failure.data)
+        if timing.on_failure == "restart":
+            self._tries[row] += 1
+            self.restart(row)
+        else:
+            everybody = range(len(self._group)) if self._is_group else [row]
+            self.run.attendance.retire(
+                self._group, everybody if agents is None else agents, timing.coast, "a component failed"
+            )
+
+    def restart(self, row: int) -> None:
+        """Give up what a component is doing and let it begin anew.
+
+        Raises:
+            RunError: It cannot.
+        """
+        component = self.slot.components[row]
+        self._abandon(row)
+        if self._timing.in_process:
+            self.run.workers.restart(self.slot, row)
+        self.slot.initialise_one(row, self._simulation.clock.now)
+        tries = f", for the {_ordinal(self._tries[row])} of {self._timing.tries} times" if self._tries[row] else ""
+        self._simulation.announce("restarted", component.path, f"begins anew{tries}", level=Level.WARNING)
+        if self._timing.period == 0:
+            self._wait_for_step(row)
+
+    def hold(self, agent: int) -> None:
+        """Let an agent take no part until it is released as often as it was held."""
+        self._off[agent] += 1
+        if not self._is_group:
+            self._abandon(agent)
+        self._review()
+
+    def release(self, agent: int) -> None:
+        """Let an agent take part again, unless there are other reasons against it."""
+        self._off[agent] -= 1
+        if self._off[agent] <= 0:
+            del self._off[agent]
+        self._review()
+
+    def begin_anew(self, agents: Sequence[int]) -> None:
+        """Restart the components of some agents; one that serves the whole group only if it is for all of them."""
+        if not self._is_group:
+            for row in agents:
+                self.restart(row)
+        elif len(agents) == len(self._group):
+            self.restart(0)
+
+    def slow_down(self, agents: Sequence[int], duration: Duration | None) -> None:
+        """Let computations take another time than the scenario says for the component; None for that time again."""
+        for row in [0] if self._is_group else agents:
+            if duration is None:
+                self._slowness.pop(row, None)
+            else:
+                self._slowness[row] = duration
+        self._review()
+
+    def disturb(self, disturbance: Disturb) -> None:
+        """Call something after each turn, with the group and the believed states before the turn."""
+        self._disturbances.append(disturbance)
+        self._review()
+
+    def undisturb(self, disturbance: Disturb) -> None:
+        """Call it no more."""
+        self._disturbances.remove(disturbance)
+        self._review()
+
+    def _supervised(self) -> AbstractContextManager[None]:
+        """Let faults have their way with what is written."""
+        return self._supervision() if self._held or self._disturbances else _NO_SUPERVISION
+
+    @contextmanager
+    def _supervision(self) -> Iterator[None]:
+        before = self._group.awareness.state if self._disturbances else None
+        with restrained(self._group, self._held if self._is_group else ()):
+            yield
+        for disturbance in self._disturbances:
+            disturbance(self._group, before)
+
+    def _abandon(self, row: int) -> None:
+        doing = self._busy.pop(row, None)
+        self._backlog.pop(row, None)
+        if not isinstance(doing, Task):
+            return
+        try:
+            doing.close()
+        except (SubscriberError, Interrupted, KeyboardInterrupt):
+            raise
+        except Exception as error:
+            failure = self._failure(doing.component, f"cannot give up its turn: {describe(error)}", error)
+            self._simulation.announce("failed", failure.source, str(failure), level=Level.WARNING, **failure.data)
+
+    def end(self) -> list[str]:
+        """Give up all that is under way, and name what was waited for without an end in sight."""
+        tasks = [each for each in self._busy.values() if isinstance(each, Task)]
+        waiting = [f"{each.component.path} for {each.waiting}" for each in tasks if each.waits_for_others]
+        for row in list(self._busy):
+            self._abandon(row)
+        return waiting
+
+    def resume(self, call: Callable[[Any], None], value: Any) -> None:
+        """Go on with a turn that waited for something."""
+        if not self._guarded:
+            call(value)
+            for column, what in self._columns:
+                if column.fresh:
+                    self._check(column, what, None)
+            return
+        before = self._before()
+        with self._supervised():
+            call(value)
+        self._check_all(before)
+
+    def occupy(self, row: int, task: Task) -> None:
+        """A component is busy with a turn that may take time."""
+        self._busy[row] = task
+
+    def vacate(self, row: int, task: Task) -> bool:
+        """A component is done with a turn; False if it was made to give it up before."""
+        if self._busy.get(row) is not task:
+            return False
+        del self._busy[row]
+        return True
+
+    def _before(self) -> list[Any] | None:
+        """What stands in the columns, to go back to if it is overwritten with what is not finite."""
+        return None if self._timing.on_failure == "stop" else [column.values for column, _ in self._columns]
+
+    def _check_all(self, before: list[Any] | None) -> None:
+        for number, (column, what) in enumerate(self._columns):
+            if column.fresh:
+                self._check(column, what, None if before is None else before[number])
+
+    def _check(self, column: Column, what: str, before: Any) -> None:
+        """Look for what is not finite in what was written.
+
+        Raises:
+            RunError: Something is not, and that ends the run.
+        """
+        column.fresh = False
+        rows = column.non_finite_rows()
+        if not rows:
+            return
+        ids, group = [self._group.ids[row] for row in rows], self._group
+        others = f", and so for {len(ids) - 1} more agents" if len(ids) > 1 else ""
+        problem = f"its {what} is not finite: {column.row(rows[0]).tolist()}{others}"
+        source = f"agents.{ids[0]}.{self.slot.name}"
+        failure = RunError(source, self.slot.use, self._simulation.clock.now, problem)
+        if before is None:
+            raise failure
+        for row in rows:
+            column.set_row(row, before[row])
+        column.fresh = False
+        if self._is_group:
+            self.fail(0, failure, rows)
+            return
+        for row in rows:
+            source = f"agents.{group.ids[row]}.{self.slot.name}"
+            self.fail(row, RunError(source, self.slot.use, failure.time, f"its {what} is not finite"))
+
+
+def _is_coroutine(component: Component | GroupComponent) -> bool:
+    """Whether a component takes its turns in its own way in the asynchronous mode."""
+    kind, base = type(component), Component
+    return any(
+        getattr(kind, name) is not getattr(base, name)
+        for name in ("_async_compute", "_async_update", "async_compute_and_update")
+    )
+
+
+def _ordinal(number: int) -> str:
+    return {1: "first", 2: "second", 3: "third"}.get(number, f"{number}th")

@@ -1,0 +1,58 @@
+"""What can go wrong in a run, told so that somebody can act on it."""
+
+from __future__ import annotations
+
+import traceback
+from collections.abc import Mapping
+from typing import Any
+
+from symaware_cli.core import seconds
+
+
+class RunError(Exception):
+    """A run cannot go on.
+
+    Attributes:
+        source: The dotted path of what failed, such as ``agents.robot.2.steer`` or ``environment``.
+        plugin: The entry-point name of the plugin that failed.
+        time: Simulated time in nanoseconds.
+        problem: What happened, in one sentence.
+        trace: The traceback, if an exception was the cause.
+    """
+
+    def __init__(self, source: str, plugin: str, time: int, problem: str, cause: BaseException | None = None) -> None:
+        super().__init__(_recordable(f"{source} ({plugin}) failed at {seconds(time):g} s: {problem}"))
+        self.source = source
+        self.plugin = plugin
+        self.time = time
+        self.problem = _recordable(problem)
+        self.trace = _recordable("".join(traceback.format_exception(cause))) if cause is not None else ""
+
+    @property
+    def data(self) -> Mapping[str, Any]:
+        """The facts, as recorded with the event ``failed``."""
+        parts = self.source.split(".")
+        agent = ".".join(parts[1:-1]) if parts[0] == "agents" else None
+        component = parts[-1] if parts[0] == "agents" else None
+        return {
+            "agent": agent,
+            "component": component,
+            "plugin": self.plugin,
+            "time": seconds(self.time),
+            "problem": self.problem,
+            "traceback": self.trace,
+        }
+
+
+def describe(error: BaseException) -> str:
+    """Put an exception into one line."""
+    try:
+        text = " ".join(str(error).split())
+    except Exception:  # an exception of a plugin may be as broken as the plugin
+        text = ""
+    return f"{type(error).__name__}: {text}" if text else type(error).__name__
+
+
+def _recordable(text: str) -> str:
+    """Spell out what UTF-8 cannot hold, such as the halves of a character in a file name."""
+    return text.encode("utf-8", "backslashreplace").decode()

@@ -1,0 +1,62 @@
+"""The occasions of turns: instants that come again and again, and events."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from symaware_cli.core import Contact, Event
+from symaware_cli.runtime.agenda import Phase
+from symaware_cli.runtime.timing import Trigger
+
+if TYPE_CHECKING:
+    from symaware_cli.runtime.activity import Activity
+
+
+class Recurrence:
+    """Turns at given instants, of some components or of all: enters itself in the agenda again and again."""
+
+    __slots__ = ("_activity", "_instants", "_row", "_rows")
+
+    def __init__(self, activity: Activity, rows: Sequence[int] | None, instants: Iterator[int]) -> None:
+        self._activity = activity
+        self._rows = rows
+        self._row = rows[0] if rows else 0
+        self._instants = instants
+
+    def enter(self) -> None:
+        """Enter the next turn, if there is one."""
+        activity = self._activity
+        for time in self._instants:
+            activity.run.agenda.put(time, activity.place, Phase.TURN, self._row, self)
+            break
+
+    def __call__(self) -> None:
+        """Take a turn, and enter the next one before: what the turn causes comes behind."""
+        self.enter()
+        self._activity.take(self._rows)
+
+
+def concerned(event: Event, trigger: Trigger, group: str, rows: Mapping[str, int]) -> Collection[int]:
+    """The agents of a group that an event concerns, as rows.
+
+    Args:
+        event: What happened.
+        trigger: What they wait for.
+        group: The group's name.
+        rows: The row of each of its agents, by id.
+    """
+    if trigger.source is not None:
+        contact = event.subject
+        if isinstance(contact, Contact):
+            return [rows[id] for id in (contact.first, contact.second) if id in rows]
+        return rows.values()
+    path = event.source.removeprefix("agents.")
+    owner, _, component = path.rpartition(".")
+    if path in rows and trigger.component is None:
+        return [rows[path]]
+    if trigger.component not in (None, component):
+        return []
+    if owner in rows:
+        return [rows[owner]]
+    return rows.values() if owner == group else []

@@ -1,0 +1,66 @@
+"""Rows that a component of a whole group must not write: agents that stopped, or whose component is frozen."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symaware_cli.core import AgentGroup, Tracks
+
+
+@contextmanager
+def restrained(group: AgentGroup, rows: Sequence[int]) -> Iterator[None]:
+    """Put back, afterwards, what was written of some agents: beliefs, intent, uncertainty, risk and control input.
+
+    A component of a whole group works on arrays with a row for each agent, and knows nothing of those that do not take
+    part any more. Arrays are never written in place, so what was there before needs no copy.
+
+    Args:
+        group: The group.
+        rows: Whose rows stay as they are, ascending.
+    """
+    if not rows:
+        yield
+        return
+    awareness, chosen = group.awareness, list(rows)
+    columns = [(column, column.values) for column in (awareness.state_column, group.control_column)]
+    series = [
+        (column, row, column.row(row))
+        for column in (awareness.intent, awareness.uncertainty, awareness.risk)
+        for row in chosen
+    ]
+    tracks = awareness.tracks
+    yield
+    for column, before in columns:
+        if column.values is not before and not np.array_equal(column.values[chosen], before[chosen]):
+            values = column.values.copy()
+            values[chosen] = before[chosen]
+            column.values = values
+    for series_column, row, own in series:
+        if series_column.row(row) != own:
+            series_column.set_row(row, own)
+    if tracks is not None and awareness.tracks is not None and awareness.tracks is not tracks:
+        awareness.tracks = _merged(awareness.tracks, tracks, np.isin(np.arange(len(group)), chosen))
+
+
+def _merged(tracks: Tracks, before: Tracks, held: NDArray[np.bool_]) -> Tracks:
+    """The tracks of some agents as they were before, those of all others as they are now."""
+    now, then = tracks.select(~held[tracks.observers]), before.select(held[before.observers])
+    observers = np.concatenate([now.observers, then.observers])
+    order = np.argsort(observers, kind="stable")
+    covariances = None
+    if now.covariances is not None and then.covariances is not None:
+        covariances = np.concatenate([now.covariances, then.covariances])[order]
+    return Tracks.of(
+        tracks.time,
+        len(held),
+        observers[order],
+        np.concatenate([now.others, then.others])[order],
+        np.concatenate([now.positions, then.positions])[order],
+        np.concatenate([now.velocities, then.velocities])[order],
+        covariances=covariances,
+        ages=np.concatenate([now.ages, then.ages])[order],
+    )

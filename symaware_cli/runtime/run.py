@@ -1,0 +1,409 @@
+"""A run: from the first instant to the last, in either mode.
+
+Both modes are one loop over the instants of simulated time. In the synchronous mode all instants are steps of the
+world; in the asynchronous mode components have instants of their own in between, and may wait within their turns.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from typing import Any, NoReturn
+
+from symaware_cli.core import AgentGroup, Component, Event, GroupComponent, Level, SubscriberError
+from symaware_cli.core.column import Array, Column, is_finite
+from symaware_cli.core.event import RECURRING
+from symaware_cli.recording.error import LogError
+from symaware_cli.recording.recorder import Recorder
+from symaware_cli.runtime.activity import Activity
+from symaware_cli.runtime.agenda import Agenda, LivelockError
+from symaware_cli.runtime.attendance import Attendance
+from symaware_cli.runtime.expression import EvaluationError, Expression
+from symaware_cli.runtime.failure import RunError, describe
+from symaware_cli.runtime.interruption import Interrupted, Interruption
+from symaware_cli.runtime.last_resort import last_resort
+from symaware_cli.runtime.outside import Outside
+from symaware_cli.runtime.pacer import Pacer
+from symaware_cli.runtime.scope import WorldScope
+from symaware_cli.runtime.simulation import Simulation
+from symaware_cli.runtime.summary import Observer, Summary
+from symaware_cli.runtime.switchboard import Switchboard
+from symaware_cli.runtime.terms import Terms
+from symaware_cli.runtime.workers import Workers
+
+#: Wall time between two calls of the progress callback [s].
+_PROGRESS_INTERVAL = 0.1
+
+
+def run(
+    simulation: Simulation,
+    steps: int,
+    recorder: Recorder | None = None,
+    on_progress: Callable[[int], None] | None = None,
+    terms: Terms | None = None,
+) -> Summary:
+    """Run a simulation to its end, its failure or its interruption.
+
+    Whatever ends it, the log is finished first.
+
+    Args:
+        simulation: What to run; it cannot be run twice.
+        steps: How many steps to make, at most.
+        recorder: Where to write it down.
+        on_progress: Called now and then with simulated time in nanoseconds.
+        terms: In which way to run; by default in the synchronous mode, as fast as possible.
+
+    Raises:
+        LogError: The log cannot be written.
+    """
+    return Run(simulation, steps, recorder, on_progress, terms or Terms()).execute()
+
+
+class Run:
+    """One run, and what the turns of its components share.
+
+    Attributes:
+        simulation: What runs.
+        agenda: What is to happen when.
+        activities: The turns of each slot.
+        attendance: Which agents take part.
+        switchboard: Connects events with what they trigger.
+        interruption: Holds signals back and lets them through.
+        asynchronous: Whether components may wait within their turns.
+        workers: The processes of components that compute in one of their own.
+        outside: What lets components await real input and output; None where they must not.
+        next_step: The next instant at which the world will have moved, in nanoseconds.
+        ongoing_faults: What ends each fault that has begun, by its name.
+    """
+
+    def __init__(
+        self,
+        simulation: Simulation,
+        steps: int,
+        recorder: Recorder | None,
+        on_progress: Callable[[int], None] | None,
+        terms: Terms,
+    ) -> None:
+        self.simulation = simulation
+        self.asynchronous = terms.mode == "asynchronous"
+        self.agenda = Agenda(0 if self.asynchronous else simulation.environment.time_step)
+        self.switchboard = Switchboard(simulation.events)
+        self.interruption = Interruption(terms.timeout, terms.turn_limit)
+        self.next_step = simulation.environment.time_step
+        self._terms = terms
+        self._steps = steps
+        self._done = 0
+        self._recorder = recorder
+        self._on_progress = on_progress
+        self._progress_due = 0.0
+        self._observer = Observer(simulation)
+        self._world = WorldScope(simulation, self._observer)
+        self._pacer = Pacer(terms.pace) if terms.pace else None
+        self.outside: Outside | None = None
+        remote = [slot for slot in simulation.slots if slot.timing.in_process]
+        self.workers = Workers(simulation, remote, terms.workers)
+        self.ongoing_faults: dict[str, Callable[[], None]] = {}
+        if recorder:
+            events, clock = simulation.events, simulation.clock
+            for name, record in (
+                ("*", recorder.event),
+                ("contact", lambda event: recorder.contact(event.subject, event.time)),
+                ("sent", _singly(lambda event: recorder.message(event.subject, clock.now, delivered=False))),
+                ("received", _singly(lambda event: recorder.message(event.subject, clock.now, delivered=True))),
+                ("dropped", _singly(lambda event: recorder.lost(event.subject, clock.now, event.data["reason"]))),
+                ("traffic", lambda event: recorder.traffic(event.subject, event.time)),
+            ):
+                # Events fire within turns, too, where signals are let through.
+                events.subscribe(name, self.interruption.shielded(record))
+            simulation.recorders += 1
+            if recorder.wants_recurring:
+                for name in sorted(RECURRING - {"traffic"}):
+                    events.subscribe(name, self.interruption.shielded(recorder.recurring))
+            if self._pacer:
+                recorder.pace = self._pacer.kept.figures
+        self.activities = [Activity(self, slot, place) for place, slot in enumerate(simulation.slots)]
+        self.attendance = Attendance(simulation, self.activities)
+        if self._pacer and any(activity.awaits for activity in self.activities):
+            self.outside = Outside()
+
+    def execute(self) -> Summary:
+        """Make the run, whatever becomes of it, and finish its log."""
+        simulation = self.simulation
+        started = time.monotonic()
+        status, failure = "finished", None
+        with self.interruption as interruption, last_resort(self._terms.timeout, self._recorder):
+            interruption.shield()
+            try:
+                self._begin_to_end()
+            except Interrupted as signal:
+                status = "interrupted"
+                interruption.shield()
+                self._announce_end("interrupted", "run", f"ended by {signal}", level=Level.WARNING)
+            except RunError as error:
+                status, failure = "failed", error
+                interruption.shield()
+                self._announce_end("failed", error.source, str(error), level=Level.ERROR, **error.data)
+            for activity in self.activities:
+                # A subscriber that raises now has nothing to end any more.
+                with suppress(SubscriberError):
+                    activity.end()
+            if self.outside:
+                self.outside.close()
+            self.workers.close()
+            if self._recorder:
+                outcome = {"status": status, "steps": self._done, "time": simulation.clock.now}
+                self._recorder.finish(simulation.clock.now, self._done, outcome)
+        return self._summary(status, failure, time.monotonic() - started)
+
+    def _begin_to_end(self) -> None:
+        """Make the whole run.
+
+        Raises:
+            RunError: Something went wrong, whatever it was.
+            Interrupted: Somebody ended it.
+            LogError: The log cannot be written.
+        """
+        simulation = self.simulation
+        try:
+            simulation.announce("started", "run", f"{simulation.agent_count} agents, seed {simulation.seed}")
+            self.interruption.unshield(watched=False)
+            simulation.initialise()
+            self.workers.start()
+            self.interruption.shield()
+            for activity in self.activities:
+                activity.begin()
+            for fault in self._terms.faults:
+                fault.await_turn(self)
+            self._announce_contacts()
+            reason = self._loop()
+            waiting = [each for activity in self.activities for each in activity.end()]
+            if waiting:
+                reason += f"; {len(waiting)} turns still waited: {waiting[0]}" + (", ..." if len(waiting) > 1 else "")
+            data = {"waiting": waiting} if waiting else {}
+            simulation.announce("finished", "run", reason, level=Level.WARNING if waiting else Level.INFO, **data)
+        except SubscriberError as error:
+            self._blame_subscriber(error)
+        except LivelockError as error:
+            self._blame_circle(error)
+        except (RunError, LogError):
+            raise
+        except Exception as error:
+            raise RunError("run", "symaware", simulation.clock.now, describe(error), error) from error
+
+    def _loop(self) -> str:
+        """Go from instant to instant, and say why the last one was the last."""
+        simulation, recorder, agenda = self.simulation, self._recorder, self.agenda
+        entries = agenda.entries
+        clock, exchange, observer = simulation.clock, simulation.exchange, self._observer
+        time_step, until = simulation.environment.time_step, self._terms.until
+        steady = [(each.place, each.take) for each in self.activities if each.is_steady]
+        latched: list[tuple[Column, Array]] | None = None
+        events, sent, arrival = simulation.events, -1, None
+        if self._pacer:
+            self._pacer.lead(0)  # the clock on the wall starts
+        self.next_step = 0
+        while True:
+            now = clock.now
+            steps = now == self.next_step
+            if "iterating" in events.wanted:
+                simulation.announce("iterating", "run")
+            if steps or (arrival is not None and arrival <= now):
+                exchange.deliver(now)
+                sent = -1
+            else:
+                exchange.now = now
+            if steps:
+                self.next_step += time_step
+                for place, take in steady:
+                    if entries and entries[0][0] == now:
+                        agenda.run(place)
+                    agenda.place = place
+                    take()
+            if entries:
+                agenda.run()
+            if steps:
+                observer.look(now)
+            if recorder:
+                recorder.record(now, self._done)
+            if "iterated" in events.wanted:
+                simulation.announce("iterated", "run")
+            if steps:
+                if until is not None and self._is_over(until):
+                    return f"{self._done} steps made; {until.text}"
+                simulation.announce("stepping", "environment")
+                latched = None
+            upcoming = self.next_step
+            if entries and entries[0][0] < upcoming:
+                upcoming = entries[0][0]
+            if self.asynchronous:
+                # Messages arrive at instants of their own; only what was sent or delivered changes which is next.
+                if exchange.sent != sent:
+                    sent, arrival = exchange.sent, exchange.next_time
+                if arrival is not None and arrival < upcoming:
+                    upcoming = max(arrival, now + 1)
+            if self._pacer:
+                upcoming = self._sleep(self._pacer, upcoming)
+            if upcoming < self.next_step and latched is None:
+                # The world moves under what was requested when its step began, whatever comes in between.
+                latched = [(group.control_column, group.control_input) for group in simulation.groups]
+            if upcoming < self.next_step:
+                clock.now = upcoming
+                agenda.begin(upcoming)
+                continue
+            self._step_world(latched or ())
+            clock.now = upcoming
+            agenda.begin(upcoming)
+            self._done += 1
+            self._check_world()
+            self._announce_contacts()
+            simulation.announce("stepped", "environment")
+            if self._on_progress:
+                self._progress(upcoming)
+            if self._done == self._steps:
+                break
+        observer.look(clock.now)
+        if recorder:
+            recorder.record(clock.now, self._done)
+        self.interruption.unshield()
+        self.interruption.shield()
+        return f"{self._done} steps made" + (f"; never {until.text}" if until is not None else "")
+
+    def _is_over(self, until: Expression) -> bool:
+        try:
+            return until.holds(self._world.look_up)
+        except EvaluationError as error:
+            raise RunError("run.until", "symaware", self.simulation.clock.now, str(error), error) from error
+
+    def _sleep(self, pacer: Pacer, upcoming: int) -> int:
+        """Wait until it is time for an instant, or for an earlier one at which something outside is done."""
+        outside, agenda = self.outside, self.agenda
+        self.interruption.unshield(watched=False)
+        try:
+            if outside is None:
+                pacer.wait(upcoming)
+                return upcoming
+            while True:
+                lead = pacer.lead(upcoming)
+                ready = outside.wait(lead)
+                self.interruption.unshield(watched=False)  # asyncio keeps what a signal raises in its callbacks
+                if ready:
+                    now = min(max(pacer.simulated(), agenda.now + 1), upcoming)
+                    for call in ready:
+                        call(now)
+                    return now
+                if pacer.lead(upcoming) <= 0.0:
+                    pacer.note(-pacer.lead(upcoming))
+                    return upcoming
+        finally:
+            self.interruption.shield()
+
+    def push(self, group: AgentGroup, rows: Sequence[int], change: Array) -> None:
+        """Change the true states of agents."""
+        try:
+            self.simulation.environment.push(group, rows, change)
+        except Exception as error:
+            self._blame_world(error)
+
+    def _step_world(self, latched: Sequence[tuple[Column, Array]]) -> None:
+        """Move the world, under control inputs that stand in for the present ones."""
+        present = [(column, column.exchange(values)) for column, values in latched]
+        self.interruption.unshield()
+        try:
+            self.simulation.environment.step()
+        except (Interrupted, KeyboardInterrupt):
+            raise
+        except BaseException as error:
+            self._blame_world(error)
+        finally:
+            self.interruption.shield()
+            for column, values in present:
+                column.exchange(values)
+
+    def _check_world(self) -> None:
+        simulation = self.simulation
+        for group in simulation.groups:
+            try:
+                truth = simulation.environment.state(group)
+            except Exception as error:
+                self._blame_world(error)
+            if not is_finite(truth):
+                row = next(row for row, state in enumerate(truth) if not is_finite(state))
+                problem = f"the state of {group.ids[row]} is not finite: {truth[row].tolist()}"
+                raise RunError("environment", simulation.environment_use, simulation.clock.now, problem)
+
+    def _blame_circle(self, error: LivelockError) -> NoReturn:
+        slots = [self.simulation.slots[place] for place in error.places if place >= 0]
+        names = ", ".join(f"`{slot.path}`" for slot in slots)
+        problem = f"no time passes any more: {names} take turn after turn at one instant"
+        source, plugin = (slots[0].path, slots[0].use) if slots else ("run", "symaware")
+        raise RunError(source, plugin, self.simulation.clock.now, problem) from error
+
+    def _blame_world(self, error: BaseException) -> NoReturn:
+        use, now = self.simulation.environment_use, self.simulation.clock.now
+        raise RunError("environment", use, now, describe(error), error) from error
+
+    def _blame_subscriber(self, error: SubscriberError) -> NoReturn:
+        cause = error.__cause__ or error
+        problem = f"{error}: {describe(cause)}"
+        owner = getattr(error.subscriber, "__self__", None)
+        source, plugin = error.event.source, "subscriber"
+        if isinstance(owner, Component | GroupComponent):
+            source, plugin = owner.path, owner.use
+        raise RunError(source, plugin, self.simulation.clock.now, problem, cause) from error
+
+    def _announce_contacts(self) -> None:
+        now = self.simulation.clock.now
+        try:
+            contacts = self.simulation.environment.contacts()
+        except Exception as error:
+            self._blame_world(error)
+        for contact in contacts:
+            verb = "touch" if contact.begins else "part"
+            text = f"{contact.first} and {contact.second} {verb}"
+            data = {"first": contact.first, "second": contact.second, "begins": contact.begins}
+            event = Event("contact", "environment", now, Level.WARNING, text, data, contact)
+            self.simulation.events.fire(event)
+
+    def _announce_end(self, name: str, source: str, text: str, level: Level, **data: Any) -> None:
+        try:
+            self.simulation.announce(name, source, text, level=level, **data)
+        except SubscriberError:
+            # The run is over, and one subscriber that raises does not keep the others, the recorder among them,
+            # from being told.
+            return
+
+    def _progress(self, now: int) -> None:
+        monotonic = time.monotonic()
+        if monotonic >= self._progress_due and self._on_progress:
+            self._progress_due = monotonic + _PROGRESS_INTERVAL
+            self._on_progress(now)
+
+    def _summary(self, status: str, failure: RunError | None, wall_time: float) -> Summary:
+        simulation, recorder, observer = self.simulation, self._recorder, self._observer
+        return Summary(
+            name=simulation.name,
+            seed=simulation.seed,
+            status=status,
+            agents=simulation.agent_count,
+            steps=self._done,
+            simulated_time=simulation.clock.now / 1e9,
+            wall_time=wall_time,
+            updates=recorder.updates if recorder else 0,
+            contacts=observer.contacts,
+            minimum_separation=observer.minimum_separation,
+            highest_risk=observer.highest_risk,
+            goals_reached=tuple(sorted(observer.goals)),
+            log=str(recorder.writer.path) if recorder else None,
+            log_size=recorder.writer.size if recorder else None,
+            failure=str(failure) if failure else None,
+            turns=sum(each.turns for each in self.activities),
+            overruns=sum(each.overruns for each in self.activities),
+            failures=sum(each.failures for each in self.activities),
+            pace=self._pacer.kept if self._pacer else None,
+        )
+
+
+def _singly(record: Callable[[Event], Any]) -> Callable[[Event], Any]:
+    """Leave out messages that are recorded in columns."""
+    return lambda event: None if "traffic" in event.data else record(event)

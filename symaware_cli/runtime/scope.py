@@ -1,0 +1,169 @@
+"""What expressions in a scenario may refer to: an agent what it is aware of and knows, a run how the world is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symaware_cli.core import AgentGroup, TimeSeries, seconds
+from symaware_cli.runtime.expression import FUNCTIONS
+
+if TYPE_CHECKING:
+    from symaware_cli.runtime.simulation import Simulation
+    from symaware_cli.runtime.summary import Observer
+
+Array = NDArray[np.float64]
+
+#: What every agent's condition may refer to, with what each means.
+AGENT_NAMES: Mapping[str, str] = {
+    "control_input": "the control input that the agent requests",
+    "has_intent": "whether it has an intent",
+    "knowledge": 'what it knows, by name: knowledge["goal"]',
+    "nearest": "distance to the nearest other that it is aware of [m]; infinite if there is none",
+    "position": "where it believes to be [m]",
+    "risk": "the greatest risk it sees; 0 if none was estimated",
+    "state": "what it believes of its own state",
+    "time": "simulated time [s]",
+    "uncertainty": "the greatest number of its uncertainty; 0 if none was estimated",
+    "velocity": "how fast it believes to move [m/s]",
+}
+
+#: What `run.until` may refer to.
+WORLD_NAMES: Mapping[str, str] = {
+    "agents": "how many agents there are",
+    "contacts": "how many contacts began so far",
+    "goals_reached": "for each agent with a goal, whether it reached it: all(goals_reached)",
+    "highest_risk": "the greatest risk that an agent sees now; 0 if none was estimated",
+    "min_separation": "the least distance between the centres of two agents now [m]; infinite if there is one agent",
+    "position": 'where an agent, or each of a group, truly is [m]: position["robot.2"]',
+    "state": 'the true state of an agent, or of each of a group: state["leader"]',
+    "time": "simulated time [s]",
+}
+
+
+class AgentScope:
+    """Tells what names stand for in the conditions of a group's agents."""
+
+    def __init__(self, group: AgentGroup) -> None:
+        self._group = group
+        self._elements = {
+            quantity.name: index
+            for index, quantity in enumerate(group.model.state)
+            if quantity.name not in AGENT_NAMES and quantity.name not in FUNCTIONS
+        }
+        known = {name for each in group.knowledge for name in each if name.isidentifier()}
+        self._known = known - set(self._elements) - set(AGENT_NAMES) - set(FUNCTIONS)
+
+    @property
+    def names(self) -> set[str]:
+        """All that a condition may refer to: the elements of the state, `AGENT_NAMES` and the knowledge."""
+        return {*self._elements, *AGENT_NAMES, *self._known}
+
+    def look_up(self, row: int, name: str) -> Any:
+        """What a name stands for, for one agent."""
+        group = self._group
+        element = self._elements.get(name)
+        if element is not None:
+            return float(group.awareness.state[row, element])
+        if name in self._known:
+            return group.knowledge[row][name]
+        match name:
+            case "control_input":
+                return group.control_input[row]
+            case "has_intent":
+                return len(group.awareness.intent.row(row)) > 0
+            case "knowledge":
+                return group.knowledge[row]
+            case "nearest":
+                return self._nearest(row)
+            case "position":
+                return group.model.positions(group.awareness.state)[row]
+            case "risk":
+                return _greatest(group.awareness.risk.row(row))
+            case "state":
+                return group.awareness.state[row]
+            case "time":
+                return seconds(group.surroundings.clock.now)
+            case "uncertainty":
+                return _greatest(group.awareness.uncertainty.row(row))
+            case "velocity":
+                one = slice(row, row + 1)
+                return group.model.velocity(group.awareness.state[one], group.control_input[one])[0]
+        raise KeyError(name)
+
+    def _nearest(self, row: int) -> float:
+        group, tracks, world = self._group, self._group.awareness.tracks, self._group.awareness.world
+        if tracks is not None:
+            others = tracks.positions[tracks.pointers[row] : tracks.pointers[row + 1]]
+        elif world is not None:
+            others = np.delete(world.positions, world.roster.start(group.name) + row, 0)
+        else:
+            return np.inf
+        own = np.zeros(others.shape[1])
+        position = group.model.positions(group.awareness.state)[row]
+        own[: len(position)] = position
+        return float(np.linalg.norm(others - own, axis=1).min(initial=np.inf))
+
+
+class WorldScope:
+    """Tells what names stand for in `run.until`."""
+
+    def __init__(self, simulation: Simulation, observer: Observer) -> None:
+        self._simulation = simulation
+        self._observer = observer
+        self._rows = {id: (group, row) for group in simulation.groups for row, id in enumerate(group.ids)}
+        self._with_goal = sorted(
+            id for slot in simulation.slots if "goal-reached" in slot.components[0].events for id in slot.group.ids
+        )
+
+    def look_up(self, name: str) -> Any:
+        """What a name stands for."""
+        simulation = self._simulation
+        match name:
+            case "agents":
+                return simulation.agent_count
+            case "contacts":
+                return self._observer.contacts
+            case "goals_reached":
+                return np.array([id in self._observer.goals for id in self._with_goal], bool)
+            case "highest_risk":
+                peaks = [group.awareness.risk.maximum() for group in simulation.groups]
+                return max((peak[0] for peak in peaks if peak is not None), default=0.0)
+            case "min_separation":
+                positions = simulation.environment.snapshot().positions
+                return simulation.environment.proximity.nearest(positions) if len(positions) > 1 else np.inf
+            case "position":
+                return _ByName(self._rows, simulation, lambda group, states: group.model.positions(states))
+            case "state":
+                return _ByName(self._rows, simulation, lambda group, states: states)
+            case "time":
+                return seconds(simulation.clock.now)
+        raise KeyError(name)
+
+
+class _ByName:
+    """The truth about each agent by its id, and about each group by its name."""
+
+    def __init__(self, rows: Mapping[str, tuple[AgentGroup, int]], simulation: Simulation, pick: Any) -> None:
+        self._rows = rows
+        self._simulation = simulation
+        self._pick = pick
+
+    def __getitem__(self, name: str) -> Array:
+        environment = self._simulation.environment
+        if name in self._rows:
+            group, row = self._rows[name]
+            one: Array = self._pick(group, environment.state(group))[row]
+            return one
+        for group in self._simulation.groups:
+            if group.name == name:
+                every: Array = self._pick(group, environment.state(group))
+                return every
+        raise KeyError(f"there is no agent or group `{name}`")
+
+
+def _greatest(series: TimeSeries) -> float:
+    return float(series.values.max(initial=0.0)) if len(series) else 0.0

@@ -1,0 +1,35 @@
+"""In which way a simulation is to run: what a scenario says under ``run`` and ``faults``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+from symaware_cli.runtime.expression import Expression
+
+if TYPE_CHECKING:
+    from symaware_cli.runtime.faults import Fault
+
+
+@dataclass(frozen=True, slots=True)
+class Terms:
+    """In which way a simulation is to run.
+
+    Attributes:
+        mode: ``synchronous`` or ``asynchronous``.
+        until: The run ends with the first step after whose turns this holds.
+        pace: Simulated seconds for each second of wall time; None for as fast as possible.
+        turn_limit: Wall time that a turn may take before its component counts as failed [s]; None for any.
+        timeout: Wall time after which the run is ended [s]; None for never.
+        faults: What is to go wrong.
+        workers: How many processes compute what is to compute in a process of its own; None for one for each core.
+    """
+
+    mode: Literal["synchronous", "asynchronous"] = "synchronous"
+    until: Expression | None = None
+    pace: float | None = None
+    turn_limit: float | None = None
+    timeout: float | None = None
+    faults: Sequence[Fault] = ()
+    workers: int | None = None

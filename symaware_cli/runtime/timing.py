@@ -1,0 +1,143 @@
+"""When a component takes its turns, how long they take, and what becomes of one that fails: what a scenario says."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from symaware_cli.core import nanoseconds
+from symaware_cli.runtime.expression import Expression
+
+Overrun = Literal["skip", "queue", "fail"]
+OnFailure = Literal["stop", "isolate", "restart"]
+Coast = Literal["last", "safe"]
+
+
+#: How many numbers are drawn ahead.
+_BLOCK = 64
+
+
+@dataclass(frozen=True, slots=True)
+class Trigger:
+    """An event on which a component takes a turn.
+
+    Attributes:
+        event: The event's name.
+        component: Only where it comes from this component of the same agent; None for any of its components.
+        source: Only where it comes from this path, in which ``*`` matches anything, and from whomever; None for the
+            same agent.
+    """
+
+    event: str
+    component: str | None = None
+    source: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Duration:
+    """How long something takes: a constant, or drawn anew each time.
+
+    Attributes:
+        kind: ``constant``, ``uniform`` or ``normal``.
+        first: The constant, the least, or the mean [s].
+        second: The greatest, or the standard deviation [s].
+    """
+
+    kind: Literal["constant", "uniform", "normal"] = "constant"
+    first: float = 0.0
+    second: float = 0.0
+
+    @property
+    def is_zero(self) -> bool:
+        """Whether it never takes any time."""
+        return self.kind == "constant" and nanoseconds(self.first) == 0
+
+    @property
+    def is_drawn(self) -> bool:
+        """Whether it differs from time to time."""
+        return self.kind != "constant"
+
+    def draw(self, random: np.random.Generator | None) -> int:
+        """How long it takes this time, in nanoseconds; never less than nothing."""
+        if self.kind == "constant" or random is None:
+            return nanoseconds(self.first)
+        if self.kind == "uniform":
+            return nanoseconds(random.uniform(self.first, self.second))
+        return max(0, nanoseconds(random.normal(self.first, self.second)))
+
+
+@dataclass(frozen=True, slots=True)
+class Timing:
+    """When the turns of a component are, and what becomes of them.
+
+    Attributes:
+        period: Time between two turns, in nanoseconds; 0 for as soon as the last one is over; None for each step of the
+            world, or where there is a trigger for nothing but that.
+        offset: When the first turn is, in nanoseconds.
+        jitter: How much later than that each turn may be, in nanoseconds.
+        trigger: An event on which it takes a turn, too.
+        condition: What must hold for the agent, or else the turn is left out.
+        latency: How long a computation takes: its update lands that much later.
+        overrun: What becomes of a turn that is due while the one before still computes.
+        on_failure: What becomes of the agent if the component fails.
+        tries: How often it is restarted, at most.
+        coast: The control input of an agent whose component failed: the last one, or a safe one.
+        in_process: Whether it computes in a process of its own.
+    """
+
+    period: int | None = None
+    offset: int = 0
+    jitter: int = 0
+    trigger: Trigger | None = None
+    condition: Expression | None = None
+    latency: Duration = field(default_factory=Duration)
+    overrun: Overrun = "skip"
+    on_failure: OnFailure = "stop"
+    tries: int = 3
+    coast: Coast = "safe"
+    in_process: bool = False
+
+    def is_steady(self, time_step: int) -> bool:
+        """Whether there is exactly one turn at each step of the world."""
+        if self.period is None:
+            return self.trigger is None and not self.offset and not self.jitter
+        return self.period == time_step and not self.offset and not self.jitter
+
+    def instants(self, time_step: int, grid: int, random: np.random.Generator | None) -> Iterator[int]:
+        """Yield the instants of the turns, ascending, in nanoseconds.
+
+        Args:
+            time_step: That of the world, in nanoseconds.
+            grid: Instants are rounded up to a multiple of this, each at most once; 0 for none.
+            random: Where the jitter is drawn from: once for each nominal instant, whatever the grid.
+        """
+        period = time_step if self.period is None else self.period
+        if not period:
+            yield self.offset
+            return
+        nominal, last = self.offset, -1
+        # Drawn in blocks, which is a tenth of the price and gives the same numbers.
+        late: list[float] = []
+        while True:
+            time = nominal
+            if self.jitter and random is not None:
+                if not late:
+                    late = random.random(_BLOCK)[::-1].tolist()
+                time += round(late.pop() * self.jitter)
+            nominal += period
+            if grid:
+                time = -(-time // grid) * grid
+                if time <= last:
+                    continue
+                last = time
+                if not self.jitter and nominal <= last:
+                    # Several fall between two instants of the grid: go on with the first one behind it.
+                    nominal += ((last - nominal) // period + 1) * period
+            yield time
+
+
+#: One turn at each step, at once, and the end of the run if it fails.
+STEADY = Timing()

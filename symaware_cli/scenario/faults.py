@@ -1,0 +1,233 @@
+"""From the faults that a scenario asks for to what they do to whom."""
+
+from __future__ import annotations
+
+import fnmatch
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symaware_cli.core import AgentGroup, Environment, nanoseconds
+from symaware_cli.runtime.faults import (
+    Agents,
+    Blind,
+    Components,
+    Cut,
+    Effect,
+    Error,
+    Fault,
+    Freeze,
+    Push,
+    Restart,
+    Restore,
+    Slow,
+    Stop,
+)
+from symaware_cli.runtime.simulation import Slot
+from symaware_cli.scenario.compose import Composition
+from symaware_cli.scenario.document import FaultUse, Loss, Shove
+from symaware_cli.scenario.problem import nearest, quoted
+from symaware_cli.scenario.source import Path
+from symaware_cli.scenario.timing import TimingCheck, duration_of, trigger_of
+
+
+class UnsoundError(Exception):
+    """A fault cannot be; what is wrong with it is reported already."""
+
+
+class FaultBuilder:
+    """Makes the faults of a scenario and reports what is wrong with them."""
+
+    def __init__(
+        self,
+        composition: Composition,
+        report: Callable[..., None],
+        check: TimingCheck,
+        environment: Environment,
+        groups: Sequence[AgentGroup],
+        slots: Sequence[Slot],
+        names: Sequence[str] = (),
+    ) -> None:
+        self._composition = composition
+        self._report = report
+        self._check = check
+        self._environment = environment
+        self._groups = groups
+        self._slots = slots
+        self._names = names
+
+    def build(self, name: str, use: FaultUse) -> Fault | None:
+        """Make a fault; None after a problem."""
+        path: Path = ("faults", name)
+        trigger = None
+        if use.on is not None:
+            trigger = trigger_of(use.on.event, use.on.of or "*")
+            if trigger.component is not None:
+                # There is no agent of which it could be a component.
+                message = f"{quoted(trigger.component)} is a component of whom?"
+                expected = "`environment`, or the path of a component such as `agents.robot.*.steer`"
+                self._report("unknown-source", message, (*path, "on", "of"), expected=expected)
+                return None
+            self._check.source(trigger, None, self._slots, (*path, "on"))
+        try:
+            source, text, effect = self._meant(use, path)
+        except UnsoundError:
+            return None
+        return Fault(
+            name=name,
+            text=text,
+            source=source,
+            effect=effect,
+            at=None if use.at is None else nanoseconds(use.at),
+            on=trigger,
+            lasting=None if use.for_ is None else nanoseconds(use.for_),
+        )
+
+    def _meant(self, use: FaultUse, path: Path) -> tuple[str, str, Effect]:
+        """Whom a fault happens to, as a path; what it does, for people; and what it does."""
+        if use.stop:
+            return f"agents.{use.stop}", f"stops {use.stop}", Stop(self._agents(use.stop, (*path, "stop")))
+        if use.restart:
+            components = self._components(use.restart, (*path, "restart"))
+            return f"agents.{use.restart}", f"restarts {use.restart}", Restart(components)
+        if use.freeze:
+            components = self._components(use.freeze, (*path, "freeze"))
+            return f"agents.{use.freeze}", f"freezes {use.freeze}", Freeze(components)
+        if use.blind:
+            components = self._components(use.blind, (*path, "blind"))
+            return f"agents.{use.blind}", f"blinds {use.blind}", Blind(components)
+        if use.slow:
+            components = self._components(use.slow.of, (*path, "slow", "of"))
+            return f"agents.{use.slow.of}", f"slows {use.slow.of}", Slow(components, duration_of(use.slow.latency))
+        if use.bias:
+            components, bias = self._measured(use.bias.of, use.bias.state, (*path, "bias"), "state")
+            return (
+                f"agents.{use.bias.of}",
+                f"{use.bias.of} measures with an offset",
+                Error(components, bias, 0.0 * bias),
+            )
+        if use.noise:
+            components, noise = self._measured(use.noise.of, use.noise.deviation, (*path, "noise"), "deviation")
+            return (
+                f"agents.{use.noise.of}",
+                f"{use.noise.of} measures with noise",
+                Error(components, 0.0 * noise, noise),
+            )
+        if use.push:
+            return self._push(use.push, (*path, "push"))
+        if use.restore:
+            return self._restore(use.restore, path)
+        if use.partition:
+            return self._partition(use.partition, (*path, "partition"))
+        if use.cut:
+            one, other = (
+                self._ids(each, (*path, "cut", "between", place)) for place, each in enumerate(use.cut.between)
+            )
+            text = f"cuts the links between {' and '.join(use.cut.between)}"
+            return "exchange", text, Cut([(one, other), (other, one)] if one != other else [(one, other)], 1.0, 0)
+        if use.degrade:
+            worse, where = use.degrade, (*path, "degrade")
+            ends = self._ids(worse.sender, (*where, "sender")), self._ids(worse.receiver, (*where, "receiver"))
+            text = f"degrades the links from {worse.sender} to {worse.receiver}"
+            return "exchange", text, Cut([ends], worse.loss, nanoseconds(worse.delay))
+        link = use.drop or use.delay
+        assert link is not None
+        where = (*path, "drop" if use.drop else "delay")
+        senders, receivers = self._ids(link.sender, (*where, "sender")), self._ids(link.receiver, (*where, "receiver"))
+        way = f"messages from {link.sender} to {link.receiver}"
+        if isinstance(link, Loss):
+            return "exchange", f"drops {way}", Cut([(senders, receivers)], link.probability, 0)
+        return "exchange", f"delays {way} by {link.by:g} s", Cut([(senders, receivers)], 0.0, nanoseconds(link.by))
+
+    def _measured(
+        self, of: str, values: Sequence[float], path: Path, key: str
+    ) -> tuple[list[Components], NDArray[np.float64]]:
+        components = self._components(of, (*path, "of"))
+        return components, self._vector(values, [each.slot.group for each in components], (*path, key))
+
+    def _restore(self, fault: str, path: Path) -> tuple[str, str, Effect]:
+        known = [name for name in self._names if name != path[-1]]
+        if fault not in known:
+            self._nobody(fault, (*path, "restore"), "no other fault", known)
+        return "faults", f"ends {fault}", Restore(fault)
+
+    def _partition(self, sets: Sequence[Sequence[str]], path: Path) -> tuple[str, str, Effect]:
+        """Each set reaches nobody outside of it, and nobody outside reaches it."""
+        everybody = {id: None for group in self._groups for id in group.ids}
+        parts: list[frozenset[str]] = []
+        for number, patterns in enumerate(sets):
+            members: frozenset[str] = frozenset().union(
+                *(self._ids(pattern, (*path, number, place)) for place, pattern in enumerate(patterns))
+            )
+            twice = [id for id in everybody if id in members and any(id in part for part in parts)]
+            if twice:
+                self._report("invalid-value", f"{quoted(twice[0])} is in two sets", (*path, number))
+                raise UnsoundError
+            parts.append(members)
+        rest = frozenset(everybody).difference(*parts)
+        ways = [(part, frozenset(everybody) - part) for part in (*parts, rest) if part]
+        text = f"parts {', '.join('+'.join(each) for each in sets)} from each other and from all others"
+        return "exchange", text, Cut(ways, 1.0, 0)
+
+    def _push(self, push: Shove, path: Path) -> tuple[str, str, Effect]:
+        agents = self._agents(push.of, (*path, "of"))
+        change = self._vector(push.by, [each.group for each in agents], (*path, "by"))
+        if type(self._environment).push is Environment.push:
+            world = quoted(type(self._environment).__name__)
+            self._report("unsuitable", f"the world {world} cannot push anybody", path, key=True)
+            raise UnsoundError
+        return f"agents.{push.of}", f"pushes {push.of}", Push(agents, change)
+
+    def _ids(self, pattern: str, path: Path) -> frozenset[str]:
+        return frozenset(each.group.ids[row] for each in self._agents(pattern, path) for row in each.rows)
+
+    def _agents(self, pattern: str, path: Path) -> list[Agents]:
+        """The agents that a pattern means."""
+        found = [Agents(group, rows) for group in self._groups if (rows := _rows(group, pattern))]
+        if not found:
+            known = [*(group.name for group in self._groups), *(id for group in self._groups for id in group.ids)]
+            self._nobody(pattern, path, "no agent or group", known)
+        return found
+
+    def _components(self, pattern: str, path: Path) -> list[Components]:
+        """The components that a pattern means."""
+        agents, _, name = pattern.rpartition(".")
+        found = [
+            Components(slot, rows)
+            for slot in self._slots
+            if fnmatch.fnmatchcase(slot.name, name) and (rows := _rows(slot.group, agents))
+        ]
+        if not found:
+            owners = [(owner, slot.name) for slot in self._slots for owner in (slot.group.name, *slot.group.ids)]
+            self._nobody(pattern, path, "no component", [f"{owner}.{each}" for owner, each in owners])
+        return found
+
+    def _nobody(self, pattern: str, path: Path, what: str, known: Sequence[str]) -> None:
+        names = list(dict.fromkeys(known))
+        listed = ", ".join(names[:6]) + (", ..." if len(names) > 6 else "")
+        self._report(
+            "unknown-target",
+            f"there is {what} {quoted(pattern)}",
+            path,
+            expected=f"one of {listed}" if names else None,
+            suggestion=nearest(pattern, names),
+        )
+        raise UnsoundError
+
+    def _vector(self, values: Sequence[float], groups: Sequence[AgentGroup], path: Path) -> NDArray[np.float64]:
+        for group in groups:
+            width = len(group.model.state)
+            if len(values) != width:
+                names = ", ".join(quantity.name for quantity in group.model.state)
+                message = f"there are {len(values)} numbers for a state of {width}"
+                self._report("wrong-length", message, path, expected=f"{width}: {names}")
+                raise UnsoundError
+        return np.array(values, float)
+
+
+def _rows(group: AgentGroup, pattern: str) -> list[int]:
+    """The agents of a group that a pattern means: all of them by the group's name, else by their ids."""
+    if fnmatch.fnmatchcase(group.name, pattern):
+        return list(range(len(group)))
+    return [row for row, id in enumerate(group.ids) if fnmatch.fnmatchcase(id, pattern)]

@@ -1,0 +1,233 @@
+"""What a scenario says about time, checked beyond its form: conditions, triggers and what goes together."""
+
+from __future__ import annotations
+
+import fnmatch
+import pickle
+import re
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+from symaware_cli.core import AgentGroup, CommunicationReceiver, Component, PerceptionSystem, nanoseconds
+from symaware_cli.core.component import BaseComponent
+from symaware_cli.core.event import RECURRING, TURNS
+from symaware_cli.runtime.expression import Expression, ExpressionError
+from symaware_cli.runtime.scope import WORLD_NAMES, AgentScope
+from symaware_cli.runtime.simulation import Slot
+from symaware_cli.runtime.timing import Duration, Timing, Trigger
+from symaware_cli.scenario.compose import Composition
+from symaware_cli.scenario.document import ComponentUse, Drawn, Run
+from symaware_cli.scenario.problem import Problem, dotted, nearest, quoted
+from symaware_cli.scenario.source import Path
+
+#: What every component fires, whether it knows or not.
+COMPONENT_EVENTS = TURNS | {"failed", "initialised", "initialising", "overrun", "restarted"}
+
+#: What is fired of an agent, with its id as the source.
+AGENT_EVENTS = frozenset({"dropped", "received", "restarted", "sending", "sent", "terminated"})
+
+#: What the world and the run fire.
+ENVIRONMENT_EVENTS = frozenset({"contact", "stepped", "stepping"})
+RUN_EVENTS = frozenset({"iterated", "iterating", "started"})
+
+#: What is fired when links change.
+TOPOLOGY_EVENTS = frozenset({"links-changed"})
+
+Report = Callable[[Problem], None]
+
+
+class TimingCheck:
+    """Turns what a scenario says about time into what a run needs, and reports what is wrong with it."""
+
+    def __init__(self, composition: Composition, time_step: int, report: Report) -> None:
+        self._composition = composition
+        self._time_step = time_step
+        self._report = report
+
+    def expression(self, text: str, path: Path, names: Collection[str]) -> Expression | None:
+        """Parse an expression; None after a problem."""
+        try:
+            return Expression(text, names)
+        except ExpressionError as error:
+            example = "highest_risk < 0.2" if path[0] == "run" else "risk > 0.2"
+            expected = f"one of {', '.join(error.names)}" if error.names else f"a comparison such as `{example}`"
+            suggestion = nearest(error.name, error.names) if error.name else None
+            problem = self._composition.problem(
+                "bad-expression",
+                f"{quoted(dotted(path))}: {error.problem}",
+                path,
+                expected=expected,
+                suggestion=suggestion,
+            )
+            self._report(_narrowed(problem, text, error))
+            return None
+
+    def until(self, run: Run) -> Expression | None:
+        """The condition that ends a run; None where there is none, or after a problem."""
+        return None if run.until is None else self.expression(run.until, ("run", "until"), WORLD_NAMES)
+
+    def timing(self, use: ComponentUse, group: AgentGroup, component: type[BaseComponent[Any]], path: Path) -> Timing:
+        """When a component takes its turns, and what becomes of them."""
+        period = None if use.period is None else nanoseconds(use.period)
+        offset, jitter = nanoseconds(use.offset), nanoseconds(use.jitter)
+        step = self._time_step if period is None else period
+        if use.period and not period:
+            self._wrong(path, "period", f"a period of {use.period:g} s is less than a nanosecond", "at least 1e-9 [s]")
+        if jitter and jitter >= step:
+            which = "the period" if period is not None else "the time step of the world, which is its period,"
+            self._wrong(
+                path, "jitter", f"a jitter of {use.jitter:g} s lets turns overtake each other", f"less than {which} [s]"
+            )
+        if use.trigger is not None and period is None and (offset or jitter):
+            key = "offset" if offset else "jitter"
+            self._wrong(path, key, f"{quoted(key)} is about a period, and there is none beside the trigger", "a period")
+        latency = duration_of(use.latency)
+        if not latency.is_zero and component.async_compute_and_update is not Component.async_compute_and_update:
+            self._wrong(
+                path,
+                "latency",
+                f"{quoted(use.use)} takes its turns in a way of its own, with no place for a latency",
+                "no latency here",
+            )
+        if use.run_in == "process":
+            self._can_leave(use, component, path)
+        condition = None
+        if use.condition is not None:
+            condition = self.expression(use.condition, (*path, "condition"), AgentScope(group).names)
+        return Timing(
+            period=period,
+            offset=offset,
+            jitter=jitter,
+            trigger=None if use.trigger is None else trigger_of(use.trigger.event, use.trigger.of),
+            condition=condition,
+            latency=latency,
+            overrun=use.overrun,
+            on_failure=use.on_failure,
+            tries=use.tries,
+            coast=use.coast,
+            in_process=use.run_in == "process",
+        )
+
+    def _can_leave(self, use: ComponentUse, component: type[BaseComponent[Any]], path: Path) -> None:
+        """Look whether a component can compute in a process of its own."""
+        problem = None
+        if issubclass(component, PerceptionSystem):
+            problem = "perceives the world, and in a process of its own there is none"
+        elif issubclass(component, CommunicationReceiver):
+            problem = "reads messages, and in a process of its own there are none"
+        elif component._async_compute is not Component._async_compute:
+            problem = "may wait within its turns, and only in the run's own process there is something to wait for"
+        else:
+            try:
+                pickle.dumps(component)
+            except Exception:  # whatever a class raises that does not want to be pickled
+                problem = "cannot be found by its name in another process"
+        if problem is not None:
+            self._wrong(path, "run_in", f"{quoted(use.use)} {problem}", "`here`")
+
+    def triggers(self, slots: Sequence[Slot]) -> None:
+        """Look whether the events that trigger components are ever fired by whom they are to come from."""
+        for slot in slots:
+            trigger = slot.timing.trigger
+            if trigger is not None:
+                path: Path = ("agents", slot.group.name, "components", slot.name, "trigger")
+                self.source(trigger, slot.group.name, slots, path)
+
+    def source(self, trigger: Trigger, group: str | None, slots: Sequence[Slot], path: Path) -> None:
+        """Look whether an event is ever fired by whom it is to come from; reports it if not.
+
+        Args:
+            trigger: The event.
+            group: The group whose own components are meant, if that is what it says.
+            slots: All components.
+            path: Where the trigger stands.
+        """
+        own = {slot.name: slot for slot in slots if slot.group.name == group}
+        if trigger.component is not None and trigger.component not in own:
+            message = f"there is no component {quoted(trigger.component)} in {quoted(str(group))}"
+            others = {*own, "environment"}
+            self._unknown(message, (*path, "of"), others, nearest(trigger.component, others))
+            return
+        fired = self._fired(trigger, own, slots)
+        if fired is None:
+            message = f"nobody is called {quoted(str(trigger.source))}"
+            expected = "`environment`, or the path of a component such as `agents.robot.*.steer`"
+            self._report(self._composition.problem("unknown-source", message, (*path, "of"), expected=expected))
+        elif trigger.event not in fired and trigger.event != "*":
+            who = quoted(trigger.component or trigger.source or str(group))
+            message = f"{who} fires no event {quoted(trigger.event)}"
+            self._unknown(message, (*path, "event"), fired, nearest(trigger.event, fired))
+
+    def _fired(self, trigger: Trigger, own: Mapping[str, Slot], slots: Sequence[Slot]) -> set[str] | None:
+        """The events that those fire whom a trigger means; None if there is nobody."""
+        if trigger.component is not None:
+            return {*COMPONENT_EVENTS, *own[trigger.component].components[0].events}
+        if trigger.source is None:
+            return {*COMPONENT_EVENTS, *AGENT_EVENTS, *(name for slot in own.values() for name in _events(slot))}
+        pattern = re.compile(fnmatch.translate(trigger.source))
+        fired: set[str] = set()
+        if pattern.match("environment"):
+            fired |= ENVIRONMENT_EVENTS
+        if pattern.match("run"):
+            fired |= RUN_EVENTS
+        if pattern.match("topology"):
+            fired |= TOPOLOGY_EVENTS
+        for slot in slots:
+            paths = [slot.path, *(f"agents.{id}.{slot.name}" for id in slot.group.ids)]
+            if any(pattern.match(each) for each in paths):
+                fired |= {*COMPONENT_EVENTS, *_events(slot)}
+            if any(pattern.match(f"agents.{id}") for id in slot.group.ids):
+                fired |= AGENT_EVENTS
+        return fired or None
+
+    def _unknown(self, message: str, path: Path, known: Collection[str], suggestion: str | None) -> None:
+        listed = sorted(name for name in known if name not in RECURRING) or sorted(known)
+        self._report(
+            self._composition.problem(
+                "unknown-event" if path[-1] == "event" else "unknown-source",
+                message,
+                path,
+                expected=f"one of {', '.join(listed)}",
+                suggestion=suggestion,
+            )
+        )
+
+    def _wrong(self, path: Path, key: str, message: str, expected: str) -> None:
+        self._report(self._composition.problem("invalid-value", message, (*path, key), expected=expected))
+
+
+def _events(slot: Slot) -> Collection[str]:
+    return slot.components[0].events
+
+
+def trigger_of(event: str, of: str | None) -> Trigger:
+    """Understand whose event is meant: of a component of the same agent, or of a path."""
+    if of is None:
+        return Trigger(event)
+    if of in ("environment", "run", "topology") or any(sign in of for sign in ".*?["):
+        return Trigger(event, source=of)
+    return Trigger(event, component=of)
+
+
+def duration_of(latency: float | Drawn) -> Duration:
+    """Understand a time that is constant or drawn."""
+    if not isinstance(latency, Drawn):
+        return Duration("constant", latency)
+    if latency.uniform is not None:
+        return Duration("uniform", *latency.uniform)
+    assert latency.normal is not None
+    return Duration("normal", *latency.normal)
+
+
+def _narrowed(problem: Problem, text: str, error: ExpressionError) -> Problem:
+    """Point at the part of an expression that is wrong, where the text stands in the file as it is."""
+    span, line = problem.span, problem.source_line
+    if span is None or line is None:
+        return problem
+    written = line[span.column - 1 : span.end_column - 1]
+    shift = 1 if written[:1] in ("'", '"') and written[1:-1] == text else 0
+    if not shift and written != text:
+        return problem
+    start = span.column + shift
+    return replace(problem, span=replace(span, column=start + error.start, end_column=start + error.end))

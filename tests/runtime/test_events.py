@@ -1,0 +1,183 @@
+"""Every event is fired in both modes, can be subscribed to, and is in the log if one wants it there."""
+
+from collections import Counter
+
+import pytest
+from simulating import STEP, Team, execute, simulation
+
+from symaware_cli import CommunicationReceiver, CommunicationSender, Component, GroupComponent, Message, open_log
+from symaware_cli.core.event import RECURRING
+from symaware_cli.recording.manifest import manifest
+from symaware_cli.recording.recorder import Recorder
+from symaware_cli.recording.writer import LogWriter
+from symaware_cli.runtime.run import run
+from symaware_cli.runtime.terms import Terms
+from symaware_cli.runtime.timing import Timing
+
+MODES = pytest.mark.parametrize("mode", ["synchronous", "asynchronous"])
+
+
+class Idle(Component):
+    def _compute(self):
+        return None
+
+    def _update(self, value):
+        pass
+
+
+class Together(GroupComponent):
+    def _compute(self):
+        return None
+
+    def _update(self, value):
+        pass
+
+
+class Awaits(Idle):
+    async def _async_compute(self):
+        return None
+
+
+class Tells(CommunicationSender):
+    def _compute(self):
+        return [Message("a.0", "a.1", {"x": 1})]
+
+
+class Hears(CommunicationReceiver):
+    def _update(self, value):
+        pass
+
+
+def ready():
+    return simulation({"a": Team({"idle": Idle, "group": Together, "await": Awaits, "tell": Tells, "hear": Hears}, 2)})
+
+
+@MODES
+def test_all_that_recurs_is_fired_in_its_order(mode):
+    told = []
+    prepared = ready()
+    for name in sorted(RECURRING):
+        prepared.events.subscribe(name, lambda event: told.append((event.time // STEP, event.name, event.source)))
+    execute(prepared, 2, terms=Terms(mode=mode))
+    turn = ["computing", "computed", "updating", "updated"]
+    assert [name for _, name, source in told if source == "agents.a.1.idle"] == 2 * turn
+    assert [name for _, name, source in told if source == "agents.a.group"] == [
+        "initialising",
+        "initialised",
+        *turn,
+        *turn,
+    ]
+    assert [name for _, name, source in told if source == "agents.a.0.await"] == 2 * turn
+    assert [(time, name) for time, name, source in told if source == "run"] == [
+        (time, name) for time in (0, 1) for name in ("iterating", "iterated")
+    ]
+    assert [(time, name) for time, name, source in told if source == "environment"] == [
+        (0, "stepping"),
+        (1, "stepped"),
+        (1, "stepping"),
+        (2, "stepped"),
+    ]
+    # Both senders send to the second agent at each step; what was sent at the first is there at the second.
+    assert Counter(name for _, name, _ in told if name in ("sending", "sent", "received")) == {
+        "sending": 4,
+        "sent": 4,
+        "received": 2,
+    }
+    assert [(time, source) for time, name, source in told if name == "received"] == 2 * [(1, "agents.a.1")]
+
+
+def logged(path, kinds, mode="asynchronous", steps=3):
+    prepared = ready()
+    with LogWriter(path) as writer:
+        content = manifest(
+            name="events",
+            seed=1,
+            mode=mode,
+            steps=steps,
+            environment=prepared.environment,
+            groups=prepared.groups,
+            uses={"a": {"model": "test", "components": {}}},
+            indexed={"a": True},
+        )
+        writer.attach("manifest.json", "application/json", content)
+        recorder = Recorder(writer, prepared.environment, prepared.groups, events=kinds)
+        run(prepared, steps, recorder, terms=Terms(mode=mode))
+    return open_log(path)
+
+
+@MODES
+def test_events_that_recur_are_recorded_in_columns_if_one_asks_for_all(mode, tmp_path):
+    log = logged(tmp_path / "all.mcap", "all", mode)
+    found = []
+    for message in log.messages(["/events/recurring"]):
+        content = message.decode()
+        names = [content.names[number] for number in content.name]
+        sources = [content.sources[number] for number in content.source]
+        found += [(message.time // STEP, *pair) for pair in zip(names, sources, strict=True)]
+    assert [(time, name) for time, name, source in found if source == "agents.a.0.idle"] == [
+        (time, name) for time in range(3) for name in ("computing", "computed", "updating", "updated")
+    ]
+    assert {name for _, name, _ in found} == RECURRING - {"dropped", "traffic"}
+    assert [message.time // STEP for message in log.messages(["/events/recurring"])] == [0, 1, 2, 3]
+    assert [event.name for event in log.events()] == ["started", "finished"]
+
+
+def test_or_only_those_that_do_not_recur_or_only_the_last(tmp_path):
+    notable, none = (logged(tmp_path / f"{kinds}.mcap", kinds) for kinds in ("notable", "none"))
+    assert "/events/recurring" not in notable.channels
+    assert [event.name for event in notable.events()] == ["started", "finished"]
+    assert [event.name for event in none.events()] == ["finished"]
+
+
+@MODES
+def test_subscribers_may_subscribe_and_cancel_and_trigger_while_an_event_fires(mode):
+    told = []
+    prepared = ready()
+    bus = prepared.events
+
+    def first(event):
+        told.append("first")
+        subscription.cancel()
+        bus.subscribe("updated", lambda event: told.append("second"), "agents.a.0.idle")
+
+    subscription = bus.subscribe("updated", first, "agents.a.0.idle")
+    execute(prepared, 3, terms=Terms(mode=mode))
+    assert told == ["first", "second", "second"]
+
+
+@MODES
+def test_a_subscriber_that_raises_ends_the_run_and_the_others_are_told(mode):
+    told = []
+    prepared = ready()
+
+    def fails(event):
+        raise ZeroDivisionError("on purpose")
+
+    prepared.events.subscribe("stepped", fails)
+    prepared.events.subscribe("stepped", lambda event: told.append(event.time))
+    summary = execute(prepared, 3, terms=Terms(mode=mode))
+    assert summary.status == "failed"
+    assert "ZeroDivisionError: on purpose" in summary.failure
+    assert told == [STEP]
+
+
+@MODES
+def test_what_triggers_components_may_come_from_python_too(mode):
+    from symaware_cli import Event
+    from symaware_cli.runtime.timing import Trigger
+
+    turns = []
+
+    class Notes(Idle):
+        def _update(self, value):
+            turns.append(self.now // STEP)
+
+    prepared = simulation({"a": Team({"it": Notes}, timings={"it": Timing(trigger=Trigger("go", source="outside"))})})
+
+    def on_step(event):
+        if event.time == 2 * STEP:
+            prepared.events.fire(Event("go", "outside", event.time))
+
+    prepared.events.subscribe("stepped", on_step)
+    execute(prepared, 5, terms=Terms(mode=mode))
+    assert turns == [2]

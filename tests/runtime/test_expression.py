@@ -1,0 +1,180 @@
+"""Expressions say what they mean, and reach nothing else."""
+
+import contextlib
+import re
+import string
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from symaware_cli.runtime.expression import FUNCTIONS, EvaluationError, Expression, ExpressionError
+
+VALUES = {
+    "x": 2.0,
+    "risk": 0.3,
+    "position": np.array([3.0, 4.0]),
+    "goal": [0, 0],
+    "name": "north",
+    "ready": True,
+    "flags": np.array([True, False]),
+    "knowledge": {"goal-2": [1, 2], "count": 3, "deep": {"a": [5]}},
+    "infinite": float("inf"),
+}
+
+
+def value(text):
+    return Expression(text, VALUES).value(VALUES.__getitem__)
+
+
+def holds(text):
+    return Expression(text, VALUES).holds(VALUES.__getitem__)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("1 + 2 * 3 - 4 / 2", 5),
+        ("-x ** 2", -4),
+        ("7 % 4", 3),
+        ("abs(-x)", 2),
+        ("min(3, 1, 2) + max(position)", 5),
+        ("norm(position)", 5),
+        ("distance(position, goal)", 5),
+        ("distance(position, [3, 0])", 4),
+        ("sqrt(16)", 4),
+        ("sin(0) + cos(0)", 1),
+        ("wrap(3 * 3.141592653589793)", -np.pi),
+        ("atan2(1, 1)", np.pi / 4),
+        ("position[0] + position[-1]", 7),
+        ('knowledge["goal-2"][1]', 2),
+        ('knowledge["deep"]["a"][0]', 5),
+        ("count(flags)", 1),
+    ],
+)
+def test_what_a_number_is(text, expected):
+    assert value(text) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("risk > 0.2", True),
+        ("0 < risk < 0.2", False),
+        ("x == 2 and not risk >= 1", True),
+        ("risk > 1 or ready", True),
+        ('name == "north"', True),
+        ('name != "south"', True),
+        ("name == 3", False),
+        ("goal == [0, 0]", True),
+        ("all(position > 2)", True),
+        ("all(position > 3)", False),
+        ("any(flags)", True),
+        ("infinite > 1e300", True),
+        ("True and not False", True),
+        ("risk\n  > 0.2", True),
+    ],
+)
+def test_what_holds(text, expected):
+    assert holds(text) is expected
+
+
+def test_the_right_half_is_not_looked_at_where_the_left_one_decides():
+    assert holds("x < 0 and 1 / 0 > 1") is False
+    assert holds("x > 0 or 1 / 0 > 1") is True
+
+
+@pytest.mark.parametrize(
+    ("text", "problem", "marked"),
+    [
+        ("riks > 1", "there is no `riks` here", "riks"),
+        ("x + foo(1)", "there is no function `foo`", "foo"),
+        ("x + norm", "`norm` is a function: write norm(...)", "norm"),
+        ("norm(1, 2)", "norm(...) takes 1 argument, not 2", "norm(1, 2)"),
+        ("min()", "min(...) takes at least 1 argument, not 0", "min()"),
+        ("position.real", "`position.real` is not among what an expression may hold", "position.real"),
+        ("x is 2", "of comparisons there are <, <=, >, >=, == and !=", "x is 2"),
+        ("x in goal", "of comparisons there are <, <=, >, >=, == and !=", "x in goal"),
+        ("[i for i in goal]", "`[i for i in goal]` is not among what an expression may hold", "[i for i in goal]"),
+        ("goal[x]", "an element is named by a number or a text", "x"),
+        ("1e999 > x", "the number is too large", "1e999"),
+        ("x >", "this is no expression", None),
+        ("(x", "this is no expression", None),
+        ("", "the expression is empty", ""),
+        ("x = 3", "this is no expression", None),
+        ("x ; 3", "this is no expression", None),
+        ("ä > 1 and riks", "there is no `ä` here", "ä"),
+        ("x > 1 and 'ä' == riks", "there is no `riks` here", "riks"),
+        ("x" * 501, "an expression has at most 500 characters, not 501", None),
+        ("min(*goal)", "min(...) takes plain arguments", "min(*goal)"),
+        ("x << 3", "`x << 3` is not among what an expression may hold", "x << 3"),
+        ("~x", "`~x` is not among what an expression may hold", "~x"),
+        ("x if ready else 1", "`x if ready else 1` is not among what an expression may hold", "x if ready else 1"),
+        ("f'{x}'", "`f'{x}'` is not among what an expression may hold", "f'{x}'"),
+        ("b'x' == x", "`b'x'` is not among what an expression may hold", "b'x'"),
+        ("1j > x", "`1j` is not among what an expression may hold", "1j"),
+        ("x\0", "this is no expression", None),
+    ],
+)
+def test_what_is_no_expression_is_told_at_its_place(text, problem, marked):
+    with pytest.raises(ExpressionError) as caught:
+        Expression(text, VALUES)
+    assert problem in caught.value.problem
+    if marked is not None:
+        assert text[caught.value.start : caught.value.end] == marked
+    assert 0 <= caught.value.start <= len(text)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("1 / 0 > 1", "division by zero"),
+        ("9 ** 9 ** 9 ** 9", "out of range"),
+        ("position > 1", "gives 2 values; say all(...) or any(...)"),
+        ("not flags", "gives 2 values; say all(...) or any(...)"),
+        ("name + 1 > 0", "a str is no number"),
+        ("name * 9e18", "a str is no number"),
+        ("name[0] == 1", "a text has no elements here"),
+        ('knowledge["plan"]', "plan"),
+        ("position[7] > 1", "out of bounds"),
+        ("distance(position, [1, 2, 3]) > 1", "shape mismatch"),
+        ("knowledge > 1", "a dict is no number"),
+    ],
+)
+def test_what_has_no_value_says_why(text, said):
+    with pytest.raises(EvaluationError, match=re.escape(said)) as caught:
+        holds(text)
+    assert f"`{text}`" in str(caught.value)
+
+
+def test_the_names_that_are_used_are_known():
+    assert Expression("risk > 1 and norm(position) < x", VALUES).names == ("position", "risk", "x")
+
+
+@settings(max_examples=300)
+@given(st.text(string.printable, max_size=80))
+def test_no_text_does_anything_but_mean_something_or_be_refused(text):
+    with contextlib.suppress(ExpressionError, EvaluationError):
+        holds(text)
+
+
+numbers = st.one_of(st.sampled_from(["x", "risk", "norm(position)"]), st.floats(0, 100).map(lambda f: f"{f:.3f}"))
+sums = st.recursive(
+    numbers, lambda inner: st.tuples(inner, st.sampled_from("+-*"), inner).map(lambda t: f"({t[0]} {t[1]} {t[2]})")
+)
+
+
+@given(sums, sums, st.sampled_from(["<", "<=", ">", ">="]))
+def test_arithmetic_is_that_of_python(left, right, sign):
+    text = f"{left} {sign} {right}"
+    if len(text) > 500:
+        return
+    names = {"x": 2.0, "risk": 0.3, "position": VALUES["position"], "norm": np.linalg.norm}
+    assert holds(text) == eval(text, {"__builtins__": {}}, names)
+
+
+def test_every_function_is_documented_by_an_example():
+    text = " ".join(line for case in test_what_a_number_is.pytestmark[0].args[1] for line in case[:1])
+    text += " ".join(case[0] for case in test_what_holds.pytestmark[0].args[1])
+    assert all(f"{name}(" in text for name in FUNCTIONS)

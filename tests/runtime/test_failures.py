@@ -1,0 +1,188 @@
+"""What a scenario says about failures: stop the run, isolate the agent, or restart the component, in both modes."""
+
+import time
+
+import numpy as np
+import pytest
+from simulating import STEP, Team, execute, simulate, simulation
+
+from symaware_cli import Component, Controller, GroupComponent, TimeSeries, open_log
+from symaware_cli.models.unicycle import Unicycle
+from symaware_cli.runtime.terms import Terms
+from symaware_cli.runtime.timing import Duration, Timing
+
+MODES = pytest.mark.parametrize("terms", [Terms(), Terms(mode="asynchronous")], ids=["synchronous", "asynchronous"])
+
+
+class Drives(Controller):
+    """Drives ahead, and comes to grief at some time."""
+
+    at = 3 * STEP
+    until = 10**18
+    row = 1
+    how = "raise"
+
+    def initialise_component(self, agent, awareness, knowledge):
+        super().initialise_component(agent, awareness, knowledge)
+        self.turns = 0
+
+    def _compute(self):
+        self.turns += 1
+        if self.at <= self.now < self.until and self._agent.row == self.row:
+            if self.how == "raise":
+                raise ZeroDivisionError("on purpose")
+            return [np.nan, 0.0], TimeSeries()
+        return [1.0, 0.0], TimeSeries()
+
+
+class Feels(GroupComponent):
+    def _compute(self):
+        return self.environment.state(self.group)
+
+    def _update(self, value):
+        self.group.awareness.state = value
+
+
+def drive(timing, log, terms, steps=10, model=None, **attributes):
+    kind = type("Drives", (Drives,), attributes)
+    team = Team({"feel": Feels, "drive": kind}, count=3, timings={"drive": timing})
+    if model:
+        team.model = model
+    ready = simulation({"a": team})
+    summary = execute(ready, steps, log, terms)
+    return ready, summary, [(event.time // STEP, event.name, event.source) for event in open_log(log).events()]
+
+
+@MODES
+@pytest.mark.parametrize("how", ["raise", "nan"])
+@pytest.mark.parametrize("coast", ["safe", "last"])
+def test_an_isolated_agent_coasts_and_the_others_go_on(how, coast, terms, tmp_path):
+    timing = Timing(on_failure="isolate", coast=coast)
+    ready, summary, events = drive(timing, tmp_path / "run.mcap", terms, how=how)
+    assert (summary.status, summary.failures) == ("finished", 1)
+    assert events == [
+        (0, "started", "run"),
+        (3, "failed", "agents.a.1.drive"),
+        (3, "terminated", "agents.a.1"),
+        (10, "finished", "run"),
+    ]
+    travelled = ready.environment.state(ready.groups[0])[:, 0] - [0, 1, 2]
+    assert travelled == pytest.approx([0.5, 0.5 if coast == "last" else 0.15, 0.5])
+    control = open_log(tmp_path / "run.mcap").series("a.1", "control")
+    assert np.isfinite(control.values).all()
+
+
+@MODES
+def test_what_is_isolated_takes_no_turns_in_any_component(terms, tmp_path):
+    ready, _, _ = drive(Timing(on_failure="isolate"), tmp_path / "run.mcap", terms)
+    assert [component.turns for component in ready.slots[1].components] == [10, 4, 10]
+    believed = ready.groups[0].awareness.state
+    # Nobody tells it any more where it is.
+    assert believed[1, 0] == pytest.approx(1.15)
+    assert believed[0, 0] == pytest.approx(0.45)
+
+
+@MODES
+def test_a_component_is_restarted_so_often_and_no_more(terms, tmp_path):
+    timing = Timing(on_failure="restart", tries=2)
+    _, summary, events = drive(timing, tmp_path / "run.mcap", terms)
+    assert summary.status == "failed"
+    assert [name for _, name, _ in events] == ["started", "failed", "restarted", "failed", "restarted", "failed"]
+    assert [time for time, name, _ in events if name == "failed"] == [3, 4, 5]
+
+
+@MODES
+def test_a_component_that_recovers_goes_on_and_was_initialised_anew(terms, tmp_path):
+    timing = Timing(on_failure="restart", tries=3)
+    ready, summary, _ = drive(timing, tmp_path / "run.mcap", terms, until=5 * STEP)
+    assert (summary.status, summary.failures) == ("finished", 2)
+    # The turns are counted from the last new beginning on.
+    assert [component.turns for component in ready.slots[1].components] == [10, 5, 10]
+
+
+def test_who_cannot_begin_anew_ends_the_run(tmp_path):
+    class Once(Drives):
+        begun = False
+
+        def initialise_component(self, agent, awareness, knowledge):
+            super().initialise_component(agent, awareness, knowledge)
+            if self.begun:
+                raise RuntimeError("never again")
+            self.begun = True
+
+    team = Team({"drive": Once}, count=2, timings={"drive": Timing(on_failure="restart")})
+    summary = simulate({"a": team}, 9, tmp_path / "run.mcap")
+    assert summary.status == "failed"
+    assert "RuntimeError: never again" in summary.failure
+    assert list(open_log(tmp_path / "run.mcap").events())[-1].time == 3 * STEP
+
+
+class Collective(GroupComponent):
+    """Drives everybody, and writes what is not finite for some."""
+
+    def _compute(self):
+        values = np.tile([1.0, 0.0], (3, 1))
+        if self.now == 3 * STEP:
+            values[1] = np.inf
+        return values
+
+    def _update(self, value):
+        self.group.control_input = value
+
+
+@MODES
+def test_of_a_component_of_the_whole_group_only_those_are_isolated_whom_it_failed(terms, tmp_path):
+    team = Team({"drive": Collective}, count=3, timings={"drive": Timing(on_failure="isolate")})
+    ready = simulation({"a": team})
+    summary = execute(ready, 10, tmp_path / "run.mcap", terms)
+    assert summary.status == "finished"
+    travelled = ready.environment.state(ready.groups[0])[:, 0] - [0, 1, 2]
+    assert travelled == pytest.approx([0.5, 0.15, 0.5])
+    events = [(event.name, event.source) for event in open_log(tmp_path / "run.mcap").events()]
+    assert ("failed", "agents.a.1.drive") in events
+    assert [source for name, source in events if name == "terminated"] == ["agents.a.1"]
+
+
+def test_a_vehicle_that_cannot_stand_still_coasts_within_its_limits(tmp_path):
+    model = Unicycle(Unicycle.Parameters(max_speed=2.0))
+    ready, summary, _ = drive(Timing(on_failure="isolate"), tmp_path / "run.mcap", Terms(), model=model)
+    assert summary.status == "finished"
+    assert ready.groups[0].control_input[1] == pytest.approx([0.0, 0.0])
+
+
+@MODES
+def test_a_turn_that_hangs_is_a_failure_after_the_limit_of_wall_time(terms, tmp_path):
+    class Hangs(Drives):
+        def _compute(self):
+            if self.now == self.at and self._agent.row == 1:
+                while True:
+                    time.sleep(0.001)
+            return super()._compute()
+
+    limited = Terms(mode=terms.mode, turn_limit=0.2)
+    team = Team({"drive": Hangs}, count=3, timings={"drive": Timing(on_failure="stop")})
+    summary = simulate({"a": team}, 10, tmp_path / "run.mcap", limited)
+    assert summary.status == "failed"
+    assert "OverdueError: it did not come back within 0.2 s of wall time" in summary.failure
+    assert open_log(tmp_path / "run.mcap").verify() is None
+
+
+def test_a_failure_that_does_not_end_the_run_drops_what_was_under_way(tmp_path):
+    landed = []
+
+    class Thinks(Component):
+        def _compute(self):
+            return self.now
+
+        def _update(self, value):
+            landed.append((self._agent.row, value // STEP))
+
+    timings = {
+        "think": Timing(period=2 * STEP, latency=Duration("constant", 0.075)),
+        "drive": Timing(on_failure="isolate"),
+    }
+    team = Team({"think": Thinks, "drive": Drives}, count=2, timings=timings)
+    simulate({"a": team}, 6, terms=Terms(mode="asynchronous"))
+    # Agent 1 fails at 3; what it began to compute at 2 and would land at 3.5 is given up.
+    assert [value for row, value in landed if row == 1] == [0]
+    assert [value for row, value in landed if row == 0] == [0, 2, 4]

@@ -1,0 +1,195 @@
+"""Faults that a scenario asks for: each does what it says, to whom it says, for as long as it says, in both modes."""
+
+import numpy as np
+import pytest
+import yaml
+
+from symaware_cli import open_log
+from symaware_cli.scenario.build import build
+from symaware_cli.scenario.execution import execute
+
+MODES = pytest.mark.parametrize("mode", ["synchronous", "asynchronous"])
+STEP = 50_000_000
+
+
+@pytest.fixture
+def ran(tmp_path):
+    """Run four robots that go to their goals, with faults; the log."""
+
+    def run(faults, mode="synchronous", see="perception.omniscient", duration=3.0, more=None, **component):
+        steer = {"use": "control.go-to-goal", "with": {"speed": 1.0, "tolerance": 0.1}, **component}
+        document = {
+            "symaware": 1,
+            "name": "faults",
+            "seed": 3,
+            "run": {"mode": mode, "duration": duration},
+            "environment": {"use": "kinematic", "with": {"time_step": 0.05}},
+            "agents": {
+                "robot": {
+                    "count": 4,
+                    "model": {"use": "single-integrator"},
+                    "state": [[0, 0], [0, 1], [0, 2], [0, 3]],
+                    "knowledge": {"goal": [[5, 0], [5, 1], [5, 2], [5, 3]]},
+                    "components": {
+                        "see": {"use": see, **({"with": {"range": 9}} if "range" in see else {})},
+                        **(more or {}),
+                        "steer": steer,
+                    },
+                }
+            },
+            "faults": faults,
+        }
+        path = tmp_path / "faults.yaml"
+        path.write_text(yaml.safe_dump(document, sort_keys=False))
+        summary = execute(build(path), tmp_path / "faults.mcap")
+        assert summary.status == "finished", summary.failure
+        return open_log(tmp_path / "faults.mcap")
+
+    return run
+
+
+def world(log, agent):
+    return log.series(f"robot.{agent}", "world").values
+
+
+def told(log):
+    return [(event.time / 1e9, event.name, event.source) for event in log.events() if event.name.startswith("fault")]
+
+
+@MODES
+def test_a_stopped_agent_stands_still_and_begins_anew(mode, ran):
+    log = ran({"dead": {"at": 1.0, "for": 0.5, "stop": "robot.2"}}, mode)
+    assert told(log) == [(1.0, "fault", "agents.robot.2"), (1.5, "fault-over", "agents.robot.2")]
+    assert [event.source for event in log.events() if event.name == "terminated"] == ["agents.robot.2"]
+    moved = np.diff(world(log, 2)[:, 0])
+    assert moved[:20] == pytest.approx(0.05)
+    assert moved[20:30] == pytest.approx(0.0)
+    assert moved[30:] == pytest.approx(0.05)
+    assert np.diff(world(log, 1)[:, 0]) == pytest.approx(0.05)
+
+
+@MODES
+def test_a_stop_without_an_end_lasts(mode, ran):
+    log = ran({"dead": {"at": 1.0, "stop": "robot"}}, mode)
+    assert [event.source for event in log.events() if event.name == "terminated"] == [
+        f"agents.robot.{row}" for row in range(4)
+    ]
+    assert world(log, 0)[-1, 0] == pytest.approx(1.0)
+
+
+@MODES
+def test_a_frozen_controller_holds_its_last_input_and_its_neighbours_theirs(mode, ran):
+    log = ran({"stuck": {"at": 1.0, "freeze": "robot.1.steer"}}, mode, duration=8.0)
+    # It drives past its goal at 5, where the others stop.
+    assert world(log, 1)[-1, 0] == pytest.approx(8.0)
+    assert world(log, 0)[-1, 0] == pytest.approx(5.0, abs=0.1)
+
+
+@MODES
+def test_a_frozen_perception_leaves_the_belief_as_it_was(mode, ran):
+    log = ran({"stuck": {"at": 1.0, "for": 1.0, "freeze": "robot.1.see"}}, mode)
+    believed, truth = log.series("robot.1", "state"), log.series("robot.1", "world")
+    frozen = believed.values[(believed.times >= 1.0e9) & (believed.times < 2.0e9)]
+    assert np.ptp(frozen, axis=0) == pytest.approx([0.0, 0.0]) if len(frozen) else True
+    assert believed.values[-1] == pytest.approx(truth.values[-1], abs=0.06)
+
+
+@MODES
+@pytest.mark.parametrize("see", ["perception.omniscient", "perception.range"])
+def test_a_blind_sensor_sees_nobody_and_feels_itself(mode, see, ran, tmp_path):
+    more = {"risk": {"use": "risk.time-to-collision", "with": {"reach": 9.0, "horizon": 5.0}}}
+    log = ran({"fog": {"at": 1.0, "for": 1.0, "blind": "robot.0.see"}}, mode, see, more=more)
+    known = {}
+    for message in log.messages(["/agents/robot/awareness"]):
+        content = message.decode()
+        if content.world:
+            continue
+        lengths = np.broadcast_to(content.lengths, 4) if len(content.lengths) == 1 else content.lengths
+        known[message.time / 1e9] = [int(each) for each in lengths]
+    during = [lengths for time, lengths in known.items() if 1.0 <= time < 2.0]
+    assert during
+    assert all(lengths == [0, 3, 3, 3] for lengths in during)
+    if see == "perception.range":
+        assert known[2.0] == known[0.95] == [3, 3, 3, 3]
+    believed = log.series("robot.0", "state")
+    assert believed.values[-1] == pytest.approx(log.series("robot.0", "world").values[-2], abs=1e-9)
+
+
+@MODES
+def test_a_bias_shifts_what_is_measured(mode, ran):
+    log = ran({"drift": {"at": 1.0, "for": 1.0, "bias": {"of": "robot.3.see", "state": [0.0, 0.4]}}}, mode)
+    believed, truth = log.series("robot.3", "state"), log.series("robot.3", "world")
+    errors = dict(
+        zip(believed.times.tolist(), believed.values[:, 1] - truth.values[: len(believed.values), 1], strict=True)
+    )
+    assert errors[900_000_000] == pytest.approx(0.0)
+    assert errors[1_500_000_000] == pytest.approx(0.4)
+    assert errors[2_500_000_000] == pytest.approx(0.0)
+    assert log.series("robot.2", "state").values[30, 1] == pytest.approx(log.series("robot.2", "world").values[30, 1])
+
+
+@MODES
+def test_noise_is_seeded_by_the_fault_and_the_agent(mode, ran):
+    def errors(faults, agent):
+        log = ran(faults, mode)
+        believed, truth = log.series(f"robot.{agent}", "state"), log.series(f"robot.{agent}", "world")
+        return believed.values[20:40] - truth.values[20:40]
+
+    noise = {"of": "robot.see", "deviation": [0.1, 0.1]}
+    everybody = errors({"burst": {"at": 1.0, "for": 1.0, "noise": noise}}, 1)
+    alone = errors({"burst": {"at": 1.0, "for": 1.0, "noise": {**noise, "of": "robot.1.see"}}}, 1)
+    other = errors({"storm": {"at": 1.0, "for": 1.0, "noise": noise}}, 1)
+    assert 0.05 < np.std(everybody) < 0.2
+    assert everybody[0] == pytest.approx(alone[0])
+    assert everybody[0] != pytest.approx(other[0])
+
+
+@MODES
+def test_a_slow_component_lands_late(mode, ran):
+    log = ran({"busy": {"at": 1.0, "for": 1.0, "slow": {"of": "robot.steer", "latency": 0.2}}}, mode)
+    control = log.series("robot.0", "control")
+    during = control.times[(control.times > 1.0e9) & (control.times <= 2.0e9)]
+    assert during[:2].tolist() == [1_200_000_000, 1_400_000_000]
+    assert any(event.name == "overrun" for event in log.events())
+
+
+@MODES
+def test_a_push_changes_the_truth_at_its_time(mode, ran):
+    log = ran({"gust": {"at": 1.0, "push": {"of": "robot.1", "by": [0.0, 0.7]}}}, mode)
+    series = log.series("robot.1", "world")
+    places = dict(zip(series.times.tolist(), series.values[:, 1], strict=True))
+    assert places[950_000_000] == pytest.approx(1.0)
+    assert places[1_000_000_000] == pytest.approx(1.7)
+    assert log.series("robot.0", "world").values[:, 1] == pytest.approx(0.0)
+
+
+@MODES
+def test_a_fault_may_come_with_the_first_event_of_its_kind(mode, ran):
+    log = ran(
+        {"crash": {"on": {"event": "goal-reached", "of": "agents.robot.1.*"}, "stop": "robot.0"}}, mode, duration=7.0
+    )
+    reached = next(event.time for event in log.events() if event.name == "goal-reached" and "robot.1" in event.source)
+    (fault,) = [event for event in log.events() if event.name == "fault"]
+    assert fault.time == reached + (STEP if mode == "synchronous" else 0)
+    assert fault.data == {"fault": "crash"}
+
+
+@MODES
+def test_restarting_a_whole_group_begins_anew(mode, ran):
+    log = ran({"again": {"at": 6.5, "restart": "robot.steer"}}, mode, duration=7.0)
+    reached = [event.source for event in log.events() if event.name == "goal-reached"]
+    # Who is at its goal says so once; after a new beginning, once more.
+    assert sorted(reached) == sorted(2 * [f"agents.robot.{row}.steer" for row in range(4)])
+
+
+def test_faults_may_overlap(ran):
+    faults = {
+        "one": {"at": 1.0, "for": 1.0, "freeze": "robot.0.see"},
+        "two": {"at": 1.5, "for": 1.0, "freeze": "robot.see"},
+    }
+    log = ran(faults)
+    believed = log.series("robot.0", "state")
+    assert not len(believed.times[(believed.times >= 1.0e9) & (believed.times < 2.5e9)]) or np.ptp(
+        believed.values[(believed.times >= 1.0e9) & (believed.times < 2.5e9)], axis=0
+    ) == pytest.approx([0.0, 0.0])
+    assert believed.times[-1] > 2.5e9

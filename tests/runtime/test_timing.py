@@ -1,0 +1,74 @@
+"""When turns are due, as declared."""
+
+from itertools import islice
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from symaware_cli.runtime.timing import Duration, Timing
+
+STEP = 50
+
+
+def first(timing, count, grid=0, random=None):
+    return list(islice(timing.instants(STEP, grid, random), count))
+
+
+def test_instants_are_exact_multiples_of_the_period():
+    assert first(Timing(period=7, offset=3), 5) == [3, 10, 17, 24, 31]
+    assert first(Timing(), 3) == [0, 50, 100]
+    assert first(Timing(period=33_333_333), 3 * 10**4)[-1] == (3 * 10**4 - 1) * 33_333_333
+
+
+def test_a_period_of_zero_has_one_instant_of_its_own():
+    assert list(Timing(period=0, offset=9).instants(STEP, 0, None)) == [9]
+
+
+@given(period=st.integers(1, 400), offset=st.integers(0, 400))
+def test_on_a_grid_each_instant_is_the_next_one_and_none_comes_twice(period, offset):
+    nominal = first(Timing(period=period, offset=offset), 200)
+    expected = sorted({-(-time // STEP) * STEP for time in nominal})
+    found = first(Timing(period=period, offset=offset), len(expected), grid=STEP)
+    assert found == expected
+
+
+@given(period=st.integers(1, 400), jitter=st.floats(0, 0.99))
+def test_jitter_is_drawn_once_for_each_nominal_instant_whatever_the_grid(period, jitter):
+    timing = Timing(period=period * 10**6, jitter=int(jitter * period * 10**6))
+    plain = first(timing, 50, random=np.random.default_rng(3))
+    grid = STEP * 10**6
+    expected = sorted({-(-time // grid) * grid for time in plain})
+    assert first(timing, len(expected) - 1, grid=grid, random=np.random.default_rng(3)) == expected[:-1]
+
+
+def test_who_takes_one_turn_a_step_is_steady():
+    assert Timing().is_steady(STEP)
+    assert Timing(period=STEP).is_steady(STEP)
+    assert not Timing(period=STEP, offset=1).is_steady(STEP)
+    assert not Timing(period=STEP, jitter=1).is_steady(STEP)
+    assert not Timing(period=2 * STEP).is_steady(STEP)
+    assert not Timing(period=0).is_steady(STEP)
+
+
+@pytest.mark.parametrize(
+    ("duration", "least", "most"),
+    [
+        (Duration("constant", 0.25), 0.25, 0.25),
+        (Duration("uniform", 0.1, 0.2), 0.1, 0.2),
+        (Duration("normal", 0.1, 0.2), 0.0, 2.0),
+    ],
+)
+def test_a_duration_stays_within_its_bounds(duration, least, most):
+    random = np.random.default_rng(1)
+    drawn = [duration.draw(random) / 1e9 for _ in range(1000)]
+    assert least <= min(drawn) <= max(drawn) <= most
+    assert duration.is_drawn == (len(set(drawn)) > 1)
+
+
+def test_only_a_constant_of_nothing_is_zero():
+    assert Duration().is_zero
+    assert Duration("constant", 1e-12).is_zero
+    assert not Duration("constant", 1e-9).is_zero
+    assert not Duration("uniform", 0.0, 0.0).is_zero

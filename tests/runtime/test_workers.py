@@ -1,0 +1,179 @@
+"""Computations in worker processes give the same as at home, and whatever happens to a worker, the run knows."""
+
+import os
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+import pytest
+import yaml
+from simulating import COMMAND
+
+from symaware_cli import open_log
+from symaware_cli.recording.digest import digest
+from symaware_cli.scenario.build import build
+from symaware_cli.scenario.execution import execute
+
+ROBOT = {
+    "count": 5,
+    "model": {"use": "single-integrator"},
+    "state": {"uniform": [-5, 5]},
+    "knowledge": {"goal": [0, 0]},
+    "components": {
+        "see": {"use": "perception.omniscient"},
+        "think": {"use": "doubles.thinker", "run_in": "process", "period": 0.1},
+        "steer": {"use": "control.go-to-goal", "run_in": "process", "condition": "time < 0.2"},
+    },
+}
+
+
+def document(mode="asynchronous", duration=1.0, workers=None, think=None, **run):
+    components = {**ROBOT["components"]}
+    components["think"] = {**components["think"], **(think or {})}
+    return {
+        "symaware": 1,
+        "name": "think",
+        "seed": 5,
+        "run": {"mode": mode, "duration": duration, "workers": workers or 2, **run},
+        "environment": {"use": "kinematic"},
+        "agents": {"robot": {**ROBOT, "components": components}},
+    }
+
+
+@pytest.fixture
+def ran(doubles, tmp_path):
+    """Run a scenario, and return its summary and its log."""
+
+    def run(content, name="run"):
+        (tmp_path / f"{name}.yaml").write_text(yaml.safe_dump(content, sort_keys=False))
+        summary = execute(build(tmp_path / f"{name}.yaml"), tmp_path / f"{name}.mcap")
+        return summary, open_log(tmp_path / f"{name}.mcap")
+
+    return run
+
+
+def channels(log):
+    return digest(log).channels
+
+
+@pytest.mark.parametrize(("mode", "latency"), [("synchronous", 0.0), ("asynchronous", 0.03)])
+def test_one_worker_or_two_or_none_give_the_same_bytes(mode, latency, ran):
+    logs = []
+    for name, where, workers in (("here", "here", 1), ("one", "process", 1), ("two", "process", 2)):
+        content = document(mode, workers=workers, think={"run_in": where, "latency": latency})
+        summary, log = ran(content, name)
+        assert summary.status == "finished", summary.failure
+        logs.append(channels(log))
+        assert [event.name for event in log.events() if event.source == "agents.robot.3.think"] == ["thought"] * 2
+    assert logs[0] == logs[1] == logs[2]
+
+
+def test_all_events_of_a_turn_are_the_same_too(ran):
+    logs = []
+    for where in ("here", "process"):
+        content = document(think={"run_in": where}, duration=0.4) | {"recording": {"events": "all"}}
+        logs.append(channels(ran(content, where)[1]))
+    assert logs[0] == logs[1]
+
+
+@pytest.mark.parametrize(
+    ("how", "said"),
+    [
+        ("exit", "its worker process ended with exit status 3"),
+        ("kill", "its worker process was killed by SIGKILL"),
+        ("raise", "ZeroDivisionError: on purpose"),
+        ("nan", "its control input is not finite"),
+    ],
+)
+def test_what_happens_to_a_worker_is_a_failure_of_the_component(how, said, ran):
+    think = {"with": {"at": 0.3, "how": how, "agent": "robot.2"}}
+    summary, log = ran(document(think=think))
+    assert summary.status == "failed"
+    assert log.verify() is None
+    failed = [event for event in log.events() if event.name == "failed"]
+    assert len(failed) == 1
+    assert said in failed[0].data["problem"]
+    assert failed[0].time == 300_000_000
+    assert failed[0].source.startswith("agents.robot.")
+    if how == "raise":
+        assert failed[0].source == "agents.robot.2.think"
+        assert "on purpose" in failed[0].data["traceback"]
+        assert "symaware_doubles.py" in failed[0].data["traceback"]
+
+
+def test_a_hang_is_a_failure_after_the_limit_of_wall_time(ran):
+    think = {"with": {"at": 0.3, "how": "hang", "agent": "robot.2"}}
+    summary, log = ran(document(think=think, turn_limit=0.5))
+    assert summary.status == "failed"
+    assert "did not come back within 0.5 s of wall time" in list(log.events())[-1].data["problem"]
+
+
+def test_a_worker_that_died_is_replaced_where_the_component_is_restarted(ran):
+    think = {"with": {"at": 0.3, "how": "kill", "agent": "robot.2"}, "on_failure": "isolate"}
+    summary, log = ran(document(think=think))
+    assert summary.status == "finished", summary.failure
+    names = [event.name for event in log.events()]
+    # With two workers, two or three of the five computed in the one that died.
+    assert 2 <= names.count("terminated") <= 3
+    series = log.series("robot.1", "intent")
+    assert series is not None
+
+
+def test_a_kill_of_the_run_takes_its_workers_with_it(doubles, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    think = {"with": {"at": 0.3, "how": "hang"}}
+    Path("run.yaml").write_text(yaml.safe_dump(document(think=think), sort_keys=False))
+    process = subprocess.Popen([*COMMAND, "run", "run.yaml", "--quiet"])
+    try:
+        end = time.monotonic() + 60
+        while len(workers := children(process.pid)) < 2:
+            assert process.poll() is None
+            assert time.monotonic() < end
+            time.sleep(0.02)
+        time.sleep(0.5)
+    finally:
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+    end = time.monotonic() + 20
+    while any(alive(pid) for pid in workers):
+        assert time.monotonic() < end, "a worker outlived its run"
+        time.sleep(0.02)
+
+
+def children(pid):
+    try:
+        return [int(word) for word in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+    except FileNotFoundError:
+        return []
+
+
+def alive(pid):
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
+
+
+@pytest.mark.skipif(not os.path.exists("/proc"), reason="looks at processes as Linux shows them")
+def test_an_interrupt_ends_the_workers_and_finishes_the_log(doubles, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    think = {"with": {"at": 0.3, "how": "hang"}}
+    Path("run.yaml").write_text(yaml.safe_dump(document(think=think), sort_keys=False))
+    process = subprocess.Popen([*COMMAND, "run", "run.yaml", "--quiet", "--output", "run.mcap"])
+    try:
+        end = time.monotonic() + 60
+        while len(workers := children(process.pid)) < 2:
+            assert time.monotonic() < end
+            time.sleep(0.02)
+        time.sleep(0.5)
+        process.send_signal(signal.SIGINT)
+        assert process.wait(timeout=30) == 130
+    finally:
+        process.kill()
+        process.wait()
+    assert open_log(tmp_path / "run.mcap").outcome["status"] == "interrupted"
+    end = time.monotonic() + 20
+    while any(alive(pid) for pid in workers):
+        assert time.monotonic() < end
+        time.sleep(0.02)
