@@ -66,6 +66,55 @@ def cases(peers: bool) -> dict[str, list[str]]:
     return found
 
 
+def replays() -> dict[str, list[str]]:
+    """Every case of replays by name, as a command."""
+    replay = [sys.executable, str(HERE / "replay.py")]
+    cases = {name: [*replay, name] for name in ("ten", "crossing", "circle-swap")}
+    return {**cases, "ten, row by row": [*replay, "ten", "--row-by-row"]}
+
+
+def measure_replays(rounds: int) -> str:
+    """Measure the replays, and lay out the results."""
+    costs: dict[str, float] = {}
+    for number in range(rounds):
+        for name, command in replays().items():
+            _tell(f"round {number + 1} of {rounds}: replay {name}")
+            figures = measure(command)
+            costs[name] = min(costs.get(name, 1.0), figures["cpu"] / figures["updates"])
+    _tell("replay of a large log")
+    large = measure([sys.executable, str(HERE / "replay.py"), "large"])
+    targets = [
+        ("100,000 updates of ten agents to .rrd, CPU-seconds", f"{1e5 * costs['ten']:.2f}", "<= 0.5"),
+        ("beside `rr.log` row by row", f"{costs['ten, row by row'] / costs['ten']:.0f} x faster", ">= 20 x"),
+        ("100,000 updates of *crossing*, CPU-seconds", f"{1e5 * costs['crossing']:.2f}", ""),
+        ("100,000 updates of *circle-swap*, CPU-seconds", f"{1e5 * costs['circle-swap']:.2f}", ""),
+        (
+            f"a log of {large['log_size'] / 1e9:.1f} GB, 10,000 agents: peak memory",
+            f"{large['peak_memory'] / 1e6:.0f} MB",
+            "a few chunks",
+        ),
+        ("the same: CPU-seconds", f"{large['cpu']:.0f}", ""),
+    ]
+    lines = [
+        "## Replays",
+        "",
+        "`symaware replay --save`, as `benchmarks/replay.py` measures it: *ten* agents that see each other, *crossing*",
+        "with a tab for each of its twelve, *circle-swap* with tabs for four of fifty.",
+        "",
+        f"rerun-sdk {version('rerun-sdk')}.",
+        "",
+        "| what | measured | target |",
+        "|---|---:|---:|",
+        *(f"| {what} | {value} | {target} |" for what, value, target in targets),
+        "",
+    ]
+    return "\n".join(lines)
+
+
+def _tell(what: str) -> None:
+    print(f"\r{what:<60}", end="", file=sys.stderr, flush=True)
+
+
 def measure(command: list[str]) -> dict[str, float]:
     """Run a case in a process of its own."""
     # One thread each: the figures are CPU time, and NumPy's helpers would only add to it.
@@ -89,14 +138,15 @@ def main() -> None:
     rates: dict[str, float] = {}
     for number in range(arguments.rounds):
         for name, command in commands.items():
-            print(f"\rround {number + 1} of {arguments.rounds}: {name:<30}", end="", file=sys.stderr, flush=True)
+            _tell(f"round {number + 1} of {arguments.rounds}: {name}")
             figures = measure(command)
             rates[name] = max(rates.get(name, 0.0), figures["agent_steps"] / figures["cpu"])
-    print("\rmemory of 10,000 agents, 1,000 steps, recorded", end="", file=sys.stderr, flush=True)
+    _tell("memory of 10,000 agents, 1,000 steps, recorded")
     memory = measure([sys.executable, str(HERE / "ours.py"), "stock", "10000", "1000", "--record"])
     shares = measure([sys.executable, str(HERE / "ours.py"), "risk", "1000", "300", "--record", "--profile"])
+    replayed = measure_replays(arguments.rounds)
     print("\r" + " " * 60 + "\r", end="", file=sys.stderr)
-    text = report(rates, memory, shares)
+    text = f"{report(rates, memory, shares)}\n{replayed}"
     print(text)
     if not arguments.no_write:
         (HERE / "RESULTS.md").write_text(text)

@@ -85,6 +85,8 @@ def replay(
         if log.foreign:
             from symaware_cli.viewing.foreign import ForeignScreening
 
+            if agents or start is not None or end is not None:
+                fail(f"{path} was not written by SymAware; leave out --agents, --from and --to", WRONG_INPUT, as_json)
             shown: Screening | ForeignScreening = ForeignScreening(log)
         else:
             from symaware_cli.viewing.screening import screening

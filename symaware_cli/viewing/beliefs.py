@@ -20,8 +20,9 @@ class Beliefs:
     """Beliefs of the agents of one group, ordered by message and observer.
 
     Attributes:
-        told: Time [ns] and rows of each message; None for all rows.
-        message: (m,) which of these each belief comes from.
+        times: (k,) of the messages [ns].
+        told: (k, n) whose beliefs each message is about; all that an agent believes, wherever it is about that agent.
+        message: (m,) which of the messages each belief comes from.
         observer: (m,) whose it is, as a row of the group.
         who: (m,) of whom, as an index in the roster.
         places: (m, 3) where that one is believed to be [m].
@@ -29,7 +30,8 @@ class Beliefs:
         ages: (m,) how old the belief is [s].
     """
 
-    told: Sequence[tuple[int, NDArray[np.uint32] | None]]
+    times: NDArray[np.int64]
+    told: NDArray[np.bool_]
     message: Integers
     observer: Integers
     who: Integers
@@ -41,14 +43,39 @@ class Beliefs:
         """The beliefs of one agent.
 
         Returns:
-            The times of the messages that tell of it (k,) [ns], how many beliefs each has (k,), and the indices of
+            The times of the messages that tell of it (j,) [ns], how many beliefs each has (j,), and the indices of
             these beliefs.
         """
-        telling = [number for number, (_, rows) in enumerate(self.told) if rows is None or row in rows]
-        times = np.array([self.told[number][0] for number in telling], np.int64)
-        mine = np.flatnonzero(self.observer == row)
-        counts = np.bincount(self.message[mine], minlength=len(self.told))[telling]
-        return times, counts, mine
+        telling, mine = self.told[:, row], np.flatnonzero(self.observer == row)
+        counts = np.bincount(self.message[mine], minlength=len(self.times))
+        return self.times[telling], counts[telling], mine
+
+
+@dataclass(frozen=True)
+class _Flat:
+    """The contents of several messages one after another: what there is of each entity in them.
+
+    Attributes:
+        message: (m,) which message it comes from.
+        observer: (m,) whose belief it is.
+        who: (m,) of whom.
+        width: (m,) how many numbers it has.
+        start: (m,) where these begin among the values.
+        square: (m,) where its covariance begins among the covariances; -1 without one.
+        ages: (m,) [s].
+        values: All numbers.
+        covariances: All covariances.
+    """
+
+    message: Integers
+    observer: Integers
+    who: Integers
+    width: Integers
+    start: Integers
+    square: Integers
+    ages: Array
+    values: Array
+    covariances: Array
 
 
 class Reading:
@@ -81,47 +108,59 @@ class Reading:
             count: How many agents the group has.
             wanted: Whose beliefs to read, as rows of the group.
         """
-        told, parts = [], []
+        told = np.zeros((len(entries), count), bool)
+        for number, (_, message) in enumerate(entries):
+            told[number, slice(None) if message.rows is None else message.rows] = True
+        known = [(number, message) for number, (_, message) in enumerate(entries) if len(message.entities)]
+        times = np.array([time for time, _ in entries], np.int64)
+        if not known:
+            none = np.empty(0, np.intp)
+            return Beliefs(times, told, none, none, none, np.empty((0, 3)), None, np.empty(0))
+        flat = _flattened(known, count)
         chosen = np.zeros(count, bool)
         chosen[list(wanted)] = True
-        for number, (time, message) in enumerate(entries):
-            told.append((time, message.rows))
-            if message.world or not len(message.entities):
-                continue
-            rows = np.arange(count) if message.rows is None else message.rows.astype(np.intp)
-            lengths = np.broadcast_to(message.lengths, len(rows)) if len(message.lengths) == 1 else message.lengths
-            observers = np.repeat(rows, lengths)
-            some = np.flatnonzero(chosen[observers])
-            if len(some):
-                parts.append((np.full(len(some), number), observers[some], *self._unpacked(message, some)))
-        if not parts:
-            none = np.empty(0, np.intp)
-            return Beliefs(told, none, none, none, np.empty((0, 3)), None, np.empty(0))
-        messages, observers, who, places, covariances, ages = (
-            np.concatenate(column) for column in zip(*parts, strict=True)
-        )
-        known = None if np.isnan(covariances).all() else covariances
-        return Beliefs(told, messages, observers, who, in_space(places), known, ages)
-
-    def _unpacked(self, message: wire.Awareness, some: Integers) -> tuple[Integers, Array, Array, Array]:
-        """Some of the entities of a message: who, places (m, d), covariances (m, d, d), ages (m,)."""
-        who, dimension = message.entities[some].astype(np.intp), self._dimension
-        if len(message.columns) == 1:
-            widths = np.broadcast_to(message.columns, len(some)).astype(np.intp)
-            starts = some * widths
-        else:
-            ends = np.cumsum(message.columns, dtype=np.intp)
-            widths, starts = message.columns[some].astype(np.intp), (ends - message.columns)[some]
-        columns = np.tile(np.arange(dimension), (len(some), 1))
-        whole = (widths == self._width[who]) & self._placed[who]
-        columns[whole] = self._position[who[whole]]
-        places = message.values[starts[:, None] + columns]
-        covariances = np.full((len(some), dimension, dimension), np.nan)
-        if len(message.covariances) and len(message.columns) == 1:
+        some = np.flatnonzero(chosen[flat.observer])
+        who, width = flat.who[some], flat.width[some]
+        # Where the position stands: in a state as its model says, in a track at the beginning.
+        whole = (width == self._width[who]) & self._placed[who]
+        columns = np.where(whole[:, None], self._position[who], np.arange(self._dimension))
+        places = in_space(flat.values[flat.start[some, None] + columns])
+        covariances = None
+        sure = np.flatnonzero(flat.square[some] >= 0)
+        if len(sure):
             # A square of numbers stands behind another; in it rows behind rows.
-            squares = some * widths**2
-            covariances = message.covariances[
-                squares[:, None, None] + columns[:, :, None] * widths[:, None, None] + columns[:, None, :]
-            ]
-        ages = message.ages[some] if len(message.ages) else np.zeros(len(some))
-        return who, places, covariances, ages
+            covariances = np.full((len(some), self._dimension, self._dimension), np.nan)
+            rows, squares = columns[sure], flat.square[some[sure], None, None]
+            places_in_it = rows[:, :, None] * width[sure, None, None] + rows[:, None]
+            covariances[sure] = flat.covariances[squares + places_in_it]
+        ages = flat.ages[some]
+        return Beliefs(times, told, flat.message[some], flat.observer[some], who, places, covariances, ages)
+
+
+def _flattened(known: Sequence[tuple[int, wire.Awareness]], count: int) -> _Flat:
+    """Put messages that have entities, and their numbers, one after another."""
+    numbers, rows, lengths, entities, widths, sure, ages = [], [], [], [], [], [], []
+    for number, message in known:
+        here = np.arange(count) if message.rows is None else message.rows
+        size = len(message.entities)
+        rows.append(here)
+        numbers.append(np.full(len(here), number))
+        lengths.append(message.lengths if len(message.lengths) == len(here) else message.lengths.repeat(len(here)))
+        entities.append(message.entities)
+        widths.append(message.columns if len(message.columns) == size else message.columns.repeat(size))
+        sure.append(np.full(size, len(message.covariances) > 0))
+        ages.append(message.ages if len(message.ages) else np.zeros(size))
+    each, width = np.concatenate(lengths), np.concatenate(widths).astype(np.intp)
+    known_square = np.concatenate(sure)
+    areas = np.where(known_square, width**2, 0)
+    return _Flat(
+        message=np.repeat(np.concatenate(numbers), each),
+        observer=np.repeat(np.concatenate(rows).astype(np.intp), each),
+        who=np.concatenate(entities).astype(np.intp),
+        width=width,
+        start=np.cumsum(width) - width,
+        square=np.where(known_square, np.cumsum(areas) - areas, -1),
+        ages=np.concatenate(ages),
+        values=np.concatenate([message.values for _, message in known]),
+        covariances=np.concatenate([message.covariances for _, message in known]),
+    )

@@ -23,8 +23,14 @@ Array = NDArray[np.float64]
 _HALF_VIEW = 0.52
 #: Width to height of the main view in a window of usual size.
 _ASPECT = 1.15
+#: The same of the view in an agent's tab.
+_NEAR_ASPECT = 1.9
 #: How far around itself an agent's tab shows at most [m].
 _NEAR = 12.0
+#: How long a message is to be seen [s].
+_MESSAGE = 0.3
+#: How many cameras have a view each.
+_CAMERAS = 4
 #: Legends of more curves than this would hide the curves.
 _LEGEND = 6
 
@@ -49,9 +55,10 @@ def blueprint(cast: Cast, detail: Detail, content: Content) -> rrb.Blueprint:
     import rerun.blueprint as rrb
 
     scene = _spatial(cast, detail, content, "Scene", ["+ world/**", "+ minds/**"])
+    tabs = [_agent(cast, detail, content, agent) for agent in detail.focus]
     return rrb.Blueprint(
         rrb.Horizontal(
-            rrb.Tabs(scene, *(_agent(cast, detail, content, agent) for agent in detail.focus), active_tab=0),
+            rrb.Tabs(scene, *tabs, active_tab=int(detail.single)),
             rrb.Vertical(*_overviews(cast, detail, content), row_shares=[*([3] * _curve_count(cast, content)), 4]),
             column_shares=[5, 3],
         ),
@@ -71,12 +78,13 @@ def _spatial(
     middle, size = 0.5 * (content.low + content.high), np.maximum(content.high - content.low, 1.0)
     if follow:
         reach = cast.troupes[cast.place[follow][0]].perception_range or np.inf
-        size = np.minimum(size, 2.0 * min(reach, _NEAR))
+        # Whoever stands at one side sees as far as the other.
+        size = np.minimum(2.0 * size, 2.0 * min(reach, _NEAR))
     if cast.is_spatial:
-        distance = 1.1 * float(np.linalg.norm(size))
+        distance = (0.7 if follow else 1.1) * float(np.linalg.norm(size))
         position, up = middle + distance * np.array([-0.45, -0.75, 0.5]), (0.0, 0.0, 1.0)
     else:
-        distance = 0.5 * 1.12 * max(float(size[1]), float(size[0]) / _ASPECT) / _HALF_VIEW
+        distance = 0.5 * 1.12 * max(float(size[1]), float(size[0]) / (_NEAR_ASPECT if follow else _ASPECT)) / _HALF_VIEW
         position, up = middle + np.array([0.0, 0.0, distance]), (0.0, 1.0, 0.0)
     eye = rrb.EyeControls3D(kind=rrb.Eye3DKind.Orbital, position=position, look_target=middle, eye_up=up)
     if follow:
@@ -89,7 +97,8 @@ def _spatial(
         )
     spacing = 10.0 ** np.floor(np.log10(max(float(size.max()), 1e-3) / 4.0))
     grid = rrb.LineGrid3D(visible=True, spacing=spacing, color=(110, 115, 130, 60))
-    overrides: dict[Any, Any] = {f"world/{name}/trail": _lately(detail.trail) for name in cast.troupes}
+    overrides: dict[Any, Any] = {f"world/agents/{name}/trail": _lately(detail.trail) for name in cast.troupes}
+    overrides["world/messages"] = _lately(_MESSAGE)
     background = rrb.Background(color=BACKGROUND, kind=rrb.BackgroundKind.SolidColor)
     return rrb.Spatial3DView(
         origin="/",
@@ -107,12 +116,12 @@ def _agent(cast: Cast, detail: Detail, content: Content, agent: str) -> rrb.Vert
     import rerun.blueprint as rrb
 
     group, _ = cast.place[agent]
-    bodies = [f"+ world/{name}/{part}" for name in cast.troupes for part in ("body", "heading", "label")]
-    contents = ["+ world/scenery/**", f"+ world/{group}/goal", f"+ minds/{group}/uncertainty", *bodies]
+    bodies = [f"+ world/agents/{name}/{part}" for name in cast.troupes for part in ("body", "heading", "label")]
+    contents = ["+ world/scenery/**", f"+ world/agents/{group}/goal", f"+ minds/{group}/uncertainty", *bodies]
     contents += [f"+ minds/{group}/samples", "+ world/messages", "+ world/contacts", f"+ as/{agent}/**"]
     view = _spatial(cast, detail, content, f"as {agent} believes", contents, follow=agent)
     curves = [
-        _curves(f"{field} of {agent}", [f"+ curves/{agent}/{field}"])
+        _curves(f"{field} of {agent}", [f"+ curves/agents/{agent}/{field}"])
         for field, topic in (
             ("state", "state"),
             ("control", "control"),
@@ -127,6 +136,9 @@ def _agent(cast: Cast, detail: Detail, content: Content, agent: str) -> rrb.Vert
 def _overviews(cast: Cast, detail: Detail, content: Content) -> Iterable[Any]:
     import rerun.blueprint as rrb
 
+    cameras = _cameras(cast, detail, content)
+    if cameras:
+        yield rrb.Grid(*cameras, name="Cameras")
     if _has_risk(content):
         yield _curves("Risk", ["+ curves/risk/**"], legend=not detail.curves or cast.agent_count <= _LEGEND)
     if cast.agent_count > 1:
@@ -137,6 +149,23 @@ def _overviews(cast: Cast, detail: Detail, content: Content) -> Iterable[Any]:
     modes = rrb.StateTimelineView(origin="modes", name="Modes")
     about = rrb.TextDocumentView(origin="about", name="About")
     yield rrb.Tabs(*journals, modes, about, active_tab=0)
+
+
+def _cameras(cast: Cast, detail: Detail, content: Content) -> list[rrb.Spatial2DView]:
+    """A view of what each camera of the first few agents saw."""
+    import rerun.blueprint as rrb
+
+    groups = sorted({topic.split("/")[2] for topic in content.topics if "/image/" in topic})
+    agents = [agent for agent in detail.focus if cast.place[agent][0] in groups][:_CAMERAS]
+    return [
+        rrb.Spatial2DView(
+            origin=f"cameras/{agent}",
+            name=agent,
+            contents=["+ $origin/*/colour"],
+            background=rrb.Background(color=BACKGROUND, kind=rrb.BackgroundKind.SolidColor),
+        )
+        for agent in agents
+    ]
 
 
 def _log(name: str, origin: str) -> rrb.TextLogView:
@@ -150,7 +179,8 @@ def _log(name: str, origin: str) -> rrb.TextLogView:
 
 
 def _curve_count(cast: Cast, content: Content) -> int:
-    return _has_risk(content) + (cast.agent_count > 1)
+    cameras = any("/image/" in topic for topic in content.topics)
+    return cameras + _has_risk(content) + (cast.agent_count > 1)
 
 
 def _has_risk(content: Content) -> bool:

@@ -32,6 +32,7 @@ class Troupe:
         control_input: The same of the control input.
         position: Where the position stands in the state; 2 or 3 indices.
         heading: Where the heading stands in the state; None if it has none.
+        whereabouts: The topic that says where they are: in truth or, if that was left out, as they believe.
         perception_range: How far they see [m]; None if that is not limited or not known.
     """
 
@@ -43,6 +44,7 @@ class Troupe:
     control_input: tuple[tuple[str, str], ...]
     position: tuple[int, ...]
     heading: int | None
+    whereabouts: str
     perception_range: float | None = None
 
     @property
@@ -68,7 +70,7 @@ class Prop:
         shape: Its outline.
         position: Where it stands at the beginning; (3,) [m].
         heading: Where its x axis points at the beginning [rad].
-        moves: Whether /world/<name>/state says where it is.
+        moves: Whether it may leave that, which /world/<name>/state tells.
     """
 
     name: str
@@ -137,7 +139,7 @@ def cast_of(log: Log) -> Cast:
             name=manifest["name"],
             seed=manifest["seed"],
             troupes={
-                name: _troupe(name, group, colour, ranges.get(name))
+                name: _troupe(name, group, colour, _whereabouts(name, log), ranges.get(name))
                 for (name, group), colour in zip(groups.items(), colours, strict=True)
             },
             props={name: _prop(name, entity) for name, entity in manifest["entities"].items()},
@@ -154,7 +156,9 @@ def in_space(positions: Array) -> Array:
     return np.concatenate([positions, np.zeros((*positions.shape[:-1], 1))], axis=-1)
 
 
-def _troupe(name: str, group: Mapping[str, Any], colours: NDArray[np.uint8], perception_range: float | None) -> Troupe:
+def _troupe(
+    name: str, group: Mapping[str, Any], colours: NDArray[np.uint8], whereabouts: str, perception_range: float | None
+) -> Troupe:
     model, shape = group["model"], group["entity"].get("shape")
     return Troupe(
         name=name,
@@ -165,6 +169,7 @@ def _troupe(name: str, group: Mapping[str, Any], colours: NDArray[np.uint8], per
         control_input=tuple((quantity, unit) for quantity, unit in model["control_input"]),
         position=tuple(model["position"]),
         heading=model["heading"],
+        whereabouts=whereabouts,
         perception_range=perception_range,
     )
 
@@ -175,8 +180,13 @@ def _prop(name: str, entity: Mapping[str, Any]) -> Prop:
         shape=Shape.model_validate(entity["shape"]),
         position=in_space(np.array(entity["position"], float)),
         heading=float(entity["heading"]),
-        moves=bool(entity.get("path")),
+        moves=bool(entity.get("moves") or entity.get("path")),
     )
+
+
+def _whereabouts(name: str, log: Log) -> str:
+    truth, belief = f"/world/{name}/state", f"/agents/{name}/state"
+    return belief if truth not in log.channels and belief in log.channels else truth
 
 
 def _perception_ranges(log: Log) -> dict[str, float]:
@@ -184,7 +194,8 @@ def _perception_ranges(log: Log) -> dict[str, float]:
     import yaml
 
     try:
-        document = yaml.safe_load(log.attachments.get("resolved.yaml", b"")) or {}
+        loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+        document = yaml.load(log.attachments.get("resolved.yaml", b""), loader) or {}
         return {
             name: float(component["with"]["range"])
             for name, agents in document.get("agents", {}).items()

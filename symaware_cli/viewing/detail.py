@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from symaware_cli.recording.error import LogError
 from symaware_cli.viewing.cast import Cast
 
-#: Up to so many agents everything is drawn, and each has a tab.
+#: Up to so many agents everything is drawn, and each has a tab; nor are there ever more tabs.
 FEW = 12
 #: Up to so many the intents and uncertainties of all are drawn; beyond, nobody could tell them apart.
 MANY = 100
@@ -27,6 +27,7 @@ class Detail:
         minds: Whether the intents and uncertainties of all are drawn; otherwise only those of the focus.
         curves: Whether risks are plotted agent by agent; otherwise as quantiles of a group.
         trail: How long trails are [s].
+        single: Whether one agent was asked for, whose tab is in front then.
         words: The same for people.
     """
 
@@ -35,6 +36,7 @@ class Detail:
     minds: bool
     curves: bool
     trail: float
+    single: bool
     words: str
 
 
@@ -50,7 +52,7 @@ def detail_of(cast: Cast, agents: Sequence[str] = ()) -> Detail:
     """
     count = cast.agent_count
     chosen = tuple(dict.fromkeys(agent for name in agents for agent in _named(cast, name)))
-    focus = chosen or tuple(cast.agents[: count if count <= FEW else TABS])
+    focus = chosen[:FEW] or tuple(cast.agents[: count if count <= FEW else TABS])
     minds = count <= MANY
     trail = 10.0 if minds else 3.0
     shown = [f"{count} agent{'s' if count != 1 else ''}: bodies tinted by risk, trails of {trail:g} s"]
@@ -59,12 +61,15 @@ def detail_of(cast: Cast, agents: Sequence[str] = ()) -> Detail:
         shown.append("labels of those with a tab only; risk as quantiles")
     who = "everybody" if len(focus) == count else _list(focus)
     hint = "" if chosen or count <= FEW else " (--agents chooses)"
+    if len(focus) < len(chosen):
+        hint = f" (the first {FEW} of {len(chosen)})"
     return Detail(
         focus=focus,
         labels=count <= FEW,
         minds=minds,
         curves=count <= FEW,
         trail=trail,
+        single=len(chosen) == 1,
         words=f"{', '.join(shown)}; tabs for {who}{hint}",
     )
 

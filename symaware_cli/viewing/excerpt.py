@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.recording import wire
+from symaware_cli.recording.error import LogError
 from symaware_cli.recording.reader import LogMessage
 
 Array = NDArray[np.float64]
@@ -25,26 +27,19 @@ class Frames:
     """Values of all rows of a group at some instants; rows that a message left out keep theirs.
 
     Attributes:
-        times: (k,) simulated time [ns].
+        times: (k,) simulated time [ns]; none if nothing was recorded.
         values: (k, n, columns); NaN before the first value of a row.
-        before: (n, columns) what was known before the first instant; None if nothing.
+        before: (n, columns) what was known before the first instant; NaN if nothing.
     """
 
     times: Times
     values: Array
-    before: Array | None
+    before: Array
 
-    def at(self, times: Times) -> Array | None:
-        """The values that held at other instants; (len(times), n, columns), or None where nothing was known yet."""
-        if self.before is None:
-            if not len(self.times) or (len(times) and times[0] < self.times[0]):
-                unknown = np.full((1, *self.values.shape[1:]), np.nan)
-                known = np.concatenate([unknown, self.values]) if len(self.times) else None
-            else:
-                return self.values[np.searchsorted(self.times, times, side="right") - 1]
-        else:
-            known = np.concatenate([self.before[None], self.values])
-        return None if known is None else known[np.searchsorted(self.times, times, side="right")]
+    def at(self, times: Times) -> Array:
+        """The values that held at other instants; (len(times), n, columns), NaN where nothing was known yet."""
+        known = np.concatenate([self.before[None], self.values])
+        return known[np.searchsorted(self.times, times, side="right")]
 
 
 @dataclass(frozen=True)
@@ -61,6 +56,7 @@ class Strips:
     lengths: NDArray[np.int64]
     values: Array
 
+    @cached_property
     def firsts(self) -> Array:
         """The first point of each series, (k, n, columns); NaN where a series is empty."""
         ends = np.cumsum(self.lengths.ravel())
@@ -76,7 +72,7 @@ class Excerpt:
     """A stretch of a log.
 
     Attributes:
-        frames: States, by topic; of control inputs those applied.
+        frames: States, by topic, from when on they are known; of control inputs those applied.
         strips: Intents, uncertainties and risks, by topic.
         entries: All other messages of ours, by topic: the time and what was decoded.
         start: The first instant [ns].
@@ -138,14 +134,16 @@ class Gathering:
         """
         match content:
             case wire.Rows():
-                self._table(topic, content.values).take(time, content.rows, content.values)
+                self._take(topic, time, content.rows, content.values)
             case wire.Control():
-                self._table(topic, content.applied).take(time, content.rows, content.applied)
+                self._take(topic, time, content.rows, content.applied)
             case wire.SeriesRows():
                 series = self._series.get(topic)
                 if series is None:
                     series = self._series[topic] = _Series(self._counts.get(topic, 0))
-                series.take(time, content)
+                self._require_rows(topic, content.rows)
+                if len(content.lengths):
+                    series.take(time, content)
             case _:
                 self._entries[topic].append((time, content))
         self._size += size
@@ -155,7 +153,7 @@ class Gathering:
     def drain(self) -> Excerpt:
         """Hand out what was taken in since the last time."""
         excerpt = Excerpt(
-            {topic: table.drain() for topic, table in self._tables.items() if table.times},
+            {topic: table.drain() for topic, table in self._tables.items()},
             {topic: series.drain() for topic, series in self._series.items() if series.times},
             dict(self._entries),
             self._start or 0,
@@ -165,49 +163,53 @@ class Gathering:
         self._size, self._start = 0, None
         return excerpt
 
-    def last(self, topic: str) -> Array | None:
-        """The values of all rows on a topic as they stand, (n, columns); None if nothing is known."""
-        table = self._tables.get(topic)
-        return None if table is None else table.last
-
-    def _table(self, topic: str, values: Array) -> _Table:
+    def _take(self, topic: str, time: int, rows: NDArray[np.uint32] | None, values: Array) -> None:
+        if not values.size:
+            return
+        self._require_rows(topic, rows)
         table = self._tables.get(topic)
         if table is None:
-            table = self._tables[topic] = _Table(self._counts.get(topic) or len(values), values.shape[1])
-        return table
+            count = self._counts.get(topic) or (len(values) if rows is None else int(rows[-1]) + 1)
+            table = self._tables[topic] = _Table(count, values.shape[1])
+        try:
+            table.take(time, rows, values)
+        except (ValueError, IndexError) as error:
+            raise LogError(f"the messages on {topic} do not fit together: {error}") from error
+
+    def _require_rows(self, topic: str, rows: NDArray[np.uint32] | None) -> None:
+        count = self._counts.get(topic)
+        if count is not None and rows is not None and rows[-1] >= count:
+            raise LogError(f"the messages on {topic} do not fit together: row {rows[-1]} of a group of {count}")
 
 
 class _Table:
     """Gathers a value of each row."""
 
     def __init__(self, count: int, columns: int) -> None:
-        self.times: list[int] = []
-        self.last: Array | None = None
+        self._times: list[int] = []
         self._frames: list[Array] = []
-        self._before: Array | None = None
-        self._shape = (count, columns)
+        self._before = np.full((count, columns), np.nan)
+        self._last = self._before
 
     def take(self, time: int, rows: NDArray[np.uint32] | None, values: Array) -> None:
-        if rows is None and values.shape == self._shape:
+        if rows is None and values.shape == self._last.shape:
             frame = values
         else:
-            frame = np.full(self._shape, np.nan) if self.last is None else self.last.copy()
-            width = min(values.shape[1], self._shape[1])
-            chosen = np.arange(len(values)) if rows is None else rows
-            inside = chosen < self._shape[0]
-            frame[chosen[inside], :width] = values[inside, :width]
-        if self.times and self.times[-1] == time:
+            frame = self._last.copy()
+            frame[slice(len(values)) if rows is None else rows] = values
+        if self._times and self._times[-1] == time:
             self._frames[-1] = frame
         else:
-            self.times.append(time)
+            self._times.append(time)
             self._frames.append(frame)
-        self.last = frame
+        self._last = frame
 
     def drain(self) -> Frames:
-        frames = Frames(np.array(self.times, np.int64), np.stack(self._frames), self._before)
+        values = np.stack(self._frames) if self._frames else np.empty((0, *self._before.shape))
+        frames = Frames(np.array(self._times, np.int64), values, self._before)
         # A copy: the frame may be a view of a message, or of a whole chunk.
-        self._before = self.last = None if self.last is None else self.last.copy()
-        self.times, self._frames = [], []
+        self._before = self._last = self._last.copy()
+        self._times, self._frames = [], []
         return frames
 
 
@@ -244,17 +246,22 @@ class _Series:
     def _merged(self, message: wire.SeriesRows) -> tuple[NDArray[np.int64], Array]:
         """The series of all rows, those that the message leaves out as they were."""
         series = [values for _, values in message]
+        if message.rows is None and not series:
+            # A series without points says nothing of how many rows share it: all.
+            series = [message.values] * self._count
         rows = range(len(series)) if message.rows is None else message.rows.tolist()
         self._count = max([self._count, *(row + 1 for row in rows)])
         held: list[Array] = [np.empty((0, self._columns))] * self._count
         known = (self._lengths[-1], self._values[-1]) if self._lengths else self._held
         if known:
-            for row, values in enumerate(np.split(known[1], np.cumsum(known[0])[:-1])):
-                held[row] = values
+            ends = np.cumsum(known[0])
+            for row, (length, end) in enumerate(zip(known[0].tolist(), ends.tolist(), strict=True)):
+                held[row] = known[1][end - length : end]
         for row, values in zip(rows, series, strict=True):
             held[row] = values
         held = [_padded(values, self._columns) for values in held]
-        return np.array([len(values) for values in held], np.int64), np.concatenate(held)
+        lengths = np.array([len(values) for values in held], np.int64)
+        return lengths, np.concatenate([np.empty((0, self._columns)), *held])
 
     def drain(self) -> Strips:
         lengths = np.zeros((len(self.times), self._count), np.int64)

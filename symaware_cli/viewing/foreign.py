@@ -77,9 +77,11 @@ class ForeignScreening:
         """
         from symaware_cli.viewing import viewer
 
+        # Its clock may show the time of day: the instant counts from its beginning.
+        instant = None if moment is None else (self.log.start_time or 0) + moment
         with tempfile.TemporaryDirectory() as folder, whole_file(path, self.log.path) as partial:
             recording = Path(folder) / "picture.rrd"
             self.save(recording, on_progress)
-            png, views = viewer.picture(recording, moment, size)
+            png, views = viewer.picture(recording, instant, size, "message_log_time")
             partial.write_bytes(png)
         return views

@@ -119,7 +119,14 @@ class Screening:
             raise LogError(f"cannot write {path}: {_why(partial) or error}") from error
 
     def _draw(self, recording: rr.RecordingStream, on_progress: Progress) -> None:
-        self._replay(recording).draw(self.log.messages(start=self.start, end=self.end), on_progress)
+        # What was believed of others is renewed all the time; what happened before is over.
+        held = [topic for topic in self.log.channels if topic.count("/") > 1 and not topic.endswith("/awareness")]
+        self._replay(recording).draw(
+            self.log.messages(start=self.start, end=self.end),
+            on_progress,
+            start=self.start or 0,
+            earlier=self.log.messages([*held, "/contacts"], end=self.start or 0),
+        )
 
     def _replay(self, recording: rr.RecordingStream) -> Replay:
         columns, units = names_of(self.log, "columns"), names_of(self.log, "units")
@@ -158,15 +165,18 @@ def screening(log: Log, agents: Sequence[str] = (), start: int | None = None, en
     cast = cast_of(log)
     detail = detail_of(cast, agents)
     if next(log.messages(start=start, end=end), None) is None:
-        raise LogError(f"{log.path} has nothing to show" + (" in that stretch" if start or end else ""))
+        where = "" if start is None and end is None else " in that stretch"
+        lost = f"; {log.damage}" if log.damage and log.damage.lost else ""
+        raise LogError(f"{log.path} has nothing to show{where}{lost}")
     return Screening(log, cast, detail, start, end)
 
 
 @contextmanager
 def _connection(url: str) -> Iterator[None]:
     """Say in our words that a viewer cannot be reached, or not any more."""
-    from symaware_cli.viewing.viewer import ViewerError
+    from symaware_cli.viewing.viewer import ViewerError, require_reachable
 
+    require_reachable(url)
     try:
         yield
     except (RuntimeError, ValueError) as error:

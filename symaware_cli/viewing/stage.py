@@ -71,7 +71,7 @@ class Stage:
         )
         self._send(path, times, columns.partition(_each(centres)))
 
-    def arrows(self, path: str, times: Times, origins: Array, vectors: Array, lengths: Sequence[int]) -> None:
+    def arrows(self, path: str, times: Times, origins: Array, vectors: Array, counts: ArrayLike) -> None:
         """Draw arrows.
 
         Args:
@@ -79,10 +79,10 @@ class Stage:
             times: (k,) [ns].
             origins: (m, 3) [m].
             vectors: (m, 3) [m].
-            lengths: (k,) how many of the m belong to each instant.
+            counts: (k,) how many of the m belong to each instant.
         """
         columns = self._rr.Arrows3D.columns(origins=_flat(origins), vectors=_flat(vectors))
-        self._send(path, times, columns.partition(lengths))
+        self._send(path, times, columns.partition(counts))
 
     def strips(
         self,
@@ -142,21 +142,42 @@ class Stage:
         )
         self._send(path, times, columns.partition(counts))
 
-    def poses(self, path: str, times: Times, positions: Array, headings: Array) -> None:
+    def rings(self, path: str, times: Times, centres: Array, radii: Array, counts: ArrayLike, colours: Colours) -> None:
+        """Draw level circles, whose other features are put up as static: cylinders without a height.
+
+        Args:
+            path: The Rerun entity.
+            times: (k,) [ns].
+            centres: (m, 3) [m].
+            radii: (m,) [m].
+            counts: (k,) how many of the m belong to each instant.
+            colours: (m, 3).
+        """
+        columns = self._rr.Cylinders3D.columns(
+            centers=_flat(centres), radii=radii.astype(np.float32), colors=_packed(colours)
+        )
+        self._send(path, times, columns.partition(counts))
+
+    def poses(self, path: str, times: Times, positions: Array, headings: Array | None = None) -> None:
         """Move what is put up at a path.
 
         Args:
             path: The Rerun entity.
             times: (k,) [ns].
             positions: (k, 3) [m].
-            headings: (k,) [rad].
+            headings: (k,) [rad]; None if it does not turn.
         """
-        columns = self._rr.Transform3D.columns(translation=_flat(positions), quaternion=turned(headings))
+        quaternions = None if headings is None else turned(headings)
+        columns = self._rr.Transform3D.columns(translation=_flat(positions), quaternion=quaternions)
         self._send(path, times, columns)
 
     def scalars(self, path: str, times: Times, values: Array) -> None:
-        """Plot numbers over time; values (k, m), of which the m series were named by `series`."""
-        columns = self._rr.Scalars.columns(scalars=np.ascontiguousarray(values).ravel())
+        """Plot numbers over time; values (k, m), of which the m series were named by `series`.
+
+        What is infinite leaves a gap: no axis reaches so far.
+        """
+        shown = np.where(np.isfinite(values), values, np.nan)
+        columns = self._rr.Scalars.columns(scalars=shown.ravel())
         self._send(path, times, columns.partition([values.shape[1]] * len(values)))
 
     def series(self, path: str, names: Sequence[str], colours: ArrayLike | None = None, width: float = 1.5) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.viewing.cast import Cast, Troupe
-from symaware_cli.viewing.detail import Detail
+from symaware_cli.viewing.detail import FEW, Detail
 from symaware_cli.viewing.drawing.base import Drawing
 from symaware_cli.viewing.excerpt import Excerpt, Frames, Strips
 from symaware_cli.viewing.outline import outlines, placed
@@ -35,17 +35,17 @@ class Bodies(Drawing):
         import rerun as rr
 
         for troupe in self.cast.troupes.values():
-            path, shape = f"world/{troupe.name}", troupe.shape
-            if shape is None or shape.circle:
-                # Points without a size are so many pixels wide.
-                radii = [shape.circle.radius] if shape and shape.circle else rr.Radius.ui_points([4.0])
-                self.stage.static(f"{path}/body", rr.Points3D.from_fields(radii=radii))
-            elif shape.box:
+            path, shape = f"world/agents/{troupe.name}", troupe.shape
+            if shape is not None and shape.box:
                 height = shape.box.height or min(shape.box.length, shape.box.width)
                 half = [0.5 * shape.box.length, 0.5 * shape.box.width, 0.5 * height if self.cast.is_spatial else 0.01]
                 self.stage.static(
                     f"{path}/body", rr.Boxes3D.from_fields(half_sizes=[half] * len(troupe.agents), fill_mode="solid")
                 )
+            elif shape is None or not shape.polygon:
+                # Points without a size are so many pixels wide. What is round seen from above is a ball.
+                radii = [shape.radius] if shape else rr.Radius.ui_points([4.0])
+                self.stage.static(f"{path}/body", rr.Points3D.from_fields(radii=radii))
             self.stage.static(f"{path}/heading", rr.LineStrips3D.from_fields(radii=self._width(troupe, 0.12, 2.0)))
             named = self._named(troupe)
             labels = rr.Points3D.from_fields(
@@ -56,17 +56,15 @@ class Bodies(Drawing):
     def draw(self, excerpt: Excerpt) -> None:
         """Draw where everybody is."""
         for troupe in self.cast.troupes.values():
-            risk = self._risk_of(troupe, excerpt.strips.get(f"/agents/{troupe.name}/risk"))
-            frames = excerpt.frames.get(f"/world/{troupe.name}/state")
-            if frames is not None:
-                self._draw(troupe, frames, risk)
+            frames = excerpt.frames.get(troupe.whereabouts)
+            times = frames.times if frames else np.empty(0, np.int64)
+            shares = self._shares(troupe, times, excerpt.strips.get(f"/agents/{troupe.name}/risk"))
+            if frames and len(times):
+                self._draw(troupe, frames, tinted(troupe.colours, shares))
 
-    def _draw(self, troupe: Troupe, frames: Frames, risk: Frames | None) -> None:
-        path, shape, times = f"world/{troupe.name}", troupe.shape, frames.times
+    def _draw(self, troupe: Troupe, frames: Frames, colours: Colours) -> None:
+        path, shape, times = f"world/agents/{troupe.name}", troupe.shape, frames.times
         positions, headings = troupe.positions(frames.values), troupe.headings(frames.values)
-        known = risk.at(times) if risk else None
-        shares = np.zeros(positions.shape[:2]) if known is None else known[..., 0]
-        colours = tinted(troupe.colours, shares)
         still = np.zeros(positions.shape[:2]) if headings is None else headings
         if shape is not None and shape.box:
             self.stage.boxes(f"{path}/body", times, positions, still, colours)
@@ -81,10 +79,12 @@ class Bodies(Drawing):
             self._draw_headings(troupe, times, positions, headings)
         named = self._named(troupe)
         if named:
+            # Below the bodies as the view shows them, so that it hides none.
+            below = np.array([0.0, 0.0, -troupe.radius] if self.cast.is_spatial else [0.0, -troupe.radius, 0.0])
             self.stage.points(
                 f"{path}/label",
                 times,
-                positions[:, named],
+                positions[:, named] + below,
                 np.broadcast_to(troupe.colours[named], (len(times), len(named), 3)),
             )
 
@@ -98,7 +98,7 @@ class Bodies(Drawing):
         count = points.shape[0] * points.shape[1]
         colours = np.broadcast_to(_HEADING, (count, 3))
         self.stage.strips(
-            f"world/{troupe.name}/heading",
+            f"world/agents/{troupe.name}/heading",
             times,
             points.reshape(-1, 3),
             np.full(count, 2),
@@ -121,16 +121,14 @@ class Bodies(Drawing):
 
         return [share * troupe.radius] if troupe.radius else rr.Radius.ui_points([pixels])
 
-    def _risk_of(self, troupe: Troupe, strips: Strips | None) -> Frames | None:
-        """The risk of each agent over an excerpt; what was known last, where nothing is new."""
-        before = self._risk.get(troupe.name)
-        if strips is None:
-            if before is None:
-                return None
-            return Frames(np.empty(0, np.int64), np.empty((0, *before.shape)), before)
-        values = strips.firsts()[..., :1]
-        self._risk[troupe.name] = values[-1]
-        return Frames(strips.times, values, before)
+    def _shares(self, troupe: Troupe, times: NDArray[np.int64], strips: Strips | None) -> Array:
+        """How red each agent is at some instants of an excerpt; (len(times), n)."""
+        before = self._risk.get(troupe.name, np.full((len(troupe.agents), 1), np.nan))
+        if strips is None or not strips.values.shape[1]:
+            return np.broadcast_to(before[:, 0], (len(times), len(before)))
+        risk = Frames(strips.times, strips.firsts[..., :1], before)
+        self._risk[troupe.name] = risk.values[-1]
+        return risk.at(times)[..., 0]
 
 
 class Trails(Drawing):
@@ -147,15 +145,15 @@ class Trails(Drawing):
         for troupe in self.cast.troupes.values():
             pixels = 1.5 if self.detail.minds else 1.0
             self.stage.static(
-                f"world/{troupe.name}/trail", rr.LineStrips3D.from_fields(radii=rr.Radius.ui_points([pixels]))
+                f"world/agents/{troupe.name}/trail", rr.LineStrips3D.from_fields(radii=rr.Radius.ui_points([pixels]))
             )
 
     def draw(self, excerpt: Excerpt) -> None:
         """Draw the ways between the moments."""
         step = _TRAIL_STEP if self.detail.minds else 3 * _TRAIL_STEP
         for troupe in self.cast.troupes.values():
-            frames = excerpt.frames.get(f"/world/{troupe.name}/state")
-            if frames is None:
+            frames = excerpt.frames.get(troupe.whereabouts)
+            if not frames:
                 continue
             last = self._last.get(troupe.name)
             chosen = _spaced(frames.times, step, last[0] if last else None)
@@ -167,9 +165,10 @@ class Trails(Drawing):
             self._last[troupe.name] = int(times[-1]), places[-1]
             segments = np.stack([starts, places], axis=2)
             count = segments.shape[0] * segments.shape[1]
-            colours = np.broadcast_to(faded(troupe.colours, 0.45), (len(times), *troupe.colours.shape))
+            fading = 0.45 if self.cast.agent_count <= FEW else 0.65
+            colours = np.broadcast_to(faded(troupe.colours, fading), (len(times), *troupe.colours.shape))
             self.stage.strips(
-                f"world/{troupe.name}/trail",
+                f"world/agents/{troupe.name}/trail",
                 times,
                 segments.reshape(-1, 3),
                 np.full(count, 2),

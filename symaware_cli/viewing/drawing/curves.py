@@ -19,6 +19,7 @@ Array = NDArray[np.float64]
 
 _QUANTILES = (("median", 0.5), ("90 %", 0.9), ("maximum", 1.0))
 _SHADES = (AGENTS[3], AGENTS[2], RISK)
+_NEVER = np.empty(0, np.int64)
 #: Beyond so many bodies a tree finds the nearest two faster than all distances do.
 _TREE = 40
 
@@ -41,10 +42,9 @@ class Risks(Drawing):
             strips = excerpt.strips.get(f"/agents/{troupe.name}/risk")
             if strips is None or not strips.values.shape[1]:
                 continue
-            risks = strips.firsts()[..., 0]
+            risks = strips.firsts[..., 0]
             if not self.detail.curves:
-                some = np.where(np.isnan(risks).all(axis=1, keepdims=True), 0.0, risks)
-                risks = np.nanquantile(some, [share for _, share in _QUANTILES], axis=1).T
+                risks = _quantiles(risks, [share for _, share in _QUANTILES])
             self.stage.scalars(f"curves/risk/{troupe.name}", strips.times, risks)
 
 
@@ -55,7 +55,6 @@ class Separation(Drawing):
         super().__init__(cast, detail, stage)
         radii = sorted((troupe.radius for troupe in cast.troupes.values() for _ in troupe.agents), reverse=True)
         self._bound = sum(radii[:2]) if cast.agent_count > 1 else 0.0
-        self._before: dict[str, Array] = {}
 
     def begin(self) -> None:
         """Name the curves."""
@@ -66,23 +65,11 @@ class Separation(Drawing):
         """Draw the distance."""
         if self.cast.agent_count < 2:
             return
-        found = {name: excerpt.frames.get(f"/world/{name}/state") for name in self.cast.troupes}
-        present = [frames.times for frames in found.values() if frames is not None]
-        if not present:
+        found = {name: excerpt.frames.get(troupe.whereabouts) for name, troupe in self.cast.troupes.items()}
+        times = np.unique(np.concatenate([frames.times for frames in found.values() if frames] or [_NEVER]))
+        if not len(times):
             return
-        times = np.unique(np.concatenate(present))
-        places = []
-        for name, frames in found.items():
-            troupe = self.cast.troupes[name]
-            if frames is not None:
-                values = frames.at(times)
-                assert values is not None
-                self._before[name] = values[-1]
-            elif name in self._before:
-                values = np.broadcast_to(self._before[name], (len(times), *self._before[name].shape))
-            else:
-                values = np.full((len(times), len(troupe.agents), len(troupe.state)), np.nan)
-            places.append(troupe.positions(values))
+        places = [self.cast.troupes[name].positions(frames.at(times)) for name, frames in found.items() if frames]
         smallest = _smallest(np.concatenate(places, axis=1))
         self.stage.scalars("curves/separation/smallest", times, smallest[:, None])
         if self._bound:
@@ -125,7 +112,7 @@ class Awareness(Drawing):
             for field in ("uncertainty", "risk"):
                 strips = excerpt.strips.get(f"/agents/{group}/{field}")
                 if strips is not None and strips.values.shape[1]:
-                    self._curve(agent, troupe, field, strips.times, strips.firsts()[:, row])
+                    self._curve(agent, troupe, field, strips.times, strips.firsts[:, row])
 
     def _curve(self, agent: str, troupe: Troupe, field: str, times: NDArray[np.int64], values: Array) -> None:
         topic = f"/agents/{troupe.name}/{field}"
@@ -136,11 +123,11 @@ class Awareness(Drawing):
             names, units, values = _deviations(troupe, names, units, values)
         if not names:
             return
-        path = f"curves/{agent}/{field}"
+        path = f"curves/agents/{agent}/{field}"
         if path not in self._named:
             self._named.add(path)
             shown = [f"{name} [{unit}]" if unit not in ("", "1") else name for name, unit in _paired(names, units)]
-            self.stage.series(path, shown)
+            self.stage.series(path, shown, [AGENTS[number % len(AGENTS)] for number in range(len(shown))])
         self.stage.scalars(path, times, values)
 
 
@@ -173,6 +160,21 @@ def _smallest(places: Array) -> Array:
         known = present[np.isfinite(present).all(axis=1)]
         smallest[number] = np.asarray(cKDTree(known).query(known, k=2)[0])[:, 1].min() if len(known) > 1 else np.inf
     return smallest
+
+
+def _quantiles(values: Array, shares: Sequence[float]) -> Array:
+    """Quantiles of what is known at each of k instants, linear in between; (k, n) to (k, shares), NaN without any.
+
+    As `numpy.nanquantile`, which goes from instant to instant, but for all of them at once.
+    """
+    ordered = np.sort(values, axis=1)
+    last = np.maximum(np.isfinite(ordered).sum(axis=1) - 1, 0)[:, None]
+    places = last * np.array(shares)
+    lower = np.floor(places).astype(np.intp)
+    upper = np.minimum(lower + 1, last)
+    low, high = np.take_along_axis(ordered, lower, axis=1), np.take_along_axis(ordered, upper, axis=1)
+    quantiles: Array = low + (places - lower) * (high - low)
+    return quantiles
 
 
 def _paired(names: Sequence[str], units: Sequence[str]) -> list[tuple[str, str]]:

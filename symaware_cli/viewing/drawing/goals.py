@@ -36,16 +36,18 @@ class Goals(Drawing):
 
         for troupe in self.cast.troupes.values():
             width = rr.LineStrips3D.from_fields(radii=rr.Radius.ui_points([1.5 if self._few else 0.75]))
-            self.stage.static(f"world/{troupe.name}/goal", width)
+            self.stage.static(f"world/agents/{troupe.name}/goal", width)
 
     def draw(self, excerpt: Excerpt) -> None:
         """Draw the goals that became known."""
         for troupe in self.cast.troupes.values():
-            for time, message in excerpt.entries.get(f"/agents/{troupe.name}/knowledge", ()):
+            told = excerpt.entries.get(f"/agents/{troupe.name}/knowledge", ())
+            for place, (time, message) in enumerate(told):
                 rows = message.rows or range(len(message.values))
                 for row, value in zip(rows, message.values, strict=True):
                     self._known[troupe.name][row] = _ways(json.loads(value), len(troupe.position))
-                self._draw(troupe, time)
+                if place + 1 == len(told) or told[place + 1][0] > time:
+                    self._draw(troupe, time)
 
     def _draw(self, troupe: Troupe, time: int) -> None:
         size = 0.8 * troupe.radius or 0.2
@@ -53,11 +55,11 @@ class Goals(Drawing):
         for row, ways in enumerate(self._known[troupe.name]):
             lines = [line for way in ways for line in (*_crosses(way, size), *([way] if len(way) > 1 else []))]
             strips += lines
-            colours += [faded(troupe.colours[row], 0.35)] * len(lines)
+            colours += [faded(troupe.colours[row], 0.35 if self._few else 0.7)] * len(lines)
         if strips:
             lengths = [len(strip) for strip in strips]
             shades, points = np.array(colours, np.uint8), np.concatenate(strips)
-            path = f"world/{troupe.name}/goal"
+            path = f"world/agents/{troupe.name}/goal"
             self.stage.strips(path, np.array([time]), points, lengths, [len(strips)], shades)
 
     @property

@@ -19,12 +19,13 @@ from symaware_cli.viewing.stage import Stage
 
 Array = NDArray[np.float64]
 
-#: The age at which a belief is drawn half as strong [s].
+#: The age at which a belief has lost half of what it loses of its strength at most [s], and how much that is.
 _FADING = 1.0
+_LOSS = 0.55
 #: How big a ghost without a body is [m].
 _POINT = 0.2
 #: A ghost is a ring just wider than the body, so that both are seen where they coincide.
-_RING = in_space(circle(1.3, corners=20))
+_RING = 1.3
 
 
 class Others(Drawing):
@@ -56,11 +57,12 @@ class Others(Drawing):
         import rerun as rr
 
         thin, thick = rr.Radius.ui_points([1.0]), rr.Radius.ui_points([1.75])
+        ghosts = rr.Cylinders3D.from_fields(lengths=[0.0], line_radii=thick, fill_mode="majorwireframe")
         doubts = rr.Ellipsoids3D.from_fields(line_radii=thin, fill_mode="majorwireframe")
         for group, agents in self._focus.items():
             reach = self.cast.troupes[group].perception_range
             for agent, _ in agents:
-                self.stage.static(f"as/{agent}/others", rr.LineStrips3D.from_fields(radii=thick))
+                self.stage.static(f"as/{agent}/others", ghosts)
                 self.stage.static(f"as/{agent}/doubts", doubts)
                 self.stage.static(f"as/{agent}/intent", rr.LineStrips3D.from_fields(radii=thick))
                 if reach:
@@ -72,13 +74,13 @@ class Others(Drawing):
         """Draw what they believe."""
         for group, agents in self._focus.items():
             troupe = self.cast.troupes[group]
-            frames = excerpt.frames.get(f"/world/{group}/state")
+            frames = excerpt.frames.get(troupe.whereabouts)
             strips = excerpt.strips.get(f"/agents/{group}/intent")
             for agent, row in agents:
                 if frames is not None:
                     places = troupe.positions(frames.values[:, row])
                     # What stands here moves along, and so does the eye that looks at it.
-                    self.stage.poses(f"as/{agent}/place", frames.times, places, np.zeros(len(places)))
+                    self.stage.poses(f"as/{agent}/place", frames.times, places)
                 if strips is not None:
                     names = self._columns.get(f"/agents/{group}/intent", ())
                     columns = position_columns(troupe, names) or unnamed_position(troupe, strips)
@@ -92,14 +94,14 @@ class Others(Drawing):
     def _draw(self, agent: str, row: int, beliefs: Beliefs) -> None:
         times, counts, mine = beliefs.of(row)
         who, places = beliefs.who[mine], beliefs.places[mine]
-        colours = faded(self._colours[who], 1.0 - 0.5 ** (beliefs.ages[mine] / _FADING))
-        rings = places[:, None] + self._radii[who, None, None] * _RING
-        lengths = np.full(len(rings), len(_RING))
-        self.stage.strips(f"as/{agent}/others", times, rings.reshape(-1, 3), lengths, counts, colours)
+        colours, ages = self._colours[who], beliefs.ages[mine]
+        if ages.any():
+            colours = faded(colours, _LOSS * (1.0 - 0.5 ** (ages / _FADING)))
+        self.stage.rings(f"as/{agent}/others", times, places, _RING * self._radii[who], counts, colours)
         if beliefs.covariances is not None:
             half_sizes, quaternions = ellipsoids(beliefs.covariances[mine])
             path = f"as/{agent}/doubts"
-            self.stage.ellipsoids(path, times, places, half_sizes, quaternions, counts, faded(colours, 0.2))
+            self.stage.ellipsoids(path, times, places, half_sizes, quaternions, counts, faded(colours, 0.15))
 
     def _looks(self, name: str) -> tuple[Sequence[int], float]:
         """The colour of somebody and the radius [m]."""

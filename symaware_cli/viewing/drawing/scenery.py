@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from symaware_cli.viewing.cast import Prop
+from symaware_cli.viewing.cast import Cast, Prop, in_space
+from symaware_cli.viewing.detail import Detail
 from symaware_cli.viewing.drawing.base import Drawing
 from symaware_cli.viewing.excerpt import Excerpt
 from symaware_cli.viewing.outline import mesh, outlines
 from symaware_cli.viewing.palette import SCENERY, faded
+from symaware_cli.viewing.stage import Stage
 
 #: How high obstacles without a height are drawn in space [m].
 _HEIGHT = 2.0
@@ -17,8 +19,12 @@ _HEIGHT = 2.0
 class Scenery(Drawing):
     """Walls, boxes and the like as solid bodies, flat in a plane and upright in space."""
 
+    def __init__(self, cast: Cast, detail: Detail, stage: Stage) -> None:
+        super().__init__(cast, detail, stage)
+        self._placed = False
+
     def begin(self) -> None:
-        """Put all of them up where they are at the beginning."""
+        """Put up what they look like."""
         import rerun as rr
 
         for prop in self.cast.props.values():
@@ -30,19 +36,18 @@ class Scenery(Drawing):
                     vertex_positions=vertices, triangle_indices=triangles, albedo_factor=_shade(prop.moves)
                 )
                 self.stage.static(f"{path}/{number}", solid)
-            if not prop.moves:
-                turn = rr.RotationAxisAngle(axis=(0, 0, 1), radians=prop.heading)
-                self.stage.static(path, rr.Transform3D(translation=prop.position, rotation=turn))
 
     def draw(self, excerpt: Excerpt) -> None:
-        """Move those that move."""
+        """Put them where they are at the beginning, and move those that move."""
         for prop in self.cast.props.values():
             frames = excerpt.frames.get(f"/world/{prop.name}/state")
+            if not self._placed and (frames is None or excerpt.start not in frames.times[:1]):
+                position, heading = prop.position[None], np.array([prop.heading])
+                self.stage.poses(_path(prop), np.array([excerpt.start]), position, heading)
             if frames is not None:
                 values = frames.values[:, 0]
-                position = np.zeros((len(values), 3))
-                position[:, : values.shape[1] - 1] = values[:, :-1]
-                self.stage.poses(_path(prop), frames.times, position, values[:, -1])
+                self.stage.poses(_path(prop), frames.times, in_space(values[:, :-1]), values[:, -1])
+        self._placed = True
 
     def _extent(self, prop: Prop) -> tuple[float, float]:
         """Where it begins and ends, upwards [m]; a plane's scenery lies just below the agents."""

@@ -1,0 +1,153 @@
+"""Measures one replay and prints its figures as JSON: ``python replay.py CASE [--row-by-row]``.
+
+A case is a run: *ten* has ten agents for 2,000 steps, each with a state, an intent, a risk, a control input and beliefs
+of the nine others at every step; *crossing* and *circle-swap* are the scenarios of these names; *large* is the run of
+10,000 agents over 1,000 steps whose memory benchmarks/ours.py measures, a log of more than a gigabyte.
+
+What is counted is CPU time from the log to the .rrd, of everything but start-up: importing and whatever is made only
+once are warmed up. An update is what the summary of a run counts: one row of awareness, control or knowledge of one
+agent at one instant.
+
+Row by row means what one writes without thinking of columns: for each update one `rr.log` of a point, a line or a
+number. That draws less than the replay does. As it takes long, only the beginning of the log is logged so; what counts
+is the time of an update.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import resource
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import ours
+
+from symaware_cli.recording import wire
+from symaware_cli.recording.reader import Log, open_log
+from symaware_cli.scenario.build import build
+from symaware_cli.scenario.execution import execute
+from symaware_cli.viewing.beliefs import Reading
+from symaware_cli.viewing.cast import Cast, Troupe, cast_of
+from symaware_cli.viewing.screening import screening
+from symaware_cli.viewing.stage import TIMELINE
+from symaware_cli.viewing.viewer import require
+
+SCENARIOS = Path(__file__).parent.parent / "scenarios"
+
+TEN = """
+symaware: 1
+name: ten
+seed: 1
+run: {duration: 100.0}
+environment: {use: kinematic, with: {time_step: 0.05}}
+agents:
+  robot:
+    count: 10
+    entity: {shape: {circle: {radius: 0.3}}}
+    model: {use: unicycle, with: {max_speed: 1.5}}
+    state: {circle: {radius: 50.0}}
+    knowledge: {goal: {circle: {radius: 50.0, phase: 3.141592653589793}}}
+    components:
+      sense: {use: perception.range, with: {range: 200.0, position_noise: 0.05, self_noise: 0.02}}
+      fear: {use: risk.time-to-collision, with: {horizon: 3.0, reach: 5.0}}
+      steer: {use: control.go-to-goal, with: {speed: 0.9}}
+"""
+
+#: How much of a log is drawn row by row.
+_SAMPLE = 0.05
+
+
+def recorded(case: str, folder: Path) -> tuple[Path, int]:
+    """Make the run of a case; its log, and how many updates that has."""
+    scenario = SCENARIOS / f"{case}.yaml"
+    if case == "large":
+        scenario = folder / "large.yaml"
+        scenario.write_text(ours.scenario("risk", 10_000, 1_000))
+    if case == "ten":
+        scenario = folder / "ten.yaml"
+        scenario.write_text(TEN)
+    log = folder / f"{case}.mcap"
+    return log, execute(build(scenario), log).updates
+
+
+def convert(log: Path, path: Path) -> float:
+    """CPU time of writing an .rrd [s]."""
+    started = time.process_time()
+    screening(open_log(log)).save(path)
+    return time.process_time() - started
+
+
+def convert_row_by_row(log: Log, path: Path) -> tuple[float, int]:
+    """CPU time of logging the beginning of a log with one `rr.log` for each update [s], and how many these were."""
+    import rerun as rr
+
+    cast = cast_of(log)
+    recording = rr.RecordingStream("benchmark")
+    recording.save(path)
+    updates = 0
+    started = time.process_time()
+    for message in log.messages(end=int((log.end_time or 0) * _SAMPLE)):
+        _, root, group, field = f"{message.channel.topic}///".split("/")[:4]
+        if root != "agents":
+            continue
+        troupe, content = cast.troupes[group], message.decode()
+        recording.set_time(TIMELINE, duration=np.timedelta64(message.time, "ns"))
+        for row, drawn in _drawn(rr, cast, troupe, field, content):
+            recording.log(f"{troupe.agents[row]}/{field}", drawn)
+            updates += 1
+    recording.flush()
+    recording.disconnect()
+    return time.process_time() - started, updates
+
+
+def _drawn(rr: Any, cast: Cast, troupe: Troupe, field: str, content: Any) -> Iterator[tuple[int, Any]]:
+    """What one would log for each row of a message."""
+    match content:
+        case wire.Rows():
+            for row, state in enumerate(content.values):
+                yield row, rr.Points3D(troupe.positions(state), colors=troupe.colours[row], radii=troupe.radius)
+        case wire.Control():
+            for row, control_input in enumerate(content.applied):
+                yield row, rr.Scalars(control_input)
+        case wire.SeriesRows():
+            for row, (_, values) in enumerate(content):
+                if field == "risk":
+                    yield row, rr.Scalars(values[0])
+                else:
+                    yield row, rr.LineStrips3D([troupe.positions(values)], colors=troupe.colours[row])
+        case wire.Awareness() if not content.world:
+            beliefs = Reading(cast, 2).read([(0, content)], len(troupe.agents), range(len(troupe.agents)))
+            for row in range(len(troupe.agents)):
+                yield row, rr.Points3D(beliefs.places[beliefs.observer == row])
+
+
+def main() -> None:
+    """Measure what the command line names."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("case", choices=["ten", "crossing", "circle-swap", "large"])
+    parser.add_argument("--row-by-row", action="store_true")
+    arguments = parser.parse_args()
+    require()
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        log, updates = recorded(arguments.case, folder)
+        warm, _ = recorded("hello", folder)
+        convert(warm, folder / "warm.rrd")
+        if arguments.row_by_row:
+            convert_row_by_row(open_log(warm), folder / "warm.rrd")
+            cpu, updates = convert_row_by_row(open_log(log), folder / "rows.rrd")
+        else:
+            cpu = convert(log, folder / "columns.rrd")
+        size = log.stat().st_size
+    # The run that made the log is part of it, and needs less.
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+    print(json.dumps({"cpu": cpu, "updates": updates, "peak_memory": peak, "log_size": size}))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,120 @@
+"""Contacts: a ring that flashes where two bodies begin to touch, and goes with them while they do."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symaware_cli.recording import journal
+from symaware_cli.viewing.cast import Cast, in_space
+from symaware_cli.viewing.detail import Detail
+from symaware_cli.viewing.drawing.base import Drawing
+from symaware_cli.viewing.excerpt import Excerpt
+from symaware_cli.viewing.outline import circle
+from symaware_cli.viewing.palette import CONTACT
+from symaware_cli.viewing.stage import Stage
+
+Array = NDArray[np.float64]
+Times = NDArray[np.int64]
+
+#: How large a ring is at which time after its beginning [ns], in radii of the smaller body.
+_FLASH_TIMES = np.array([0, 80_000_000, 160_000_000, 240_000_000], np.int64)
+_FLASH_SIZES = np.array([2.4, 2.0, 1.6, 1.3])
+_RING = in_space(circle(corners=24))
+#: The size of a contact of things without a size [m].
+_POINT = 0.2
+
+
+@dataclass(frozen=True)
+class _Touch:
+    """Two that touch.
+
+    Attributes:
+        pair: Who.
+        point: Where they began to (3,) [m]; None if the log does not say.
+        since: When they began to [ns].
+        until: When they ceased to [ns]; None if they have not yet.
+    """
+
+    pair: tuple[str, str]
+    point: Array | None
+    since: int
+    until: int | None = None
+
+
+class Contacts(Drawing):
+    """All contacts between agents, and of agents with entities of the environment."""
+
+    def __init__(self, cast: Cast, detail: Detail, stage: Stage) -> None:
+        super().__init__(cast, detail, stage)
+        #: Those that touch at the end of the last excerpt, and how far the place is from the middle of the two (3,).
+        self._touching: dict[tuple[str, str], tuple[_Touch, Array]] = {}
+        #: Up to which instant rings are drawn [ns].
+        self._drawn = -1
+
+    def begin(self) -> None:
+        """Put up how rings look."""
+        import rerun as rr
+
+        look = rr.LineStrips3D.from_fields(radii=rr.Radius.ui_points([2.5]), colors=[CONTACT])
+        self.stage.static("world/contacts", look)
+
+    def draw(self, excerpt: Excerpt) -> None:
+        """Draw the rings."""
+        entries = [journal.contact(time, message) for time, message in excerpt.entries.get("/contacts", ())]
+        touches = self._touches(entries, excerpt)
+        drawn, self._drawn = self._drawn, excerpt.end
+        if not touches:
+            return
+        begun = np.array([touch.since for touch, _ in touches])
+        ended = np.array([touch.until for touch, _ in touches if touch.until is not None], np.int64)
+        moving = [frames.times for topic, frames in excerpt.frames.items() if topic.startswith("/world/")]
+        moments = np.unique(np.concatenate([(begun[:, None] + _FLASH_TIMES).ravel(), ended, *moving]))
+        moments = moments[(moments > max(drawn, begun.min() - 1)) & (moments <= excerpt.end)]
+        instants, rings = [np.empty(0, np.intp)], [np.empty((0, *_RING.shape))]
+        for touch, offset in touches:
+            last = excerpt.end + 1 if touch.until is None else touch.until
+            present = np.flatnonzero((moments >= touch.since) & (moments < last))
+            centres = self._middle(touch.pair, moments[present], excerpt) + offset
+            size = self._size(touch.pair)
+            flash = np.searchsorted(_FLASH_TIMES, moments[present] - touch.since, side="right") - 1
+            instants.append(present)
+            # Just above the bodies, which would hide it.
+            rings.append(
+                centres[:, None] + np.array([0.0, 0.0, 1.2 * size]) + size * _FLASH_SIZES[flash, None, None] * _RING
+            )
+        which, all_rings = np.concatenate(instants), np.concatenate(rings)
+        counts = np.bincount(which, minlength=len(moments))
+        # Where nobody touches any more, that has to be said once.
+        said = (counts > 0) | (np.concatenate([[len(_RING)], counts[:-1]]) > 0)
+        points = all_rings[np.argsort(which, kind="stable")].reshape(-1, 3)
+        self.stage.strips("world/contacts", moments[said], points, np.full(len(which), len(_RING)), counts[said])
+
+    def _touches(self, entries: Sequence[journal.LoggedContact], excerpt: Excerpt) -> list[tuple[_Touch, Array]]:
+        """All that touch at some time in an excerpt, each with the place's distance from the middle of the two."""
+        touches = []
+        for entry in entries:
+            pair = entry.a, entry.b
+            if entry.stage == "BEGIN":
+                point = in_space(np.array(entry.point)) if len(entry.point) in (2, 3) else None
+                middle = self._middle(pair, np.array([entry.time]), excerpt)[0]
+                offset = np.zeros(3) if point is None else point - middle
+                if np.isfinite(offset + middle).all():
+                    self._touching[pair] = _Touch(pair, point, entry.time), offset
+            elif pair in self._touching:
+                touch, offset = self._touching.pop(pair)
+                touches.append((_Touch(pair, touch.point, touch.since, entry.time), offset))
+        return [*touches, *self._touching.values()]
+
+    def _middle(self, pair: tuple[str, str], times: Times, excerpt: Excerpt) -> Array:
+        """The middle between two that touch, or the one that is an agent; (len(times), 3) [m]."""
+        agents = [who for who in pair if who in self.cast.place] or list(pair)
+        middle: Array = np.mean([self.places(who, times, excerpt) for who in agents], axis=0)
+        return middle
+
+    def _size(self, pair: Sequence[str]) -> float:
+        radii = [self.cast.troupes[self.cast.place[who][0]].radius for who in pair if who in self.cast.place]
+        return min(radii, default=0.0) or _POINT

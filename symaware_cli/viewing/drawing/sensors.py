@@ -1,0 +1,131 @@
+"""What sensors measured: the scans of lidars as points in the world, and the images of cameras."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symaware_cli.recording import symaware_v1_pb2 as v1
+from symaware_cli.recording.error import LogError
+from symaware_cli.recording.sensing import LoggedScan, hits, scans
+from symaware_cli.viewing.cast import Troupe
+from symaware_cli.viewing.drawing.base import Drawing
+from symaware_cli.viewing.excerpt import Excerpt
+from symaware_cli.viewing.stage import TIMELINE
+
+Array = NDArray[np.float64]
+Times = NDArray[np.int64]
+
+#: How large the points of scans are, in the scene and in the tab of the agent [pixels].
+_POINT, _NEAR_POINT = 2.0, 2.5
+#: How far the pyramid of a camera reaches [m].
+_PYRAMID = 0.3
+
+
+class Scans(Drawing):
+    """Where the rays of lidars end: those of all agents in the scene, unless they are a crowd, and in tabs one's own."""
+
+    def draw(self, excerpt: Excerpt) -> None:
+        """Draw the points of each scan from when it became known until the next."""
+        for troupe, sensor, entries in _sensed(self.cast.troupes.values(), excerpt, "scan"):
+            try:
+                found = [scan for time, message in entries for scan in scans(time, message, sensor, troupe.agents)]
+            except ValueError as error:
+                raise LogError(f"the scans of {sensor} of {troupe.name} do not fit together: {error}") from error
+            if self.detail.minds:
+                self._draw(f"world/agents/{troupe.name}/scan/{sensor}", found, troupe, _POINT)
+            for agent in self.detail.focus:
+                if agent in troupe.agents:
+                    own = [scan for scan in found if scan.agent == agent]
+                    self._draw(f"as/{agent}/scan/{sensor}", own, troupe, _NEAR_POINT)
+
+    def _draw(self, path: str, found: Sequence[LoggedScan], troupe: Troupe, size: float) -> None:
+        import rerun as rr
+
+        if not found:
+            return
+        points = [hits(scan.angles, scan.distances, scan.pose) for scan in found]
+        moments, which = np.unique([scan.time for scan in found], return_inverse=True)
+        sizes = np.array([len(each) for each in points])
+        rows = np.array([troupe.agents.index(scan.agent) for scan in found])
+        # Lighter than the bodies, to stand out from the walls that they lie on.
+        colours = (troupe.colours // 2 + 127)[np.repeat(rows, sizes)]
+        columns = rr.Points3D.columns(
+            positions=np.concatenate(points).astype(np.float32),
+            colors=colours,
+            radii=np.full(int(sizes.sum()), -size, np.float32),  # negative: pixels
+        )
+        counts = np.bincount(which, weights=sizes, minlength=len(moments)).astype(np.int64)
+        self.stage.recording.send_columns(path, [_index(moments)], columns.partition(counts), strict=True)
+
+
+class Images(Drawing):
+    """What cameras saw, and where they look: ``cameras/<agent>/<sensor>``, a 2-D view each."""
+
+    def draw(self, excerpt: Excerpt) -> None:
+        """Show each image from when it became known until the next."""
+        for troupe, sensor, entries in _sensed(self.cast.troupes.values(), excerpt, "image"):
+            for row, agent in enumerate(troupe.agents):
+                for kind, word in ((v1.Image.COLOUR, "colour"), (v1.Image.DEPTH, "depth")):
+                    own = [(time, image) for time, image in entries if image.row == row and image.kind == kind]
+                    if own:
+                        self._show(f"cameras/{agent}/{sensor}/{word}", own, depth=kind == v1.Image.DEPTH)
+                own = [(time, image) for time, image in entries if image.row == row and image.kind == v1.Image.COLOUR]
+                if own and self.detail.minds:
+                    self._point(f"world/agents/{troupe.name}/camera/{sensor}/{agent}", own, troupe, row)
+
+    def _show(self, path: str, images: Sequence[tuple[int, Any]], *, depth: bool) -> None:
+        import rerun as rr
+
+        times = np.array([time for time, _ in images], np.int64)
+        blobs = [image.data for _, image in images]
+        if depth:
+            columns = rr.EncodedDepthImage.columns(blob=blobs, media_type=["image/png"] * len(blobs))
+        else:
+            columns = rr.EncodedImage.columns(blob=blobs, media_type=["image/png"] * len(blobs))
+        self.stage.recording.send_columns(path, [_index(times)], columns, strict=True)
+
+    def _point(self, path: str, images: Sequence[tuple[int, Any]], troupe: Troupe, row: int) -> None:
+        """Draw lines from the camera to the corners of what it sees, a little before it."""
+        times = np.array([time for time, _ in images], np.int64)
+        corners = np.array([_pyramid(image) for _, image in images])
+        count = len(images)
+        colours = np.broadcast_to(troupe.colours[row], (2 * count, 3))
+        self.stage.strips(path, times, corners.reshape(-1, 3), np.tile([5, 5], count), [2] * count, colours)
+
+
+def _pyramid(image: Any) -> Array:
+    """Two lines of five points, which together are the edges that leave a camera and the rim of its image; (10, 3)."""
+    position, target = np.array(image.position), np.array(image.target)
+    ahead = target - position
+    ahead /= max(float(np.linalg.norm(ahead)), 1e-9)
+    upwards = np.array([1.0, 0.0, 0.0]) if abs(ahead[2]) > 1 - 1e-9 else np.array([0.0, 0.0, 1.0])
+    aside = np.cross(ahead, upwards)
+    aside /= np.linalg.norm(aside)
+    above = np.cross(aside, ahead)
+    width, height = (int.from_bytes(image.data[start : start + 4], "big") for start in (16, 20))  # PNG's header
+    half = np.tan(0.5 * image.field_of_view) * _PYRAMID
+    wide = half * width / max(height, 1)
+    rim = [
+        position + _PYRAMID * ahead + across * wide * aside + up * half * above
+        for across, up in ((-1, -1), (1, -1), (1, 1), (-1, 1))
+    ]
+    return np.array([*rim, rim[0], rim[0], position, rim[1], rim[2], position])
+
+
+def _sensed(troupes: Any, excerpt: Excerpt, word: str) -> Iterator[tuple[Troupe, str, list[tuple[int, Any]]]]:
+    """The readings of one kind in an excerpt, by group and sensor."""
+    for troupe in troupes:
+        root = f"/agents/{troupe.name}/{word}/"
+        for topic, entries in excerpt.entries.items():
+            if topic.startswith(root):
+                yield troupe, topic.removeprefix(root), entries
+
+
+def _index(times: Times) -> Any:
+    import rerun as rr
+
+    return rr.TimeColumn(TIMELINE, duration=times.astype("timedelta64[ns]"))

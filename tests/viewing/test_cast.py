@@ -1,0 +1,62 @@
+"""Who takes part in a log."""
+
+import json
+
+import numpy as np
+import pytest
+from plot_logs import AIRCRAFT, YARD, log_of
+from rerun_files import Script, group
+
+from symaware_cli import open_log
+from symaware_cli.recording.error import LogError
+from symaware_cli.viewing.cast import cast_of, in_space
+
+
+def test_everybody_is_there_with_body_model_and_colour(tmp_path):
+    cast = cast_of(log_of(tmp_path, YARD))
+    assert list(cast.agents) == ["cart.0", "cart.1", "guard"]
+    assert cast.place["cart.1"] == ("cart", 1)
+    assert cast.troupes["cart"].radius == pytest.approx(np.hypot(0.4, 0.2))
+    assert (cast.troupes["cart"].heading, cast.troupes["guard"].heading) == (2, None)
+    assert set(cast.props) == {"pillar", "fence", "gate"}
+    assert [cast.props[name].moves for name in ("pillar", "fence", "gate")] == [False, False, True]
+    assert not cast.is_spatial
+
+
+def test_who_flies_makes_the_world_one_of_space(tmp_path):
+    cast = cast_of(log_of(tmp_path, AIRCRAFT))
+    assert cast.is_spatial
+    assert cast.troupes["plane"].positions(np.array([[1.0, 2.0, 3.0, 0.5]])).tolist() == [[1.0, 2.0, 3.0]]
+
+
+def test_how_far_they_see_is_in_the_scenario_that_the_log_keeps(scenarios, tmp_path):
+    assert cast_of(log_of(tmp_path, "noisy.yaml", "run.duration=0.1")).troupes["straight"].perception_range == 5.0
+
+
+@pytest.mark.parametrize("scenario", [b"", b"[", b"3", b"agents: 3", b"agents: {a: {components: [1]}}", b"\xff"])
+def test_a_scenario_that_says_nothing_of_it_is_no_hindrance(scenario, tmp_path):
+    script = Script(tmp_path / "a.mcap", {"a": group("a")})
+    script.attach("resolved.yaml", scenario)
+    assert cast_of(script.finish()).troupes["a"].perception_range is None
+
+
+def test_where_the_truth_was_left_out_belief_stands_for_it(tmp_path):
+    log = log_of(tmp_path, YARD, "recording.omit=[world]")
+    assert cast_of(log).troupes["cart"].whereabouts == "/agents/cart/state"
+
+
+@pytest.mark.parametrize("damage", [{"groups": {"a": {"agents": ["a"]}}}, {"entities": {"b": {}}}, {"roster": None}])
+def test_a_manifest_that_lacks_something_is_told(damage, tmp_path):
+    from symaware_cli.recording.writer import LogWriter
+
+    content = {"format": 1, "name": "a", "seed": 1, "groups": {}, "entities": {}, "roster": []} | damage
+    writer = LogWriter(tmp_path / "a.mcap")
+    writer.attach("manifest.json", "application/json", json.dumps(content).encode())
+    writer.finish({})
+    with pytest.raises(LogError, match=r"manifest in .* is damaged"):
+        cast_of(open_log(tmp_path / "a.mcap"))
+
+
+def test_a_plane_lies_at_height_zero():
+    assert in_space(np.array([[1.0, 2.0]])).tolist() == [[1.0, 2.0, 0.0]]
+    assert in_space(np.array([1.0, 2.0, 3.0])).tolist() == [1.0, 2.0, 3.0]
