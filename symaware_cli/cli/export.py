@@ -11,15 +11,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from symaware_cli.cli.run import _progress
+from symaware_cli.cli.progress import progress
 from symaware_cli.cli.terminal import (
     DATA_LOST,
     INTERRUPTED,
     WRONG_INPUT,
     Json,
     fail,
+    names,
     print_json,
     size_in_words,
+    span,
     trouble_shown,
 )
 
@@ -72,12 +74,12 @@ def export(
             log = open_log(path)
             place = output or Path(f"{path.stem}-{to}{'.mcap' if to is Target.foxglove else ''}")
             shown = sys.stderr.isatty() and not as_json
-            with _progress(path.name, log.end_time or 0, shown) as on_progress:
+            with progress(path.name, log.start_time or 0, log.end_time or 0, shown) as on_progress:
                 if to is Target.foxglove:
                     report = _foxglove(log, place, on_progress)
                 else:
-                    span = _span(start, end, as_json)
-                    report = _tables(log, place, to, _names(fields), _names(agents), span, on_progress)
+                    window = span(start, end, as_json, "--until")
+                    report = _tables(log, place, to, _listed(fields), _listed(agents), window, on_progress)
     except KeyboardInterrupt:
         raise typer.Exit(INTERRUPTED) from None
     lost = bool(log.damage and log.damage.lost)
@@ -98,7 +100,7 @@ def _tables(
     to: Target,
     fields: Sequence[str] | None,
     agents: Sequence[str] | None,
-    span: tuple[int | None, int | None],
+    window: tuple[int | None, int | None],
     on_progress: Progress,
 ) -> dict[str, Any]:
     from dataclasses import asdict
@@ -108,7 +110,7 @@ def _tables(
     from symaware_cli.exporting.selection import select
     from symaware_cli.exporting.text import CSV
 
-    start, last = span
+    start, last = window
     # Instants are whole nanoseconds: what is after the last one begins with the next.
     end = None if last is None else last + 1
     selection = select(log, fields=fields, agents=agents, start=start, end=end)
@@ -123,25 +125,8 @@ def _foxglove(log: Log, place: Path, on_progress: Progress) -> dict[str, Any]:
     return {"topics": dict(sorted(topics.items())), "size": place.stat().st_size}
 
 
-def _names(listed: str | None) -> list[str] | None:
-    return None if listed is None else [name.strip() for name in listed.split(",") if name.strip()]
-
-
-def _span(start: float | None, end: float | None, as_json: bool) -> tuple[int | None, int | None]:
-    first, last = _instant("--from", start, as_json), _instant("--until", end, as_json)
-    if first is not None and last is not None and first > last:
-        fail(f"--from {start:g} is later than --until {end:g}", WRONG_INPUT, as_json)
-    return first, last
-
-
-def _instant(option: str, time: float | None, as_json: bool) -> int | None:
-    if time is None:
-        return None
-    if not abs(time) < 1e9:
-        fail(f"{option} takes a time in seconds, not {time:g}", WRONG_INPUT, as_json)
-    from symaware_cli.core import nanoseconds
-
-    return nanoseconds(time)
+def _listed(text: str | None) -> list[str] | None:
+    return None if text is None else names(text)
 
 
 def _text(path: Path, place: Path, report: dict[str, Any]) -> str:

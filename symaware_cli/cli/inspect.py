@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from symaware_cli.cli.terminal import DATA_LOST, WRONG_INPUT, Json, fail, print_json, trouble_shown
+from symaware_cli.cli.terminal import DATA_LOST, WRONG_INPUT, Json, fail, print_json, span, trouble_shown
 
 if TYPE_CHECKING:
     from symaware_cli.recording.reader import Log
@@ -134,9 +134,7 @@ def inspect(
         from symaware_cli.recording.reader import open_log
 
         log = open_log(path)
-        first, last = _instant("--from", start, as_json), _instant("--to", end, as_json)
-        if first is not None and last is not None and first > last:
-            fail(f"--from {start:g} is later than --to {end:g}", WRONG_INPUT, as_json)
+        first, last = span(start, end, as_json)
         if series is not None:
             from symaware_cli.cli.table import show_series
 
@@ -181,16 +179,6 @@ def _view(chosen: list[str], filters: dict[str, Any], as_json: bool) -> str:
     if stage is not None and stage not in stages:
         fail(f"--stage {stage} does not go with {view}; there are {', '.join(stages)}", WRONG_INPUT, as_json)
     return view
-
-
-def _instant(option: str, time: float | None, as_json: bool) -> int | None:
-    if time is None:
-        return None
-    if not abs(time) < 1e9:
-        fail(f"{option} takes a time in seconds, not {time:g}", WRONG_INPUT, as_json)
-    from symaware_cli.core import nanoseconds
-
-    return nanoseconds(time)
 
 
 def _show_digest(log: Log, as_json: bool) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from pathlib import Path
 from typing import Annotated, Any
@@ -15,8 +14,11 @@ from symaware_cli.cli.terminal import (
     WRONG_INPUT,
     Json,
     fail,
+    instant,
+    names,
     print_json,
     size_in_words,
+    span,
     trouble_shown,
 )
 
@@ -63,9 +65,8 @@ def plot(
     as_json: Json = False,
 ) -> None:
     """Draw a log into one figure: trajectories, separation, risk, or any series by name."""
-    for option, time in (("--from", start), ("--to", end), ("--at", at)):
-        if time is not None and not math.isfinite(time):
-            fail(f"{option} takes a time in seconds, not {time}", WRONG_INPUT, as_json)
+    span(start, end, as_json)
+    instant("--at", at, as_json)
     measures = _measures(size, as_json)
     with trouble_shown(as_json):
         from symaware_cli.recording.reader import open_log
@@ -74,9 +75,9 @@ def plot(
         from symaware_cli.viewing.plotting.request import Request, SeriesName
 
         request = Request(
-            show=_names(show),
+            show=tuple(names(show)),
             series=tuple(SeriesName.parse(name) for name in series or ()),
-            agents=_names(agents),
+            agents=tuple(names(agents)),
             start=start,
             end=end,
             at=at,
@@ -99,10 +100,6 @@ def plot(
     if damage:
         typer.echo(f"symaware: {damage}", err=True)
         raise typer.Exit(DATA_LOST)
-
-
-def _names(text: str | None) -> tuple[str, ...]:
-    return tuple(dict.fromkeys(name.strip() for name in (text or "").split(",") if name.strip()))
 
 
 def _measures(size: str | None, as_json: bool) -> tuple[float, float] | None:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import ipaddress
 import signal
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext, suppress
+from collections.abc import Sequence
+from contextlib import nullcontext, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from symaware_cli.cli.progress import progress
 from symaware_cli.cli.terminal import (
     DATA_LOST,
     FAILED,
@@ -19,8 +20,11 @@ from symaware_cli.cli.terminal import (
     WRONG_INPUT,
     Json,
     fail,
+    instant,
+    names,
     print_json,
     size_in_words,
+    span,
     trouble_shown,
 )
 
@@ -30,8 +34,6 @@ if TYPE_CHECKING:
     from symaware_cli.viewing.screening import Screening
 
 
-#: The last instant that a log can tell of, in signed nanoseconds [s].
-_LATEST = 9e9
 #: Pictures are so many pixels high and wide at least and at most.
 _SMALLEST, _LARGEST = 200, 8192
 
@@ -45,7 +47,7 @@ def replay(
         Path | None, typer.Option("--screenshot", help="Write a PNG of the viewer; needs no screen.")
     ] = None,
     at: Annotated[
-        float | None, typer.Option("--at", help="The instant of the screenshot [s]; by default the middle.")
+        float | None, typer.Option("--at", help="The instant of the screenshot, in seconds; by default the middle.")
     ] = None,
     size: Annotated[
         str, typer.Option("--size", help="Width and height of the screenshot.", metavar="WxH")
@@ -63,8 +65,8 @@ def replay(
     agents: Annotated[
         str | None, typer.Option("--agents", help="Whom to look at closely: ids or groups, separated by commas.")
     ] = None,
-    start: Annotated[float | None, typer.Option("--from", help="Leave out what is before [s].")] = None,
-    end: Annotated[float | None, typer.Option("--to", help="Leave out what is from there on [s].")] = None,
+    start: Annotated[float | None, typer.Option("--from", help="The first simulated time, in seconds.")] = None,
+    end: Annotated[float | None, typer.Option("--to", help="The last simulated time, in seconds.")] = None,
     as_json: Json = False,
 ) -> None:
     """Show a log in the Rerun viewer: who was where, and what each believed, intended, feared and said."""
@@ -76,58 +78,60 @@ def replay(
             WRONG_INPUT,
             as_json,
         )
-    _require_sound(at=at, start=start, end=end, size=size, bind=bind, as_json=as_json)
+    first, last = span(start, end, as_json)
+    moment = instant("--at", at, as_json)
+    _require_sound(size, bind, as_json)
+    bar = sys.stderr.isatty() and not as_json
+    facts: dict[str, object] = {"log": str(path)}
     with trouble_shown(as_json):
         from symaware_cli.viewing.viewer import ViewerError, require
 
         require()
         log = _opened(path, follow)
-        if log.foreign:
-            from symaware_cli.viewing.foreign import ForeignScreening
-
-            if agents or start is not None or end is not None:
-                fail(f"{path} was not written by SymAware; leave out --agents, --from and --to", WRONG_INPUT, as_json)
-            shown: Screening | ForeignScreening = ForeignScreening(log)
-        else:
-            from symaware_cli.viewing.screening import screening
-
-            names = [name.strip() for name in agents.split(",") if name.strip()] if agents else []
-            shown = screening(log, names, _nanoseconds(start), _nanoseconds(end))
-    from symaware_cli.recording.error import LogError
-
-    quiet = as_json or not sys.stderr.isatty()
-    facts: dict[str, object] = {"log": str(path), "shown": shown.words}
-    try:
-        with _progress(log.start_time or 0, log.end_time or 0, quiet) as on_progress:
-            if save:
-                shown.save(save, on_progress)
-                facts |= {"file": str(save), "size": save.stat().st_size}
-            elif screenshot:
-                views = shown.picture(screenshot, _nanoseconds(at), size, on_progress)
-                reports = [f"{view.name}: {report.summary}" for view in views for report in view.reports]
-                facts |= {"file": str(screenshot), "size": screenshot.stat().st_size, "reports": reports}
-        if save or screenshot:
-            _tell(facts, as_json)
-        else:
-            _present(
-                shown,
-                facts,
-                web=web,
-                bind=bind,
-                port=port,
-                connect=connect,
-                follow=follow,
-                quiet=quiet,
-                as_json=as_json,
-            )
-    except (LogError, ViewerError) as error:
-        fail(str(error), FAILED, as_json)
-    except KeyboardInterrupt:
-        raise typer.Exit(INTERRUPTED) from None
+        if log.foreign and (agents or start is not None or end is not None):
+            fail(f"{path} was not written by SymAware; leave out --agents, --from and --to", WRONG_INPUT, as_json)
+        shown = _screening(log, names(agents), first, last)
+        facts["shown"] = shown.words
+        try:
+            with progress(path.name, log.start_time or 0, log.end_time or 0, bar) as on_progress:
+                if save:
+                    shown.save(save, on_progress)
+                elif screenshot:
+                    views = shown.picture(screenshot, moment, size, on_progress)
+                    facts["reports"] = [f"{view.name}: {report.summary}" for view in views for report in view.reports]
+            if file := save or screenshot:
+                _tell({**facts, "file": str(file), "size": file.stat().st_size}, as_json)
+            else:
+                _present(
+                    shown,
+                    facts,
+                    web=web,
+                    bind=bind,
+                    port=port,
+                    connect=connect,
+                    follow=follow,
+                    bar=bar,
+                    as_json=as_json,
+                )
+        except ViewerError as error:
+            fail(str(error), FAILED, as_json)
+        except KeyboardInterrupt:
+            raise typer.Exit(INTERRUPTED) from None
     # A log that is still being written always lacks its end.
     if not follow and log.damage and log.damage.lost:
         typer.echo(f"symaware: {log.damage}", err=True)
         raise typer.Exit(DATA_LOST)
+
+
+def _screening(log: Log, agents: Sequence[str], first: int | None, last: int | None) -> Screening | ForeignScreening:
+    if log.foreign:
+        from symaware_cli.viewing.foreign import ForeignScreening
+
+        return ForeignScreening(log)
+    from symaware_cli.viewing.screening import screening
+
+    # Instants are whole nanoseconds: what is after the last one begins with the next.
+    return screening(log, agents, first, None if last is None else last + 1)
 
 
 def _present(
@@ -139,7 +143,7 @@ def _present(
     port: int,
     connect: str | None,
     follow: bool,
-    quiet: bool,
+    bar: bool,
     as_json: bool,
 ) -> None:
     """Send everything to a viewer, and wait until somebody closes it or presses Ctrl-C."""
@@ -158,7 +162,8 @@ def _present(
             if follow:
                 recording = shown.follow(url, lambda: started is None or not started.closed)
             else:
-                with _progress(shown.log.start_time or 0, shown.log.end_time or 0, quiet) as on_progress:
+                log = shown.log
+                with progress(log.path.name, log.start_time or 0, log.end_time or 0, bar) as on_progress:
                     recording = shown.send(url, on_progress)
                 _tell(facts, as_json)
         except viewer.ViewerError:
@@ -173,15 +178,8 @@ def _present(
         del recording
 
 
-def _require_sound(
-    *, at: float | None, start: float | None, end: float | None, size: str, bind: str, as_json: bool
-) -> None:
+def _require_sound(size: str, bind: str, as_json: bool) -> None:
     """Leave, unless the options mean something."""
-    for option, time in (("--at", at), ("--from", start), ("--to", end)):
-        if time is not None and not 0 <= time <= _LATEST:
-            fail(f"{option} is a simulated time, from 0 s on, not {time:g}", WRONG_INPUT, as_json)
-    if start is not None and end is not None and start >= end:
-        fail("--from must be before --to", WRONG_INPUT, as_json)
     width, _, height = size.partition("x")
     if not all(side.isdecimal() and len(side) < 6 and _SMALLEST <= int(side) <= _LARGEST for side in (width, height)):
         why = f"--size is two numbers of pixels from {_SMALLEST} to {_LARGEST}, such as 1600x1000, not {size!r}"
@@ -215,21 +213,3 @@ def _tell(facts: dict[str, object], as_json: bool) -> None:
         typer.echo(f"  {report}", err=True)
     # Whoever reads this through a pipe has it before the viewer is closed.
     sys.stdout.flush()
-
-
-@contextmanager
-def _progress(start: int, end: int, quiet: bool) -> Iterator[Callable[[int], None] | None]:
-    """Show a bar of simulated time on the terminal."""
-    if quiet:
-        yield None
-        return
-    from rich.console import Console
-    from rich.progress import Progress
-
-    with Progress(console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task("drawing", total=max(end - start, 1))
-        yield lambda now: progress.update(task, completed=now - start)
-
-
-def _nanoseconds(time: float | None) -> int | None:
-    return None if time is None else round(time * 1e9)

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from symaware_cli.cli.progress import progress
 from symaware_cli.cli.terminal import (
     FAILED,
     INTERRUPTED,
@@ -89,7 +89,7 @@ def _execute(built: Built, log: Path | None, timeout: float | None, quiet: bool,
     duration = built.steps * built.simulation.environment.time_step
     shown = sys.stderr.isatty() and not quiet and not as_json
     try:
-        with _progress(built.document.name, duration, shown) as on_progress:
+        with progress(built.document.name, 0, duration, shown) as on_progress:
             return execute(built, log, on_progress, timeout)
     except LogError as error:
         fail(str(error), FAILED, as_json)
@@ -105,27 +105,6 @@ def _live(log: Path | None, connect: str | None, as_json: bool) -> AbstractConte
 
         require()
     return live_view(log, connect)
-
-
-@contextmanager
-def _progress(name: str, duration: int, shown: bool) -> Iterator[Callable[[int], None] | None]:
-    """Show a bar of simulated time on the terminal."""
-    if not shown:
-        yield None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn("{task.fields[simulated]:.1f} of {task.fields[whole]:g} s"),
-        TextColumn("ends in"),
-        TimeRemainingColumn(compact=True),
-    )
-    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task(name, total=duration, simulated=0.0, whole=duration / 1e9)
-        yield lambda now: progress.update(task, completed=now, simulated=now / 1e9)
 
 
 def _text(summary: Summary) -> str:

@@ -66,6 +66,30 @@ def fail(message: str, status: int, as_json: bool = False) -> NoReturn:
     raise typer.Exit(status)
 
 
+def names(listed: str | None) -> list[str]:
+    """Take names apart that commas separate."""
+    return [name.strip() for name in (listed or "").split(",") if name.strip()]
+
+
+def instant(option: str, time: float | None, as_json: bool = False) -> int | None:
+    """Turn the time [s] that an option was given into nanoseconds; leave where it cannot be one."""
+    if time is None:
+        return None
+    if not 0 <= time < 1e9:
+        fail(f"{option} takes a time in seconds, not {time:g}", WRONG_INPUT, as_json)
+    return round(time * 1e9)
+
+
+def span(
+    start: float | None, end: float | None, as_json: bool = False, until: str = "--to"
+) -> tuple[int | None, int | None]:
+    """The first and the last instant [ns] of what --from and --to [s] ask for; leave where there is nothing between."""
+    first, last = instant("--from", start, as_json), instant(until, end, as_json)
+    if first is not None and last is not None and first > last:
+        fail(f"--from {start:g} is later than {until} {end:g}", WRONG_INPUT, as_json)
+    return first, last
+
+
 @contextmanager
 def trouble_shown(as_json: bool = False) -> Iterator[None]:
     """Turn problems with scenarios and logs into a report and an exit status."""

@@ -12,10 +12,14 @@ from typing import TYPE_CHECKING
 from symaware_cli.recording.error import LogError
 from symaware_cli.recording.output import whole_file
 from symaware_cli.recording.reader import Log
+from symaware_cli.recording.repair import recover
 
 if TYPE_CHECKING:
     import rerun as rr
     from rerun.experimental import View
+
+#: What Rerun raises.
+_TROUBLE = (RuntimeError, ValueError, OSError)
 
 
 @dataclass(frozen=True)
@@ -36,17 +40,25 @@ class ForeignScreening:
         Raises:
             LogError: It cannot be written, or Rerun cannot read the log.
         """
+        del on_progress  # Rerun does not tell how far it is.
+        with whole_file(path, self.log.path) as partial, tempfile.TemporaryDirectory() as folder:
+            try:
+                self._convert(self.log.path, partial)
+            except _TROUBLE:
+                # Rerun goes by the summary, which others may leave out: give it one that is complete.
+                whole = Path(folder) / self.log.path.name
+                recover(self.log, whole)
+                try:
+                    self._convert(whole, partial)
+                except _TROUBLE as error:
+                    raise LogError(f"Rerun cannot read {self.log.path}: {error}") from error
+
+    def _convert(self, source: Path, target: Path) -> None:
         from rerun.chunk import McapReader
 
-        del on_progress  # Rerun does not tell how far it is.
-        with whole_file(path, self.log.path) as partial:
-            try:
-                reader = McapReader(str(self.log.path))
-                reader.stream().write_rrd(
-                    str(partial), application_id=f"symaware {self.log.path.name}", recording_id=str(uuid.uuid4())
-                )
-            except (RuntimeError, ValueError, OSError) as error:
-                raise LogError(f"Rerun cannot read {self.log.path}: {error}") from error
+        McapReader(str(source)).stream().write_rrd(
+            str(target), application_id=f"symaware {self.log.path.name}", recording_id=str(uuid.uuid4())
+        )
 
     def send(self, url: str, on_progress: Callable[[int], None] | None = None) -> rr.RecordingStream:
         """Send everything to a viewer; the recording must be kept for as long as the viewer is to have it."""

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from symaware_cli.recording.error import LogError, reason
+from symaware_cli.recording.error import LogError, OutputError, reason
 from symaware_cli.recording.output import whole_file
 from symaware_cli.recording.reader import Log
 from symaware_cli.viewing.blueprint import blueprint
@@ -22,6 +22,9 @@ from symaware_cli.viewing.stage import Stage
 if TYPE_CHECKING:
     import rerun as rr
     from rerun.experimental import View
+
+#: What a file of Rerun's begins with, blueprint and all, is smaller than this [bytes].
+_ROOM = 1 << 20
 
 Progress = Callable[[int], None] | None
 
@@ -107,8 +110,8 @@ class Screening:
         return views
 
     def _write(self, partial: Path, path: Path, on_progress: Progress) -> None:
-        # Rerun does not say why it cannot write, so ask first.
-        partial.write_bytes(b"")
+        # Rerun does not say why it cannot write, and waits for ever where there is no room for its first words.
+        partial.write_bytes(bytes(_ROOM))
         recording = self._recording()
         try:
             recording.save(partial, default_blueprint=self._blueprint())
@@ -116,7 +119,7 @@ class Screening:
             recording.flush()
             recording.disconnect()
         except RuntimeError as error:
-            raise LogError(f"cannot write {path}: {_why(partial) or error}") from error
+            raise OutputError(f"cannot write {path}: {_why(partial) or error}") from error
 
     def _draw(self, recording: rr.RecordingStream, on_progress: Progress) -> None:
         # What was believed of others is renewed all the time; what happened before is over.
