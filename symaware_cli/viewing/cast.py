@@ -90,6 +90,7 @@ class Cast:
         troupes: By name of the group, in the order of the manifest.
         props: By name.
         roster: Who can be known of, in the order of `Awareness.entities`.
+        duration: How long the run was to be [s].
     """
 
     name: str
@@ -97,6 +98,7 @@ class Cast:
     troupes: Mapping[str, Troupe]
     props: Mapping[str, Prop]
     roster: tuple[str, ...]
+    duration: float
 
     @property
     def agent_count(self) -> int:
@@ -144,6 +146,7 @@ def cast_of(log: Log) -> Cast:
             },
             props={name: _prop(name, entity) for name, entity in manifest["entities"].items()},
             roster=tuple(manifest["roster"]),
+            duration=manifest["steps"] * manifest["time_step"] / 1e9,
         )
     except (KeyError, TypeError, ValueError, AttributeError, ValidationError) as error:
         raise LogError(f"the manifest in {log.path} is damaged") from error

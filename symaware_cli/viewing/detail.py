@@ -15,6 +15,8 @@ FEW = 12
 MANY = 100
 #: How many have a tab where not all do.
 TABS = 4
+#: How long trails are at least [s].
+_SHORTEST = 2.0
 
 
 @dataclass(frozen=True)
@@ -54,7 +56,8 @@ def detail_of(cast: Cast, agents: Sequence[str] = ()) -> Detail:
     chosen = tuple(dict.fromkeys(agent for name in agents for agent in _named(cast, name)))
     focus = chosen[:FEW] or tuple(cast.agents[: count if count <= FEW else TABS])
     minds = count <= MANY
-    trail = 10.0 if minds else 3.0
+    share, longest = (0.3, 60.0) if minds else (0.06, 5.0)
+    trail = min(max(float(f"{share * cast.duration:.2g}"), _SHORTEST), longest)
     shown = [f"{count} agent{'s' if count != 1 else ''}: bodies tinted by risk, trails of {trail:g} s"]
     shown.append("intents and uncertainties of all" if minds else f"intents and uncertainties of {_list(focus)} only")
     if count > FEW:

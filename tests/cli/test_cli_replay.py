@@ -21,7 +21,7 @@ from symaware_cli.recording import wire
 from symaware_cli.scenario.execution import execute, open_scenario
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
-SHOWN = "4 agents: bodies tinted by risk, trails of 10 s, intents and uncertainties of all; tabs for everybody"
+SHOWN = "4 agents: bodies tinted by risk, trails of 3.6 s, intents and uncertainties of all; tabs for everybody"
 
 
 @pytest.fixture(scope="module")

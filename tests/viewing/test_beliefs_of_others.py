@@ -25,6 +25,7 @@ CAST = Cast(
     },
     {},
     ("robot.0", "robot.1", "sled", "wall"),
+    10.0,
 )
 
 

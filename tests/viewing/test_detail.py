@@ -23,7 +23,7 @@ def cast(**counts):
         )
         for name, count in counts.items()
     }
-    return Cast("test", 1, troupes, {}, ())
+    return Cast("test", 1, troupes, {}, (), 30.0)
 
 
 def test_of_a_few_everything_is_shown_and_each_has_a_tab():

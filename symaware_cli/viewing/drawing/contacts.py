@@ -99,6 +99,9 @@ class Contacts(Drawing):
         for entry in entries:
             pair = entry.a, entry.b
             if entry.stage == "BEGIN":
+                if not all(who in self.cast.place or who in self.cast.props for who in pair):
+                    # The ground, on which everybody stands.
+                    continue
                 point = in_space(np.array(entry.point)) if len(entry.point) in (2, 3) else None
                 middle = self._middle(pair, np.array([entry.time]), excerpt)[0]
                 offset = np.zeros(3) if point is None else point - middle

@@ -18,10 +18,14 @@ from symaware_cli.viewing.stage import Stage
 Array = NDArray[np.float64]
 
 
+#: What goals and waypoints are called in knowledge databases.
+_NAMES = ("goal", "target", "waypoint", "waypoints")
+
+
 class Goals(Drawing):
     """Goals as crosses, waypoints as crosses joined by lines, each in its agent's colour.
 
-    They are what the knowledge calls ``goal`` and ``waypoints``.
+    They are what the knowledge calls ``goal``, ``target``, ``waypoint`` or ``waypoints``.
     """
 
     def __init__(self, cast: Cast, detail: Detail, stage: Stage) -> None:
@@ -70,7 +74,7 @@ class Goals(Drawing):
 def _ways(knowledge: Any, dimension: int) -> list[Array]:
     """The goal and the waypoints in a knowledge database, each (m, 3); none where they are something else."""
     ways = []
-    for name in ("goal", "waypoints"):
+    for name in _NAMES:
         try:
             points = np.atleast_2d(np.array(knowledge.get(name, []), float))
         except (ValueError, TypeError):
