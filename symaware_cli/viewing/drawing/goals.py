@@ -49,7 +49,7 @@ class Goals(Drawing):
             for place, (time, message) in enumerate(told):
                 rows = message.rows or range(len(message.values))
                 for row, value in zip(rows, message.values, strict=True):
-                    self._known[troupe.name][row] = _ways(json.loads(value), len(troupe.position))
+                    self._known[troupe.name][row] = known_ways(json.loads(value), len(troupe.position))
                 if place + 1 == len(told) or told[place + 1][0] > time:
                     self._draw(troupe, time)
 
@@ -57,7 +57,7 @@ class Goals(Drawing):
         size = 0.8 * troupe.radius or 0.2
         strips, colours = [], []
         for row, ways in enumerate(self._known[troupe.name]):
-            lines = [line for way in ways for line in (*_crosses(way, size), *([way] if len(way) > 1 else []))]
+            lines = [line for way in ways for line in (*crosses(way, size), *([way] if len(way) > 1 else []))]
             strips += lines
             colours += [faded(troupe.colours[row], 0.35 if self._few else 0.7)] * len(lines)
         if strips:
@@ -71,7 +71,7 @@ class Goals(Drawing):
         return self.cast.agent_count <= FEW
 
 
-def _ways(knowledge: Any, dimension: int) -> list[Array]:
+def known_ways(knowledge: Any, dimension: int) -> list[Array]:
     """The goal and the waypoints in a knowledge database, each (m, 3); none where they are something else."""
     ways = []
     for name in _NAMES:
@@ -84,7 +84,7 @@ def _ways(knowledge: Any, dimension: int) -> list[Array]:
     return ways
 
 
-def _crosses(points: Array, size: float) -> list[Array]:
+def crosses(points: Array, size: float) -> list[Array]:
     """Two strokes through each point."""
     strokes = size * np.array([[[-1.0, -1.0, 0.0], [1.0, 1.0, 0.0]], [[-1.0, 1.0, 0.0], [1.0, -1.0, 0.0]]])
     return [point + stroke for point in points for stroke in strokes]

@@ -81,8 +81,8 @@ class Uncertainties(Drawing):
         """
         super().__init__(cast, detail, stage)
         named = {name: columns.get(f"/agents/{name}/uncertainty", ()) for name in cast.troupes}
-        self._covariance = {name: _covariance_columns(cast.troupes[name], names) for name, names in named.items()}
-        self._samples = {name: _sample_columns(cast.troupes[name], names) for name, names in named.items()}
+        self._covariance = {name: covariance_columns(cast.troupes[name], names) for name, names in named.items()}
+        self._samples = {name: sample_columns(cast.troupes[name], names) for name, names in named.items()}
         self._believed: dict[str, Array] = {}
 
     def begin(self) -> None:
@@ -266,7 +266,7 @@ def unnamed_position(troupe: Troupe, strips: Strips) -> list[int] | None:
     return list(range(columns)) if columns == len(troupe.position) else None
 
 
-def _covariance_columns(troupe: Troupe, names: Sequence[str]) -> NDArray[np.intp] | None:
+def covariance_columns(troupe: Troupe, names: Sequence[str]) -> NDArray[np.intp] | None:
     """Where the covariance of the position stands, (d, d)."""
     elements = [troupe.state[index][0] for index in troupe.position]
     wanted = [[f"cov_{one}_{other}" for other in elements] for one in elements]
@@ -275,7 +275,7 @@ def _covariance_columns(troupe: Troupe, names: Sequence[str]) -> NDArray[np.intp
     return np.array([[names.index(name) for name in row] for row in wanted])
 
 
-def _sample_columns(troupe: Troupe, names: Sequence[str]) -> NDArray[np.intp] | None:
+def sample_columns(troupe: Troupe, names: Sequence[str]) -> NDArray[np.intp] | None:
     """Where the positions of numbered samples stand, (samples, d)."""
     elements = [troupe.state[index][0] for index in troupe.position]
     numbers = sorted({int(found[1]) for name in names if (found := re.fullmatch(r".+\.(\d+)", name))})

@@ -19,11 +19,8 @@ from symaware_cli.recording import journal, wire
 from symaware_cli.recording.index import ChannelInfo
 from symaware_cli.viewing.cast import Cast, Prop, Troupe, in_space
 from symaware_cli.viewing.detail import MANY
-from symaware_cli.viewing.drawing.goals import _crosses as crosses
-from symaware_cli.viewing.drawing.goals import _ways as known_ways
-from symaware_cli.viewing.drawing.minds import _covariance_columns as covariance_columns
-from symaware_cli.viewing.drawing.minds import _sample_columns as sample_columns
-from symaware_cli.viewing.drawing.minds import ellipsoids, position_columns
+from symaware_cli.viewing.drawing.goals import crosses, known_ways
+from symaware_cli.viewing.drawing.minds import covariance_columns, ellipsoids, position_columns, sample_columns
 from symaware_cli.viewing.foxglove import entities
 from symaware_cli.viewing.foxglove.entities import WORLD, Layer, colour, entity
 from symaware_cli.viewing.foxglove.output import Columns, Output
@@ -77,6 +74,7 @@ class Show:
         self._contacts = Layer(output, "/contacts")
         self._touching: dict[str, SceneEntity] = {}
         self._takers |= {"/events": self._event, "/messages": self._message, "/contacts": self._contact}
+        self._takers["/messages/columns"] = self._message
         self._takers = {topic: take for topic, take in self._takers.items() if topic in channels}
 
     @property
@@ -119,14 +117,17 @@ class Show:
         self._output.write("/events", time, line)
 
     def _message(self, time: int, message: Any) -> None:
-        entry = journal.communication(time, message)
-        places = [place for who in (entry.sender, entry.receiver) if (place := self._place(who)) is not None]
-        if entry.stage == "SENT" or len(places) < 2:
-            return
-        arrow = entity(f"{entry.id} {entry.stage.lower()}", time, lifetime=_ARROW)
-        shade = colour((230, 200, 60) if entry.stage == "DELIVERED" else (130, 130, 130))
-        arrow.lines.append(entities.line(np.stack(places), shade, 2.0))
-        self._output.write("/messages", time, SceneUpdate(entities=[arrow]))
+        arrows = []
+        for entry in journal.communications(time, message, self._cast.roster):
+            places = [place for who in (entry.sender, entry.receiver) if (place := self._place(who)) is not None]
+            if entry.stage == "SENT" or len(places) < 2:
+                continue
+            arrow = entity(f"{entry.id} {entry.stage.lower()}", time, lifetime=_ARROW)
+            shade = colour((230, 200, 60) if entry.stage == "DELIVERED" else (130, 130, 130))
+            arrow.lines.append(entities.line(np.stack(places), shade, 2.0))
+            arrows.append(arrow)
+        if arrows:
+            self._output.write("/messages", time, SceneUpdate(entities=arrows))
 
     def _contact(self, time: int, message: Any) -> None:
         contact = journal.contact(time, message)
