@@ -163,8 +163,9 @@ def test_the_readme_shows_the_scenario_as_it_is() -> None:
     assert all(text in scenario for text in shown)
 
 
-def test_every_snippet_of_the_scenario_guide_is_sound(folder: Path) -> None:
-    snippets = [block for block in blocks(TOP / "docs" / "scenario.md") if block.language in ("yaml", "toml")]
+@pytest.mark.parametrize("guide", ["scenario.md", "time.md"])
+def test_every_snippet_of_a_guide_to_scenarios_is_sound(guide: str, folder: Path) -> None:
+    snippets = [block for block in blocks(TOP / "docs" / guide) if block.language in ("yaml", "toml")]
     assert snippets
     for number, block in enumerate(snippets):
         build(written(block, folder, number))

@@ -129,14 +129,15 @@ def recurring_source(selection: Selection) -> EntrySource:
     return EntrySource(RECURRING, rows)
 
 
-def message_source(selection: Selection) -> EntrySource:
-    """Make the table of messages between agents."""
+def message_source(selection: Selection, roster: Sequence[str] = ()) -> EntrySource:
+    """Make the table of messages between agents, of which a roster tells who they are."""
 
     def rows(time: int, message: Any) -> Iterable[Sequence[Any]]:
-        entry = journal.communication(time, message)
-        if selection.has_agent(entry.sender, entry.receiver):
-            about = (entry.sender, entry.receiver, entry.kind, entry.stage)
-            yield time / 1e9, entry.id, *about, entry.sent_time / 1e9, entry.reason, message.payload, entry.size
+        for entry in journal.communications(time, message, roster):
+            if selection.has_agent(entry.sender, entry.receiver):
+                about = (entry.sender, entry.receiver, entry.kind, entry.stage)
+                says = "" if entry.payload is None else json.dumps(entry.payload, sort_keys=True)
+                yield time / 1e9, entry.id, *about, entry.sent_time / 1e9, entry.reason, says, entry.size
 
     return EntrySource(MESSAGES, rows)
 

@@ -92,10 +92,15 @@ def sources_of(log: Log, selection: Selection) -> dict[str, Source]:
         "events": ("/events", entries.event_source(selection)),
         "recurring": ("/events/recurring", entries.recurring_source(selection)),
         "messages": ("/messages", entries.message_source(selection)),
+        "message_columns": (
+            "/messages/columns",
+            entries.message_source(selection, log.manifest.get("roster", ())),
+        ),
         "contacts": ("/contacts", entries.contact_source(selection)),
         "timing": ("/timing", entries.timing_source()),
     }
-    return sources | dict(each for kind, each in journal.items() if selection.has_field(kind))
+    kinds = {"message_columns": "messages"}
+    return sources | dict(each for kind, each in journal.items() if selection.has_field(kinds.get(kind, kind)))
 
 
 def _extents(log: Log, selection: Selection) -> dict[str, Extent]:

@@ -14,8 +14,8 @@ from symaware_cli.components.control.goal import GoToGoal
 from symaware_cli.components.perception import OmniscientPerception, SelfPerception
 from symaware_cli.models.integrator import SingleIntegrator
 from symaware_cli.models.unicycle import Unicycle
-from symaware_cli.runtime.faults import RunError
-from symaware_cli.runtime.synchronous import run
+from symaware_cli.runtime.failure import RunError
+from symaware_cli.runtime.run import run
 from symaware_cli.scenario.build import build
 
 FAST = Unicycle(Unicycle.Parameters(max_speed=2.0))

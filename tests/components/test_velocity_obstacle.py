@@ -14,7 +14,7 @@ from symaware_cli.components.perception import OmniscientPerception, SelfPercept
 from symaware_cli.components.risk.time_to_collision import time_to_collision
 from symaware_cli.models.integrator import DoubleIntegrator, SingleIntegrator
 from symaware_cli.models.unicycle import Unicycle
-from symaware_cli.runtime.synchronous import run
+from symaware_cli.runtime.run import run
 from symaware_cli.scenario.build import build
 
 DISC = Entity.model_validate({"shape": {"circle": {"radius": 0.3}}})

@@ -6,9 +6,16 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from networking import Post, laid, world
+from scipy import stats
+from simulating import STEP
 
-from symaware_cli import AwarenessVector, Message, TimeSeries
+from symaware_cli import AwarenessVector, Mailing, Message, TimeSeries
+from symaware_cli.network.channel.parameters import ChannelParameters
+from symaware_cli.network.disturbance import Disturbance
 from symaware_cli.network.exchange import MemoryExchange, UnknownReceiverError
+from symaware_cli.network.network import Exemption, Network, Stretch
+from symaware_cli.network.topology.still import Complete, Line
 
 IDS = ["car", "robot.0", "robot.1"]
 
@@ -106,3 +113,152 @@ def test_two_receivers_of_one_payload_do_not_share_it():
     (first,), (second,) = post.receive("robot.0"), post.receive("robot.1")
     first.payload["places"].append("b")
     assert second.payload["places"] == ["a"]
+
+
+def test_what_is_for_everybody_reaches_all_but_its_sender():
+    post = exchange()
+    post.send(Message("robot.0", "*", {"text": "hello"}))
+    post.deliver(50)
+    assert [len(post.receive(id)) for id in IDS] == [1, 0, 1]
+    assert post.neighbours("robot.0") == ["car", "robot.1"]
+
+
+def mail(values, senders=(0, 1, 2), kind="news", receivers=None):
+    return Mailing(np.array(senders), {"said": np.array(values)}, kind, receivers)
+
+
+def test_a_mailing_reaches_single_readers_as_messages():
+    post = exchange()
+    post.send(Message("robot.1", "car", {"said": 9.0}))
+    post.post(mail([1.0, 2.0, 3.0]))
+    post.deliver(50)
+    heard = post.receive("car")
+    assert [(each.sender, float(each.payload["said"]), each.sequence) for each in heard] == [
+        ("robot.1", 9.0, 0),
+        ("robot.0", 2.0, 0),
+        ("robot.1", 3.0, 1),
+    ]
+
+
+def test_a_mailing_may_be_for_one_receiver_each():
+    post = exchange()
+    post.post(mail([1.0, 2.0], senders=(0, 2), receivers=np.array([2, 1])))
+    post.deliver(50)
+    assert [[float(each.payload["said"]) for each in post.receive(id)] for id in IDS] == [[], [2.0], [1.0]]
+
+
+def test_a_reader_in_columns_gets_its_kinds_and_nobody_else_does():
+    post = exchange()
+    post.inboxes.open("agents.robot.hear", ["robot.0", "robot.1"], ["news"], columns=True)
+    post.post(mail([1.0, 2.0, 3.0]))
+    post.post(mail([4.0], senders=(0,), kind="other"))
+    post.send(Message("car", "robot.0", {"text": "hello"}, "news"))
+    post.deliver(50)
+    delivery, letter = sorted(post.collect("agents.robot.hear"), key=lambda each: isinstance(each, Message))
+    told = sorted(
+        zip(delivery.senders.tolist(), delivery.receivers.tolist(), delivery.column("said").tolist(), strict=True)
+    )
+    assert told == [(0, 1, 1.0), (0, 2, 1.0), (1, 2, 2.0), (2, 1, 3.0)]
+    assert letter.payload["text"] == "hello"
+    assert list(post.collect("agents.robot.hear")) == []
+    assert [each.kind for each in post.receive("robot.0")] == ["other"]
+    assert [each.kind for each in post.receive("car")] == ["news", "news"]
+
+
+def test_readers_of_single_agents_may_have_kinds_of_their_own_too():
+    post = exchange()
+    for name in ("ask", "spy"):
+        post.inboxes.open(name, ["robot.0", "robot.1"], ["question"], columns=False)
+    post.send(Message("car", "robot.0", {}, "question"))
+    post.send(Message("car", "robot.0", {}, "answer"))
+    post.post(mail([1.0], senders=(0,), kind="question"))
+    post.deliver(50)
+    assert post.has_mail("robot.0", "ask")
+    assert [[each.kind for each in post.receive("robot.0", name)] for name in ("ask", "spy", "")] == [
+        ["question", "question"],
+        ["question", "question"],
+        ["answer"],
+    ]
+
+
+def test_what_arrives_is_ordered_by_when_it_does():
+    post = Post(laid(Complete, world(3)), {"delay": {"exponential": 0.1}})
+    for number in range(30):
+        post.send(f"robot.{number % 3}", f"robot.{(number + 1) % 3}", number=number)
+    due = [letter.due for letter in sorted(post.exchange._under_way._letters)]
+    post.exchange.deliver(10**10)
+    delivered = [message for message, _ in post.stage("delivered")]
+    assert len(delivered) == 30
+    assert due == sorted(due)
+    assert [message.payload["number"] for message in delivered] != list(range(30))
+
+
+def test_what_travels_for_no_time_arrives_with_the_next_step():
+    post = Post(laid(Complete, world(2)))
+    post.exchange.deliver(20_000_000)
+    post.send("robot.0", "robot.1")
+    assert post.exchange.next_time == STEP
+    post.exchange.deliver(STEP - 1)
+    assert post.exchange.receive("robot.1") == ()
+    post.exchange.deliver(STEP)
+    assert len(post.exchange.receive("robot.1")) == 1
+
+
+def test_over_no_link_nothing_gets_through():
+    post = Post(laid(Line, world(3)))
+    post.send("robot.0", "robot.2")
+    post.send("robot.0", "robot.1")
+    post.exchange.post(mail([1.0, 2.0, 3.0], receivers=np.array([2, 0, 1])))
+    post.until(STEP)
+    assert [(message.receiver, reason) for message, reason in post.stage("dropped")] == [("robot.2", "no-link")]
+    assert post.reasons() == {"no-link": 1}
+    assert post.exchange.delivered == 3
+
+
+def test_links_may_have_a_channel_of_their_own():
+    slow, lossy = ({"delay": 0.2}, {"loss": 1.0})
+    post = Post(
+        laid(Complete, world(3)),
+        {"delay": 0.1},
+        exemptions=[
+            Exemption(frozenset({0}), frozenset({1, 2}), ChannelParameters(**slow)),
+            Exemption(frozenset({0, 1}), frozenset({2}), ChannelParameters(**lossy)),
+        ],
+    )
+    post.post()
+    post.until(150_000_000)
+    assert arrived(post) == [(1, 0), (2, 0), (2, 1)]
+    post.until(250_000_000, 200_000_000)
+    assert arrived(post) == [(0, 1), (1, 0), (2, 0), (2, 1)]
+    assert post.reasons() == {"loss": 2}
+
+
+def arrived(post):
+    return sorted(
+        (int(sender), int(receiver))
+        for each in post.traffic
+        if each.stage == "delivered"
+        for sender, receiver in zip(each.delivery.senders, each.delivery.receivers, strict=True)
+    )
+
+
+def test_topologies_may_follow_each_other_and_begin_again():
+    environment = world(3)
+    stretches = [Stretch(0, laid(Complete, environment)), Stretch(2 * STEP, laid(Line, environment))]
+    network = Network(environment.roster, stretches, repeat=3 * STEP)
+    changes = [network.update(step * STEP) for step in range(7)]
+    assert [None if each is None else each.links for each in changes] == [6, None, 4, 6, None, 4, 6]
+    assert list(changes[2].ended) == [("robot.0", "robot.2"), ("robot.2", "robot.0")]
+    assert list(changes[3].begun) == [("robot.0", "robot.2"), ("robot.2", "robot.0")]
+
+
+def test_a_disturbance_takes_its_share_of_those_it_is_about():
+    post = Post(laid(Complete, world(40)))
+    robots = [f"robot.{number}" for number in range(40)]
+    post.exchange.disturbances.append(Disturbance("storm", set(robots[:20]), set(robots), 0.25, 20_000_000))
+    for step in range(10):
+        post.exchange.deliver(step * STEP)
+        post.post()
+    dropped = post.reasons()["storm"]
+    assert stats.binomtest(dropped, 20 * 39 * 10, 0.25).pvalue > 1e-3
+    assert all((each.delivery.senders < 20).all() for each in post.traffic if each.stage == "dropped")

@@ -55,7 +55,7 @@ SCENARIO = {
 
 def changed(**changes):
     """The scenario with other values at dotted paths; None takes a key away."""
-    document = yaml.safe_load(yaml.safe_dump(SCENARIO))
+    document = yaml.safe_load(yaml.safe_dump(SCENARIO, sort_keys=False))
     for path, value in changes.items():
         place = document
         *parents, last = path.split("__")
@@ -266,3 +266,13 @@ def test_a_repeated_run_is_taken_from_the_log_alone(tmp_path):
 
     execute(open_scenario(log.path), again)
     assert digest(log).channels == digest(open_log(again)).channels
+
+
+@pytest.mark.parametrize("fault", [{"stop": "robot.1"}, {"freeze": "robot.1.tell"}])
+def test_who_takes_no_part_says_nothing(fault, tmp_path):
+    faults = {"end": {"at": 0.5, "for": 0.5, **fault}}
+    log = ran(tmp_path, changed(topology={"use": "complete"}, faults=faults))
+    said = {entry.time for entry in log.communications() if entry.stage == "SENT" and entry.sender == "robot.1"}
+    assert said == {time for time in range(0, 2_000_000_000, 100_000_000) if not 500_000_000 <= time < 1_000_000_000}
+    others = {entry.time for entry in log.communications() if entry.stage == "SENT" and entry.sender == "robot.2"}
+    assert others == set(range(0, 2_000_000_000, 100_000_000))

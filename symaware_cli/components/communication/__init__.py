@@ -1,0 +1,1 @@
+"""Communication: what agents tell each other, and what they make of it."""

@@ -1,0 +1,101 @@
+"""Telling others where one is."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from symaware_cli.core import AgentGroup, GroupComponent, Mailing, Parameters, nanoseconds
+
+Array = NDArray[np.float64]
+
+#: The kind of its messages.
+STATE = "state"
+
+
+class StateSender(GroupComponent):
+    """Tells all whom it reaches what each agent believes of itself: position, velocity, state and chosen knowledge.
+
+    It does so at each of its turns (`period`), or only when others would be wrong: a receiver takes a sender to go
+    straight on, and with a `threshold` a sender speaks up when it is farther than that from where it would be taken to
+    be. `communication.inbox` reads its messages.
+    """
+
+    class Parameters(Parameters):
+        """What is told, and when."""
+
+        knowledge: tuple[str, ...] = Field((), description="Which knowledge is told along, by name; numbers only.")
+        uncertainty: bool = Field(
+            False, description="Whether the covariance of the own position is told, where it is estimated."
+        )
+        threshold: float | None = Field(
+            None,
+            ge=0,
+            description="An agent speaks only when it is farther than this from where others take it to be [m]; at "
+            "every turn if null.",
+        )
+        silence: float | None = Field(
+            None, gt=0, description="With a threshold, the longest time that an agent says nothing [s]; any if null."
+        )
+
+    def check(self, group: AgentGroup) -> None:
+        """What is told along is known, and made of numbers."""
+        for name in self.parameters.knowledge:
+            try:
+                group.known(name)
+            except KeyError:
+                raise ValueError(f"the agents do not know `{name}`") from None
+        if self.parameters.silence is not None and self.parameters.threshold is None:
+            raise ValueError("`silence` is the exception to a `threshold`, and there is none")
+
+    def initialise_component(self, group: AgentGroup) -> None:
+        """Nothing was told yet."""
+        super().initialise_component(group)
+        self._start = self.environment.roster.start(group.name)
+        count, dimensions = len(group), len(group.model.position)
+        self._told = np.full((count, dimensions), np.nan)
+        self._moving = np.zeros((count, dimensions))
+        self._told_at = np.full(count, -(1 << 62), np.int64)
+
+    def _compute(self) -> Mailing | None:
+        group, parameters = self._group, self.parameters
+        state = group.awareness.state
+        position, velocity = group.model.positions(state), group.model.velocity(state, group.control_input)
+        rows = np.arange(len(group)) if parameters.threshold is None else self._due(position)
+        if not len(rows):
+            return None
+        columns = {"position": position[rows], "velocity": velocity[rows], "state": state[rows]}
+        if parameters.uncertainty:
+            columns["covariance"] = self._covariance(rows)
+        columns |= {name: group.known(name)[rows] for name in parameters.knowledge}
+        return Mailing(rows + self._start, columns, STATE)
+
+    def _update(self, value: Mailing | None) -> None:
+        if value is None:
+            return
+        if self.parameters.threshold is not None:
+            rows = value.senders - self._start
+            self._told[rows], self._moving[rows] = value.columns["position"], value.columns["velocity"]
+            self._told_at[rows] = self.now
+        self._surroundings.exchange.post(value)
+
+    def _due(self, position: Array) -> NDArray[np.intp]:
+        """Those who are not where others take them to be."""
+        age = (self.now - self._told_at)[:, None] / 1e9
+        error = np.linalg.norm(position - (self._told + age * self._moving), axis=1)
+        due = ~(error <= self.parameters.threshold)
+        if self.parameters.silence is not None:
+            due |= self.now - self._told_at >= nanoseconds(self.parameters.silence)
+        return np.flatnonzero(due)
+
+    def _covariance(self, rows: NDArray[np.intp]) -> Array:
+        """The covariance of each position; NaN where none was estimated."""
+        model, uncertainty = self._group.model, self._group.awareness.uncertainty
+        size, places = len(model.state), np.array(model.position)
+        covariance = np.full((len(rows), len(places), len(places)), np.nan)
+        for place, row in enumerate(rows.tolist()):
+            series = uncertainty.row(row)
+            if len(series) and series.values.shape[1] == size * size:
+                covariance[place] = series.values[0].reshape(size, size)[np.ix_(places, places)]
+        return covariance

@@ -1,0 +1,1 @@
+"""Channels: what becomes of a message on its way over a link."""

@@ -1,0 +1,167 @@
+"""A channel: what delays, loses, repeats and holds up messages."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symaware_cli.core import nanoseconds
+from symaware_cli.core.message import Indices, Times
+from symaware_cli.network.chance import Array, uniforms
+from symaware_cli.network.channel.delay import delays
+from symaware_cli.network.channel.ledger import Ledger
+from symaware_cli.network.channel.parameters import Bursts, ChannelParameters
+
+#: Why messages are dropped, by the number that stands for it in `Fates.reason`; the first is none.
+REASONS = ("", "loss", "queue-full", "too-old", "no-link")
+LOSS, QUEUE_FULL, TOO_OLD, NO_LINK = 1, 2, 3, 4
+
+_DELAY, _JITTER, _LOSS, _STATE = range(4)
+_REPEATED, _AGAIN, _AGAIN_JITTER, _START = range(4)
+
+
+class Fates(NamedTuple):
+    """What becomes of messages.
+
+    Attributes:
+        due: When each arrives, in nanoseconds; shape (m,).
+        reason: Why each is dropped, as an index in `REASONS`; shape (m,). What is too old is dropped when it arrives.
+        copies: The places of those that arrive a second time; shape (c,).
+        copies_due: When these do so; shape (c,).
+    """
+
+    due: Times
+    reason: NDArray[np.uint8]
+    copies: Indices
+    copies_due: Times
+
+
+class Channel:
+    """Decides the fate of messages over any number of links; what it remembers of each stands in the ledger.
+
+    In this order: a message waits until those before it are in the link; it is lost or not; it travels; it may arrive
+    twice. So what is lost has used the link.
+
+    Attributes:
+        parameters: How messages get through.
+    """
+
+    def __init__(self, parameters: ChannelParameters) -> None:
+        self.parameters = parameters
+        delay = parameters.delay
+        self._constant = nanoseconds(delay) if isinstance(delay, float) and not parameters.jitter else None
+        self._is_sure = self._constant is not None and parameters.loss == 0.0 and parameters.duplication == 0.0
+        self._oldest = None if parameters.max_age is None else nanoseconds(parameters.max_age)
+
+    @property
+    def drops_heads(self) -> bool:
+        """Whether what waits may still be dropped when something else is sent."""
+        return self.parameters.queue is not None and self.parameters.drop == "head"
+
+    def carry(self, ledger: Ledger, links: Indices, numbers: Times, now: int, sizes: NDArray[np.int64]) -> Fates:
+        """Decide the fates of messages that are sent now, at most one over each link.
+
+        Args:
+            ledger: Remembers the links.
+            links: Their rows in it; shape (m,).
+            numbers: Which message on its link each is; shape (m,).
+            now: In nanoseconds.
+            sizes: In bytes; shape (m,).
+        """
+        parameters = self.parameters
+        leaving, full = np.full(len(links), now, np.int64), np.zeros(len(links), bool)
+        if parameters.bandwidth is not None:
+            free = np.maximum(ledger.free[links], now)
+            if parameters.queue is not None:
+                full = (free - now) * (parameters.bandwidth / 1e9) + sizes > parameters.queue
+            leaving = free + np.rint(sizes * (1e9 / parameters.bandwidth)).astype(np.int64)
+            ledger.free[links] = np.where(full, ledger.free[links], leaving)
+        fates = self.transmit(ledger, links, numbers, np.full(len(links), now), leaving, ~full)
+        fates.reason[full] = QUEUE_FULL
+        return fates
+
+    def transmit(
+        self,
+        ledger: Ledger,
+        links: Indices,
+        numbers: Times,
+        sent: Times,
+        leaving: Times,
+        counts: NDArray[np.bool_] | None = None,
+    ) -> Fates:
+        """Decide the fates of messages that have got into their links.
+
+        Args:
+            ledger: Remembers the links.
+            links: Their rows in it; shape (m,).
+            numbers: Which message on its link each is; shape (m,).
+            sent: When each was sent, in nanoseconds; shape (m,).
+            leaving: When each is in the link, in nanoseconds; shape (m,).
+            counts: Which of them really are; all if None.
+        """
+        parameters, nobody = self.parameters, np.empty(0, np.intp)
+        reason = np.zeros(len(links), np.uint8)
+        copies, copies_due = nobody, np.empty(0, np.int64)
+        if self._is_sure:
+            due = leaving + (self._constant or 0)
+        else:
+            drawn = uniforms(ledger.keys[links], numbers, 0)
+            more = uniforms(ledger.keys[links], numbers, 1) if self._draws_more else None
+            due = leaving + self._travel(drawn[_DELAY], drawn[_JITTER])
+            lost = self._lost(ledger, links, drawn, more, counts)
+            reason[lost] = LOSS
+            if more is not None and parameters.duplication:
+                copies = np.flatnonzero((more[_REPEATED] < parameters.duplication) & ~lost)
+                copies_due = (leaving + self._travel(more[_AGAIN], more[_AGAIN_JITTER]))[copies]
+        if parameters.in_order:
+            arriving = reason == 0 if counts is None else (reason == 0) & counts
+            due = np.maximum(due, ledger.arrival[links])
+            last = due.copy()
+            if len(copies):
+                copies_due = np.maximum(copies_due, due[copies])
+                last[copies] = copies_due
+            ledger.arrival[links] = np.where(arriving, last, ledger.arrival[links])
+        if self._oldest is not None:
+            late = (reason == 0) & (due - sent > self._oldest)
+            reason[late] = TOO_OLD
+            # A copy of what is too old may be in time, and the other way round; each has its own fate.
+            timely = copies_due - sent[copies] <= self._oldest
+            copies, copies_due = copies[timely], copies_due[timely]
+        if counts is not None and len(copies):
+            chosen = counts[copies]
+            copies, copies_due = copies[chosen], copies_due[chosen]
+        return Fates(due, reason, copies, copies_due)
+
+    @property
+    def _draws_more(self) -> bool:
+        return bool(self.parameters.duplication) or isinstance(self.parameters.loss, Bursts)
+
+    def _travel(self, delay: Array, jitter: Array) -> Times:
+        """How long messages travel, in nanoseconds."""
+        if self._constant is not None:
+            return np.full(len(delay), self._constant, np.int64)
+        seconds = delays(self.parameters.delay, delay)
+        if self.parameters.jitter:
+            seconds = seconds + self.parameters.jitter * jitter
+        travelled: Times = np.rint(np.minimum(seconds, 1e9) * 1e9).astype(np.int64)
+        return travelled
+
+    def _lost(
+        self, ledger: Ledger, links: Indices, drawn: Array, more: Array | None, counts: NDArray[np.bool_] | None
+    ) -> NDArray[np.bool_]:
+        loss, lost = self.parameters.loss, np.zeros(len(links), bool)
+        if not isinstance(loss, Bursts):
+            lost[:] = drawn[_LOSS] < loss
+            return lost
+        assert more is not None
+        # The first message finds the link in the state in which it is in the long run.
+        share = loss.enter / (loss.enter + loss.leave)
+        before = ledger.bad[links]
+        was_bad = np.where(before < 0, more[_START] < share, before == 1)
+        changes = drawn[_STATE] < np.where(was_bad, loss.leave, loss.enter)
+        is_bad = np.where(before < 0, was_bad, was_bad ^ changes)
+        ledger.bad[links] = is_bad if counts is None else np.where(counts, is_bad, before)
+        lost[:] = drawn[_LOSS] < np.where(is_bad, loss.bad, loss.good)
+        return lost

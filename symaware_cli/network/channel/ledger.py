@@ -1,0 +1,98 @@
+"""The ledger: what is remembered of each link that was ever used."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symaware_cli.core.message import Indices
+from symaware_cli.network.chance import Words, agent_keys, link_keys
+
+
+class Ledger:
+    """A row for each link, made when the link is first used.
+
+    Attributes:
+        counts: How many messages were sent over each link.
+        keys: What each link's draws are keyed by.
+        arrival: When the last message of each link arrives, in nanoseconds.
+        free: When each link has carried all that waits for it, in nanoseconds.
+        bad: Whether each link is in the bad state: 0 or 1, or -1 before its first message.
+        channel: The number of each link's channel.
+    """
+
+    def __init__(self, seed: int, ids: Sequence[str]) -> None:
+        """Know no links.
+
+        Args:
+            seed: The seed of the run.
+            ids: All agents, in the roster's order.
+        """
+        self._count = len(ids)
+        self._agents = agent_keys(seed, ids, "links")
+        #: sender * count + receiver of each known link, ascending, and the row of each.
+        self._known = np.empty(0, np.int64)
+        self._rows = np.empty(0, np.intp)
+        #: How many rows are in use, and the link that each stands for.
+        self._used = 0
+        self._links = np.zeros(0, np.int64)
+        self.counts = np.zeros(0, np.int64)
+        self.keys: Words = np.zeros(0, np.uint64)
+        self.arrival = np.zeros(0, np.int64)
+        self.free = np.zeros(0, np.int64)
+        self.bad = np.zeros(0, np.int8)
+        self.channel = np.zeros(0, np.intp)
+
+    def rows(self, senders: Indices, receivers: Indices) -> tuple[Indices, slice | None]:
+        """The rows of links.
+
+        Args:
+            senders: Shape (m,).
+            receivers: Shape (m,).
+
+        Returns:
+            Shape (m,), and which rows are new, if any are.
+        """
+        wanted = senders.astype(np.int64) * self._count + receivers
+        places = np.searchsorted(self._known, wanted)
+        inside = places < len(self._known)
+        known = np.zeros(len(wanted), bool)
+        known[inside] = self._known[places[inside]] == wanted[inside]
+        if known.all():
+            return self._rows[places], None
+        new = np.unique(wanted[~known])
+        begun = slice(self._used, self._used + len(new))
+        where = np.searchsorted(self._known, new)
+        self._known = np.insert(self._known, where, new)
+        self._rows = np.insert(self._rows, where, np.arange(begun.start, begun.stop))
+        self._enter(begun, new)
+        return self._rows[np.searchsorted(self._known, wanted)], begun
+
+    def _enter(self, rows: slice, links: NDArray[np.int64]) -> None:
+        """Fill in the rows of new links; there is room for twice as many as are used, since links may come singly."""
+        self._used = rows.stop
+        if self._used > len(self.counts):
+            room = 2 * self._used - len(self.counts)
+            self._links, self.counts, self.arrival, self.free = (
+                np.concatenate([each, np.zeros(room, np.int64)])
+                for each in (self._links, self.counts, self.arrival, self.free)
+            )
+            self.channel = np.concatenate([self.channel, np.zeros(room, np.intp)])
+            self.keys = np.concatenate([self.keys, np.zeros(room, np.uint64)])
+            self.bad = np.concatenate([self.bad, np.full(room, -1, np.int8)])
+        senders, receivers = np.divmod(links, self._count)
+        self._links[rows] = links
+        self.keys[rows] = link_keys(self._agents[senders], self._agents[receivers])
+
+    def ends(self, rows: slice) -> tuple[Indices, Indices]:
+        """The senders and receivers of some rows."""
+        senders, receivers = np.divmod(self._links[rows], self._count)
+        return senders.astype(np.intp), receivers.astype(np.intp)
+
+    def number(self, rows: Indices) -> NDArray[np.int64]:
+        """Count a message more on each of some links, each at most once, and return which message each is."""
+        numbers = self.counts[rows]
+        self.counts[rows] = numbers + 1
+        return numbers

@@ -1,0 +1,238 @@
+"""The network: who reaches whom at present, and over which channels."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symaware_cli.core import Links, Roster, Topology
+from symaware_cli.core.message import Indices, Times
+from symaware_cli.network.channel.channel import NO_LINK, Channel, Fates
+from symaware_cli.network.channel.ledger import Ledger
+from symaware_cli.network.channel.parameters import ChannelParameters
+
+
+@dataclass(frozen=True, slots=True)
+class Stretch:
+    """A topology and when it begins to hold.
+
+    Attributes:
+        start: In nanoseconds.
+        topology: What holds from then on.
+    """
+
+    start: int
+    topology: Topology
+
+
+@dataclass(frozen=True, slots=True)
+class Exemption:
+    """Links whose channel differs from that of all others.
+
+    Attributes:
+        senders: Whose messages, as indices in the roster.
+        receivers: To whom.
+        channel: In what it differs.
+    """
+
+    senders: frozenset[int]
+    receivers: frozenset[int]
+    channel: ChannelParameters
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """How the links changed.
+
+    Attributes:
+        links: How many there are now.
+        begun: Those that are new; pairs of ids.
+        ended: Those that are no more.
+        parts: Into how many parts the network falls that do not reach each other; None where nobody asked.
+        breaks: Whether that is more than one, and was not before.
+        moves: Whether the topology is one that changes all the time.
+    """
+
+    links: int
+    begun: Sequence[tuple[str, str]]
+    ended: Sequence[tuple[str, str]]
+    parts: int | None
+    breaks: bool
+    moves: bool
+
+
+class Network:
+    """Who reaches whom over which channel.
+
+    Attributes:
+        links: The links at present.
+        connected: Whether it was promised that everybody reaches everybody, at last through others.
+    """
+
+    def __init__(
+        self,
+        roster: Roster,
+        stretches: Sequence[Stretch],
+        *,
+        repeat: int | None = None,
+        channel: ChannelParameters | None = None,
+        exemptions: Sequence[Exemption] = (),
+        connected: bool = False,
+    ) -> None:
+        """Begin without links; `update` lays them.
+
+        Args:
+            roster: Who is who.
+            stretches: Topologies, initialised, in the order of their starts; the first starts at 0.
+            repeat: After which time the first stretch begins again, in nanoseconds; None for never.
+            channel: How messages get over a link; perfect if None.
+            exemptions: Links that differ; of several that concern a link, the last has its say.
+            connected: Whether parts are to be counted.
+        """
+        self._roster = roster
+        self._stretches = tuple(stretches)
+        self._repeat = repeat
+        self._base = channel or ChannelParameters()
+        self._exemptions = tuple(exemptions)
+        self._channels = [Channel(self._base)]
+        self._numbers: dict[tuple[int, ...], int] = {(): 0}
+        self.connected = connected
+        self.links: Links | None = None
+        self._is_whole = True
+        #: Whether every message gets through at once that goes over a link.
+        self.is_perfect = self._base.is_perfect and not self._exemptions
+        #: Whether there may be something that is dropped from the head of a queue.
+        self.has_lines = self._channels[0].drops_heads or any(
+            Channel(self._base.changed(each.channel)).drops_heads for each in self._exemptions
+        )
+
+    def topology(self, now: int) -> Topology:
+        """The topology that holds at an instant, in nanoseconds."""
+        time = now % self._repeat if self._repeat else now
+        return [each.topology for each in self._stretches if each.start <= time][-1]
+
+    def update(self, now: int) -> Change | None:
+        """Look who reaches whom at a step of the world; None where nothing changed."""
+        before, topology = self.links, self.topology(now)
+        links = self.links = topology.links(now)
+        if links is before:
+            return None
+        if before is None:
+            begun = ended = np.empty(0, np.int64)
+        else:
+            begun = np.setdiff1d(links.keys, before.keys, assume_unique=True)
+            ended = np.setdiff1d(before.keys, links.keys, assume_unique=True)
+            if not len(begun) and not len(ended):
+                return None
+        parts = len(np.unique(links.parts()[topology.members])) if self.connected else None
+        was_whole, self._is_whole = self._is_whole, parts is None or parts <= 1
+        breaks = was_whole and not self._is_whole
+        return Change(len(links), self._named(begun), self._named(ended), parts, breaks, topology.changes)
+
+    def _named(self, keys: NDArray[np.int64]) -> list[tuple[str, str]]:
+        ids = self._roster.ids
+        senders, receivers = np.divmod(keys, len(ids))
+        return [(ids[one], ids[other]) for one, other in zip(senders.tolist(), receivers.tolist(), strict=True)]
+
+    def reached(self, senders: Indices) -> tuple[Indices, Indices]:
+        """Whom some agents reach.
+
+        Args:
+            senders: Ascending; shape (s,).
+
+        Returns:
+            For each link the place of its sender among them, ascending, and its receiver; each of shape (m,).
+        """
+        links = self.links
+        assert links is not None
+        if len(senders) == links.count:
+            return links.senders, links.receivers
+        starts, ends = links.pointers[senders], links.pointers[senders + 1]
+        degrees = ends - starts
+        rows = np.repeat(np.arange(len(senders)), degrees)
+        within = np.arange(len(rows)) - np.repeat(np.cumsum(degrees) - degrees, degrees)
+        return rows, links.receivers[starts[rows] + within]
+
+    def has(self, senders: Indices, receivers: Indices) -> NDArray[np.bool_]:
+        """Whether there are links from some agents to others; shape (m,)."""
+        links = self.links
+        assert links is not None
+        if not len(links):
+            return np.zeros(len(senders), bool)
+        keys, wanted = links.keys, senders.astype(np.int64) * links.count + receivers
+        found: NDArray[np.bool_] = keys[np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)] == wanted
+        return found
+
+    def enter(self, ledger: Ledger, new: slice) -> None:
+        """Choose the channels of links that are used for the first time."""
+        if not self._exemptions:
+            return
+        senders, receivers = ledger.ends(new)
+        for row, sender, receiver in zip(range(new.start, new.stop), senders.tolist(), receivers.tolist(), strict=True):
+            concerned = tuple(
+                number
+                for number, each in enumerate(self._exemptions)
+                if sender in each.senders and receiver in each.receivers
+            )
+            ledger.channel[row] = self._numbers.setdefault(concerned, len(self._channels))
+            if ledger.channel[row] == len(self._channels):
+                parameters = self._base
+                for number in concerned:
+                    parameters = parameters.changed(self._exemptions[number].channel)
+                self._channels.append(Channel(parameters))
+
+    def channel(self, number: int) -> Channel:
+        """A channel by its number in the ledger."""
+        return self._channels[number]
+
+    def waits(self, ledger: Ledger, rows: Indices, linked: NDArray[np.bool_] | None) -> NDArray[np.bool_]:
+        """Which messages have to wait for what comes after them, because that may push them out of a queue.
+
+        Args:
+            ledger: Remembers the links.
+            rows: The links, as rows in it; shape (m,).
+            linked: Which of them are links at present; None for all.
+        """
+        heads = np.array([channel.drops_heads for channel in self._channels])
+        waits: NDArray[np.bool_] = heads[ledger.channel[rows]]
+        return waits if linked is None else waits & linked
+
+    def carry(
+        self,
+        ledger: Ledger,
+        rows: Indices,
+        numbers: Times,
+        now: int,
+        sizes: NDArray[np.int64],
+        linked: NDArray[np.bool_] | None,
+        waits: NDArray[np.bool_] | None = None,
+    ) -> Fates:
+        """Decide the fates of messages that are sent now; see `Channel.carry`.
+
+        Args:
+            ledger: Remembers the links.
+            rows: The links, as rows in it, each at most once; shape (m,).
+            numbers: Which message on its link each is; shape (m,).
+            now: In nanoseconds.
+            sizes: In bytes; shape (m,).
+            linked: Which of them are links at present; None for all.
+            waits: Which of them are left as they are; None for none.
+        """
+        if linked is None and waits is None and len(self._channels) == 1:
+            return self._channels[0].carry(ledger, rows, numbers, now, sizes)
+        due, reason = np.full(len(rows), now, np.int64), np.zeros(len(rows), np.uint8)
+        copies, copies_due = [np.empty(0, np.intp)], [np.empty(0, np.int64)]
+        if linked is not None:
+            reason[~linked] = NO_LINK
+        decided = reason == 0 if waits is None else (reason == 0) & ~waits
+        for number, channel in enumerate(self._channels):
+            chosen = np.flatnonzero(decided & (ledger.channel[rows] == number))
+            if len(chosen):
+                fates = channel.carry(ledger, rows[chosen], numbers[chosen], now, sizes[chosen])
+                due[chosen], reason[chosen] = fates.due, fates.reason
+                copies.append(chosen[fates.copies])
+                copies_due.append(fates.copies_due)
+        return Fates(due, reason, np.concatenate(copies), np.concatenate(copies_due))

@@ -1,0 +1,186 @@
+"""The passage: what network and disturbances together make of messages that are sent."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symaware_cli.core.message import Indices, Times
+from symaware_cli.network.chance import agent_keys, uniforms
+from symaware_cli.network.channel.channel import NO_LINK, REASONS, TOO_OLD, Fates
+from symaware_cli.network.channel.ledger import Ledger
+from symaware_cli.network.channel.line import Line
+from symaware_cli.network.disturbance import Disturbance
+from symaware_cli.network.network import Network
+
+#: Stands among the reasons for what is not decided yet.
+WAITS = 255
+
+#: The pages of a message's draws before this one belong to its channel.
+_OWN_PAGE = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Parcel:
+    """A message that waits before a link.
+
+    Attributes:
+        content: What the caller gave, and the place in it.
+        place: See there.
+        sender: As an index in the roster.
+        receiver: Likewise.
+        row: The link, as a row in the ledger.
+        number: Which message on its link it is.
+        sent: When it was sent, in nanoseconds.
+    """
+
+    content: Any
+    place: int
+    sender: int
+    receiver: int
+    row: int
+    number: int
+    sent: int
+
+
+class Passage:
+    """Decides what becomes of messages.
+
+    Attributes:
+        network: Who reaches whom, and how; None for everybody, at once and without fail.
+        disturbances: What happens to messages besides.
+        reasons: What the numbers stand for that tell why messages are dropped.
+    """
+
+    def __init__(self, seed: int, ids: Sequence[str]) -> None:
+        self.network: Network | None = None
+        self.disturbances: list[Disturbance] = []
+        self.reasons = list(REASONS)
+        self._seed = seed
+        self._ids = ids
+        self._lines: dict[int, Line[Parcel]] = {}
+
+    @cached_property
+    def _ledger(self) -> Ledger:
+        return Ledger(self._seed, self._ids)
+
+    @property
+    def is_free(self) -> bool:
+        """Whether all messages pass, at once."""
+        return self.network is None and not self.disturbances
+
+    @property
+    def waiting(self) -> int:
+        """How many messages wait before links."""
+        return sum(len(line) for line in self._lines.values())
+
+    @property
+    def next_time(self) -> int | None:
+        """When the next of them gets into its link, in nanoseconds."""
+        times = [time for line in self._lines.values() if (time := line.next_time) is not None]
+        return min(times, default=None)
+
+    def decide(
+        self, content: Any, senders: Indices, receivers: Indices, size: int, now: int, *, linked: bool
+    ) -> tuple[Fates, list[Parcel]]:
+        """Decide the fates of messages that are sent now, at most one over each link.
+
+        Args:
+            content: What they are; comes back in parcels.
+            senders: Whose, as indices in the roster; shape (m,).
+            receivers: To whom; shape (m,).
+            size: Of each, in bytes.
+            now: In nanoseconds.
+            linked: Whether all of them go over links that there are at present.
+
+        Returns:
+            The fates, in which `WAITS` is the reason of what will come out of `advance`; and what waited before and is
+            dropped from a full queue now.
+        """
+        network = self.network
+        if network is not None and network.is_perfect and not self.disturbances:
+            return _at_once(None if linked else network.has(senders, receivers), len(senders), now), []
+        ledger = self._ledger
+        rows, new = ledger.rows(senders, receivers)
+        if new is not None and network is not None:
+            network.enter(ledger, new)
+        numbers = ledger.number(rows)
+        victims: list[Parcel] = []
+        if network is None:
+            fates = _at_once(None, len(rows), now)
+        else:
+            has = None if linked else network.has(senders, receivers)
+            sizes = np.full(len(rows), size, np.int64)
+            waits = network.waits(ledger, rows, has) if network.has_lines else np.zeros(len(rows), bool)
+            fates = network.carry(ledger, rows, numbers, now, sizes, has, waits if waits.any() else None)
+            for place in np.flatnonzero(waits).tolist():
+                sender, receiver, row = int(senders[place]), int(receivers[place]), int(rows[place])
+                parcel = Parcel(content, place, sender, receiver, row, int(numbers[place]), now)
+                victims += self._wait(network, parcel, size, now)
+                fates.reason[place] = WAITS
+        return self._disturbed(fates, senders, receivers, rows, numbers), victims
+
+    def _wait(self, network: Network, parcel: Parcel, size: int, now: int) -> list[Parcel]:
+        line = self._lines.get(parcel.row)
+        if line is None:
+            channel = network.channel(int(self._ledger.channel[parcel.row]))
+            line = self._lines[parcel.row] = Line(channel.parameters)
+        return line.join(now, size, parcel)
+
+    def advance(self, now: int) -> list[tuple[Parcel, Fates]]:
+        """Decide the fates of what has got into its link until now."""
+        ledger, network = self._ledger if self._lines else None, self.network
+        if ledger is None or network is None:
+            return []
+        done = []
+        for row in sorted(self._lines):
+            line, channel = self._lines[row], network.channel(int(ledger.channel[row]))
+            rows = np.array([row])
+            for parcel, leaving in line.advance(now):
+                numbers = np.array([parcel.number])
+                fates = channel.transmit(ledger, rows, numbers, np.array([parcel.sent]), np.array([leaving]))
+                ends = np.array([parcel.sender]), np.array([parcel.receiver])
+                done.append((parcel, self._disturbed(fates, *ends, rows, numbers)))
+        return done
+
+    def _disturbed(self, fates: Fates, senders: Indices, receivers: Indices, rows: Indices, numbers: Times) -> Fates:
+        """What disturbances make of the fates of messages."""
+        due, reason, copies, copies_due = fates
+        for disturbance in self.disturbances:
+            hit = disturbance.concerned(self._ids, senders, receivers)
+            hit &= (reason == 0) | (reason == TOO_OLD)
+            if not hit.any():
+                continue
+            due = np.where(hit, due + disturbance.delay, due)
+            copies_due = copies_due + np.where(hit[copies], disturbance.delay, 0)
+            if disturbance.loss:
+                struck = hit & self._struck(disturbance, rows, numbers)
+                reason = np.where(struck, self._reason(disturbance.name), reason).astype(np.uint8)
+                kept = ~struck[copies]
+                copies, copies_due = copies[kept], copies_due[kept]
+        return Fates(due, reason, copies, copies_due)
+
+    def _struck(self, disturbance: Disturbance, rows: Indices, numbers: Times) -> NDArray[np.bool_]:
+        """Which messages a disturbance would lose: drawn from the link's chance, so that nobody else's matters."""
+        name = agent_keys(self._seed, [disturbance.name], "disturbances")
+        struck: NDArray[np.bool_] = uniforms(self._ledger.keys[rows] ^ name, numbers, _OWN_PAGE)[0] < disturbance.loss
+        return struck
+
+    def _reason(self, name: str) -> int:
+        """The number of a reason."""
+        if name not in self.reasons:
+            self.reasons.append(name)
+        return self.reasons.index(name)
+
+
+def _at_once(linked: NDArray[np.bool_] | None, count: int, now: int) -> Fates:
+    """The fates of messages that get through at once, if they go over a link."""
+    reason = np.zeros(count, np.uint8)
+    if linked is not None:
+        reason[~linked] = NO_LINK
+    return Fates(np.full(count, now), reason, np.empty(0, np.intp), np.empty(0, np.int64))

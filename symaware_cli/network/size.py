@@ -1,0 +1,51 @@
+"""How big messages are on a channel."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+
+from symaware_cli.core import AwarenessVector, Mailing, TimeSeries
+
+#: What every message costs besides what it says: whose it is, for whom, its kind, number and time [bytes].
+HEADER = 32
+
+
+def message_size(payload: Mapping[str, Any]) -> int:
+    """The size of a message in bytes: 8 for each number, a byte for each letter of ASCII, and the header.
+
+    Names of the payload are not counted: who agrees on a kind of message agrees on what it consists of.
+    """
+    return HEADER + sum(_size(value) for value in payload.values())
+
+
+def mailing_size(mailing: Mailing) -> int:
+    """The size of each message of a mailing in bytes."""
+    count = max(len(mailing.senders), 1)
+    return HEADER + sum(values.nbytes // count for values in mailing.columns.values())
+
+
+def _size(value: Any) -> int:
+    if value is None:
+        return 0
+    if isinstance(value, str):
+        return len(value.encode())
+    if isinstance(value, bytes):
+        return len(value)
+    if isinstance(value, bool):
+        return 1
+    if isinstance(value, np.ndarray):
+        return value.nbytes
+    if isinstance(value, TimeSeries):
+        return value.times.nbytes + value.values.nbytes
+    if isinstance(value, AwarenessVector):
+        return len(value.id.encode()) + sum(
+            _size(part) for part in (value.state, value.intent, value.uncertainty, value.risk)
+        )
+    if isinstance(value, Mapping):
+        return sum(_size(key) + _size(each) for key, each in value.items())
+    if isinstance(value, Iterable):
+        return sum(_size(each) for each in value)
+    return 8

@@ -1,0 +1,123 @@
+"""Topologies that follow where agents truly are."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from symaware_cli.core import Environment, Links, Topology, TopologyParameters
+from symaware_cli.core.message import Indices
+
+
+class NearTopology(Topology):
+    """A topology that depends on true positions."""
+
+    changes: ClassVar[bool] = True
+
+    def initialise(self, environment: Environment, seed: int) -> None:
+        """Look who takes part."""
+        super().initialise(environment, seed)
+        self._takes_part = np.zeros(len(self.roster), bool)
+        self._takes_part[self.members] = True
+        self._links: Links | None = None
+
+    def within(self, reach: float) -> tuple[Indices, Indices, NDArray[np.float64]]:
+        """Members within reach of each other, from both sides, and their distances [m]; each of shape (m,)."""
+        environment = self.environment
+        one, other, distance = environment.proximity.directed(environment.snapshot().positions, reach)
+        if not self._takes_part.all():
+            chosen = self._takes_part.take(one) & self._takes_part.take(other)
+            one, other, distance = one[chosen], other[chosen], distance[chosen]
+        return one, other, distance
+
+    def renewed(self, senders: Indices, receivers: Indices) -> Links:
+        """Links, sorted already; the same object as before if they are the same."""
+        before = self._links
+        if (
+            before is None
+            or len(before) != len(senders)
+            or not np.array_equal(before.receivers, receivers)
+            or not np.array_equal(before.senders, senders)
+        ):
+            self._links = before = Links(len(self.roster), senders, receivers)
+        return before
+
+
+class Range(NearTopology):
+    """Those reach each other who are near: a disk graph on true positions."""
+
+    class Parameters(TopologyParameters):
+        """How far a message carries."""
+
+        range: float = Field(gt=0, description="Greatest distance at which two come to reach each other [m].")
+        hysteresis: float = Field(
+            0.0, ge=0, description="How much farther apart they still do, once they reach each other [m]."
+        )
+
+    def links(self, now: int) -> Links:
+        """Those within range, and those still held."""
+        reach, slack = self.parameters.range, self.parameters.hysteresis
+        one, other, distance = self.within(reach + slack)
+        if slack:
+            held = distance <= reach
+            if self._links is not None and len(self._links):
+                keys, before = one.astype(np.int64) * len(self.roster) + other, self._links.keys
+                places = np.minimum(np.searchsorted(before, keys), len(before) - 1)
+                held |= before[places] == keys
+            one, other = one[held], other[held]
+        return self.renewed(one, other)
+
+
+class Nearest(NearTopology):
+    """Each reaches so many of those nearest to it, on true positions."""
+
+    class Parameters(TopologyParameters):
+        """How many."""
+
+        count: int = Field(ge=1, le=1000, description="How many each reaches.")
+        directed: bool = Field(
+            False, description="Whether it is not for those nearest to answer; otherwise links go both ways."
+        )
+
+    def links(self, now: int) -> Links:
+        """Links to the nearest."""
+        from scipy.spatial import cKDTree
+
+        members = np.flatnonzero(self._takes_part)
+        positions = self.environment.snapshot().positions[members]
+        count = min(self.parameters.count, len(members) - 1)
+        if count < 1:
+            return self.renewed(np.empty(0, np.intp), np.empty(0, np.intp))
+        # The nearest of all is oneself, or somebody at the same place.
+        found = np.asarray(cKDTree(positions).query(positions, k=count + 1)[1])
+        own = found == np.arange(len(members))[:, None]
+        own[~own.any(axis=1), -1] = True
+        nearest = found[~own].reshape(len(members), count)
+        one, other = members.repeat(count), members[nearest.reshape(-1)]
+        links = Links.of(len(self.roster), one, other, both_ways=not self.parameters.directed)
+        return self.renewed(links.senders, links.receivers)
+
+
+class LineOfSight(NearTopology):
+    """Those reach each other who are near and have no obstacle of the environment between them."""
+
+    class Parameters(TopologyParameters):
+        """How far a message carries."""
+
+        range: float = Field(gt=0, description="Greatest distance at which two reach each other [m].")
+
+    def links(self, now: int) -> Links:
+        """Those within range whose straight line is free."""
+        one, other, _ = self.within(self.parameters.range)
+        positions, scenery = self.environment.snapshot().positions, self.environment.scenery
+        if len(scenery):
+            # Both directions share a line.
+            first = one < other
+            keys = one[first].astype(np.int64) * len(self.roster) + other[first]
+            free = ~scenery.blocks(positions.take(one[first], 0), positions.take(other[first], 0))
+            links = Links.of(len(self.roster), *np.divmod(keys[free], len(self.roster)), both_ways=True)
+            one, other = links.senders, links.receivers
+        return self.renewed(one, other)

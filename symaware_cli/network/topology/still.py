@@ -1,0 +1,202 @@
+"""Topologies that stay as they are."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from symaware_cli.core import Environment, Links, Topology, TopologyError, TopologyParameters
+from symaware_cli.core.message import Indices
+from symaware_cli.network.chance import agent_keys, link_keys, uniforms
+
+Id = Annotated[str, Field(min_length=1, max_length=200)]
+
+
+class StillTopology(Topology):
+    """A topology whose links are laid once."""
+
+    def initialise(self, environment: Environment, seed: int) -> None:
+        """Lay the links."""
+        super().initialise(environment, seed)
+        self._links = self.lay()
+
+    @abstractmethod
+    def lay(self) -> Links:
+        """Make the links."""
+
+    def links(self, now: int) -> Links:
+        """The same at all times."""
+        return self._links
+
+    def between(self, one: Indices, other: Indices, *, both_ways: bool = True) -> Links:
+        """Links between members, given by their places among them."""
+        return Links.of(len(self.roster), self.members[one], self.members[other], both_ways=both_ways)
+
+
+class Complete(StillTopology):
+    """Everybody reaches everybody."""
+
+    def lay(self) -> Links:
+        """A link from each to each."""
+        places = np.arange(len(self.members))
+        return self.between(np.repeat(places, len(places)), np.tile(places, len(places)), both_ways=False)
+
+
+class Star(StillTopology):
+    """All talk with one, and with nobody else."""
+
+    class Parameters(TopologyParameters):
+        """Who is in the middle."""
+
+        hub: Id | None = Field(None, description="Who is in the middle, an id; the first member if left out.")
+
+    def lay(self) -> Links:
+        """A link from the hub to each, and back."""
+        hub = int(self.members[0])
+        if self.parameters.hub is not None:
+            found = self.find(self.parameters.hub, "hub")
+            if len(found) > 1:
+                raise TopologyError(f"`{self.parameters.hub}` are {len(found)} agents, and one is in the middle", "hub")
+            hub = found[0]
+        return Links.of(len(self.roster), np.full(len(self.members), hub), self.members, both_ways=True)
+
+
+class Ring(StillTopology):
+    """Each talks with the next and the one before, in a circle."""
+
+    class Parameters(TopologyParameters):
+        """How far each reaches along the ring."""
+
+        neighbours: int = Field(1, ge=1, le=1000, description="How many each reaches in each direction.")
+        directed: bool = Field(False, description="Whether each only reaches those after it.")
+
+    def lay(self) -> Links:
+        """Links to the next ones."""
+        places, count = np.arange(len(self.members)), len(self.members)
+        steps = np.arange(1, self.parameters.neighbours + 1)
+        one, other = np.repeat(places, len(steps)), (places[:, None] + steps).reshape(-1) % max(count, 1)
+        return self.between(one, other, both_ways=not self.parameters.directed)
+
+
+class Line(StillTopology):
+    """Each talks with the next and the one before, in a row, such as the vehicles of a platoon."""
+
+    class Parameters(TopologyParameters):
+        """How far each reaches along the line."""
+
+        neighbours: int = Field(1, ge=1, le=1000, description="How many each reaches in each direction.")
+        directed: bool = Field(False, description="Whether each only reaches those after it.")
+
+    def lay(self) -> Links:
+        """Links to the next ones, as far as there are any."""
+        places, count = np.arange(len(self.members)), len(self.members)
+        steps = np.arange(1, self.parameters.neighbours + 1)
+        one, other = np.repeat(places, len(steps)), (places[:, None] + steps).reshape(-1)
+        return self.between(one[other < count], other[other < count], both_ways=not self.parameters.directed)
+
+
+class Grid(StillTopology):
+    """Members stand in rows and columns and talk with those beside, above and below them."""
+
+    class Parameters(TopologyParameters):
+        """How the grid is laid out."""
+
+        columns: int | None = Field(None, ge=1, description="Members in a row; about a square if left out.")
+        wraps: bool = Field(False, description="Whether the last of each row and column reaches the first: a torus.")
+
+    def lay(self) -> Links:
+        """Links to the right and down."""
+        count = len(self.members)
+        columns = self.parameters.columns or max(1, round(float(np.sqrt(count))))
+        rows = -(-count // columns)
+        row, column = np.divmod(np.arange(count), columns)
+        right, down = column + 1, row + 1
+        if self.parameters.wraps:
+            if count != rows * columns:
+                raise TopologyError(f"{count} members do not fill {rows} rows of {columns}", "columns")
+            right, down = right % columns, down % rows
+        ends = np.concatenate([np.where(right < columns, row * columns + right, count), down * columns + column])
+        ends[count:][down >= rows] = count
+        one = np.tile(np.arange(count), 2)
+        return self.between(one[ends < count], ends[ends < count])
+
+
+class Tree(StillTopology):
+    """Each talks with the one above it and with those below; the first member is at the top."""
+
+    class Parameters(TopologyParameters):
+        """How the tree grows."""
+
+        branches: int = Field(2, ge=1, le=100_000, description="How many are below each.")
+
+    def lay(self) -> Links:
+        """Links to the one above."""
+        below = np.arange(1, len(self.members))
+        return self.between(below, (below - 1) // self.parameters.branches)
+
+
+class Graph(StillTopology):
+    """A graph that is written down edge by edge."""
+
+    class Parameters(TopologyParameters):
+        """Its edges."""
+
+        edges: tuple[tuple[Id, Id], ...] = Field(
+            min_length=1,
+            description="Pairs of ids, groups or patterns: who of the first is linked with whom of the second.",
+        )
+        directed: bool = Field(False, description="Whether the first of each pair only sends to the second.")
+
+    def lay(self) -> Links:
+        """The links of every pair."""
+        senders: list[int] = []
+        receivers: list[int] = []
+        for number, (one, other) in enumerate(self.parameters.edges):
+            if one == other and one in self.roster:
+                raise TopologyError(f"`{one}` cannot be linked with itself", "edges", number)
+            ends = self.find(one, "edges", number, 0), self.find(other, "edges", number, 1)
+            senders += [each for each in ends[0] for _ in ends[1]]
+            receivers += [each for _ in ends[0] for each in ends[1]]
+        both_ways = not self.parameters.directed
+        return Links.of(len(self.roster), np.array(senders), np.array(receivers), both_ways=both_ways)
+
+
+class Random(StillTopology):
+    """Each pair is linked with a probability, drawn once (P. Erdos, A. Renyi, "On random graphs I", 1959).
+
+    Whether two are linked depends on the seed and on these two, not on who else is there.
+    """
+
+    class Parameters(TopologyParameters):
+        """How dense it is."""
+
+        probability: float = Field(ge=0, le=1, description="Probability that two are linked.")
+        directed: bool = Field(False, description="Whether each direction is drawn by itself.")
+        connected: bool = Field(
+            False, description="Whether to draw again until everybody reaches everybody, at last through others."
+        )
+
+    #: How often a graph is drawn before it is given up that it is connected.
+    _TRIES = 1000
+
+    def lay(self) -> Links:
+        """Draw the links."""
+        parameters = self.parameters
+        keys = agent_keys(self.seed, [self.roster.ids[member] for member in self.members], "topology")
+        one, other = np.triu_indices(len(keys), 1)
+        if parameters.directed:
+            one, other = np.concatenate([one, other]), np.concatenate([other, one])
+        else:
+            # The same draw whichever of both comes first in the roster.
+            turned = keys[one] > keys[other]
+            one, other = np.where(turned, other, one), np.where(turned, one, other)
+        pairs = link_keys(keys[one], keys[other])
+        for attempt in range(self._TRIES if parameters.connected else 1):
+            chosen = uniforms(pairs, np.full(len(pairs), attempt, np.int64), 0)[0] < parameters.probability
+            links = self.between(one[chosen], other[chosen], both_ways=not parameters.directed)
+            if not parameters.connected or len(np.unique(links.parts()[self.members])) <= 1:
+                return links
+        raise TopologyError(f"of {self._TRIES} graphs that were drawn none is connected", "probability")

@@ -1,0 +1,195 @@
+"""Every model of a channel has the statistics of its parameters."""
+
+import numpy as np
+import pytest
+from networking import Post, laid, world
+from scipy import stats
+
+from symaware_cli.network.channel.channel import LOSS, QUEUE_FULL, TOO_OLD, Channel
+from symaware_cli.network.channel.ledger import Ledger
+from symaware_cli.network.channel.parameters import ChannelParameters
+from symaware_cli.network.topology.still import Complete
+
+MANY = 20_000
+
+
+class Link:
+    """Messages over a single link, one after the other, or over many links at once."""
+
+    def __init__(self, links=1, seed=7, **parameters):
+        self.channel = Channel(ChannelParameters.model_validate(parameters))
+        self.ledger = Ledger(seed, [f"robot.{number}" for number in range(links + 1)])
+        self.rows, _ = self.ledger.rows(np.zeros(links, np.intp), np.arange(1, links + 1))
+
+    def carry(self, now, size=100):
+        sizes = np.full(len(self.rows), size)
+        return self.channel.carry(self.ledger, self.rows, self.ledger.number(self.rows), now, sizes)
+
+
+def delays(**parameters):
+    """The delays of many messages, one over each link [s]."""
+    fates = Link(MANY, **parameters).carry(1_000)
+    assert (fates.reason == 0).all()
+    return (fates.due - 1_000) / 1e9
+
+
+@pytest.mark.parametrize(
+    ("delay", "distribution"),
+    [
+        ({"uniform": [0.1, 0.3]}, stats.uniform(0.1, 0.2)),
+        ({"normal": [0.2, 0.02]}, stats.norm(0.2, 0.02)),
+        ({"normal": [0.05, 0.1]}, stats.truncnorm(-0.5, np.inf, 0.05, 0.1)),
+        ({"lognormal": [0.1, 0.5]}, stats.lognorm(0.5, scale=0.1)),
+        ({"exponential": 0.05}, stats.expon(scale=0.05)),
+    ],
+    ids=str,
+)
+def test_delays_have_the_distribution_that_was_asked_for(delay, distribution):
+    drawn = delays(delay=delay)
+    assert (drawn >= 0).all()
+    # Kolmogorov and Smirnov; the seed is fixed, so this never fails by chance.
+    assert stats.kstest(drawn, distribution.cdf).pvalue > 1e-3
+
+
+def test_so_have_the_delays_along_one_link():
+    link = Link(delay={"exponential": 0.05})
+    drawn = [int(link.carry(now).due[0]) - now for now in range(2_000)]
+    assert stats.kstest(np.array(drawn) / 1e9, stats.expon(scale=0.05).cdf).pvalue > 1e-3
+
+
+def test_jitter_is_even_and_comes_on_top():
+    assert stats.kstest(delays(delay=0.05, jitter=0.02), stats.uniform(0.05, 0.02).cdf).pvalue > 1e-3
+    assert (delays(delay=0.05) == 0.05).all()
+
+
+@pytest.mark.parametrize("loss", [0.01, 0.2, 0.9])
+def test_losses_are_as_many_as_their_probability(loss):
+    lost = int((Link(MANY, loss=loss).carry(0).reason == LOSS).sum())
+    assert stats.binomtest(lost, MANY, loss).pvalue > 1e-3
+
+
+def test_losses_of_one_link_do_not_depend_on_each_other():
+    link = Link(loss=0.3)
+    lost = np.array([int(link.carry(now).reason[0] == LOSS) for now in range(4_000)])
+    table = np.histogram2d(lost[:-1], lost[1:], 2)[0]
+    assert stats.chi2_contingency(table).pvalue > 1e-3
+    assert stats.binomtest(int(lost.sum()), 4_000, 0.3).pvalue > 1e-3
+
+
+def test_bursts_begin_and_end_as_often_as_they_should():
+    enter, leave = 0.05, 0.25
+    link = Link(2_000, loss={"enter": enter, "leave": leave})
+    lost = np.array([link.carry(now).reason == LOSS for now in range(60)])
+    # The model of Gilbert and Elliott is a Markov chain, in its long-run distribution from the first message on.
+    share = enter / (enter + leave)
+    assert stats.binomtest(int(lost[0].sum()), 2_000, share).pvalue > 1e-3
+    before, after = lost[:-1], lost[1:]
+    assert stats.binomtest(int((~before & after).sum()), int((~before).sum()), enter).pvalue > 1e-3
+    assert stats.binomtest(int((before & ~after).sum()), int(before.sum()), leave).pvalue > 1e-3
+    # Bursts have a geometric length. Of those that begin early enough, next to none is cut off by the end.
+    begins = np.argwhere(~lost[:20] & lost[1:21])
+    lengths = [int(np.argmin(lost[begin + 1 :, link])) for begin, link in begins]
+    counted = np.bincount(np.minimum(lengths, 12), minlength=13)[1:]
+    law = stats.geom(leave)
+    expected = np.array([*law.pmf(np.arange(1, 12)), law.sf(11)]) * len(lengths)
+    assert stats.chisquare(counted, expected).pvalue > 1e-3
+
+
+def test_in_the_bad_state_some_may_get_through_and_in_the_good_one_some_may_not():
+    fates = Link(MANY, loss={"enter": 0.1, "leave": 0.1, "good": 0.02, "bad": 0.5}).carry(0)
+    assert stats.binomtest(int((fates.reason == LOSS).sum()), MANY, 0.5 * 0.02 + 0.5 * 0.5).pvalue > 1e-3
+
+
+def test_copies_are_as_many_as_their_probability_and_have_delays_of_their_own():
+    fates = Link(MANY, duplication=0.1, delay={"exponential": 0.05}, loss=0.2).carry(0)
+    kept = int((fates.reason == 0).sum())
+    assert stats.binomtest(len(fates.copies), kept, 0.1).pvalue > 1e-3
+    assert (fates.reason[fates.copies] == 0).all()
+    assert stats.kstest(fates.copies_due / 1e9, stats.expon(scale=0.05).cdf).pvalue > 1e-3
+    assert abs(np.corrcoef(fates.due[fates.copies], fates.copies_due)[0, 1]) < 0.1
+
+
+def test_what_overtakes_waits_where_order_is_kept():
+    free, kept = (Link(delay={"exponential": 0.05}, in_order=each, duplication=0.2) for each in (False, True))
+    due = [[int(link.carry(now * 1_000_000).due[0]) for now in range(300)] for link in (free, kept)]
+    assert any(after < before for before, after in zip(due[0], due[0][1:], strict=False))
+    assert all(after >= before for before, after in zip(due[1], due[1][1:], strict=False))
+    assert all(late >= early for early, late in zip(due[0], due[1], strict=True))
+
+
+def test_messages_follow_each_other_as_fast_as_the_link_carries_them():
+    link = Link(bandwidth=1000.0, delay=0.5)
+    due = [int(link.carry(now, size=100).due[0]) for now in (0, 0, 0, 1_000_000_000)]
+    # 100 bytes at 1000 bytes/s take 0.1 s.
+    assert due == [600_000_000, 700_000_000, 800_000_000, 1_600_000_000]
+
+
+def test_a_full_queue_turns_away_what_comes_last():
+    link = Link(bandwidth=1000.0, queue=250.0)
+    fates = [link.carry(0, size=100) for _ in range(4)]
+    assert [int(each.reason[0]) for each in fates] == [0, 0, QUEUE_FULL, QUEUE_FULL]
+    # After 0.05 s half of the first is in the link: 150 bytes wait, and there is room for 100 more.
+    assert int(link.carry(50_000_000, size=100).reason[0]) == 0
+
+
+def test_what_was_turned_away_costs_the_link_nothing():
+    link = Link(bandwidth=1000.0, queue=100.0)
+    assert [int(link.carry(0).reason[0]) for _ in range(3)] == [0, QUEUE_FULL, QUEUE_FULL]
+    assert int(link.carry(100_000_000).due[0]) == 200_000_000
+
+
+def test_what_is_lost_has_used_the_link():
+    link = Link(bandwidth=1000.0, loss=1.0)
+    assert [int(link.carry(0).due[0]) for _ in range(2)] == [100_000_000, 200_000_000]
+
+
+def test_what_is_too_old_is_dropped():
+    fates = Link(MANY, delay={"uniform": [0.0, 0.2]}, max_age=0.15).carry(0)
+    late = fates.reason == TOO_OLD
+    assert (late == (fates.due > 150_000_000)).all()
+    assert stats.binomtest(int(late.sum()), MANY, 0.25).pvalue > 1e-3
+
+
+def test_a_full_queue_may_push_out_what_waits_longest():
+    # Of messages of 132 bytes, one is on its way into the link when the others come, and there is room for one more.
+    post = Post(
+        laid(Complete, world(2)),
+        {"bandwidth": 1000.0, "queue": 300.0, "drop": "head"},
+        time_step=10_000_000,
+    )
+    for number in range(4):
+        post.send("robot.0", "robot.1", number=float(number), filling="x" * 92)
+    post.until(1_000_000_000, 10_000_000, 10_000_000)
+    assert [(message.payload["number"], reason) for message, reason in post.stage("dropped")] == [
+        (1.0, "queue-full"),
+        (2.0, "queue-full"),
+    ]
+    arrived = [message.payload["number"] for message, _ in post.stage("delivered")]
+    assert arrived == [0.0, 3.0]
+
+
+def test_the_tail_of_a_queue_is_its_newest():
+    post = Post(laid(Complete, world(2)), {"bandwidth": 1000.0, "queue": 300.0}, time_step=10_000_000)
+    for number in range(4):
+        post.send("robot.0", "robot.1", number=float(number), filling="x" * 92)
+    post.until(1_000_000_000, 10_000_000, 10_000_000)
+    assert [message.payload["number"] for message, _ in post.stage("dropped")] == [2.0, 3.0]
+    assert [message.payload["number"] for message, _ in post.stage("delivered")] == [0.0, 1.0]
+
+
+def test_each_link_has_chance_of_its_own_whoever_else_there_is():
+    def lost(ids, senders):
+        post = Post(laid(Complete, world(ids)), {"loss": 0.5})
+        for now in range(1, 40):
+            post.post(senders)
+            post.exchange.deliver(now * 50_000_000)
+        return {
+            (int(sender), int(receiver), int(each.delivery.sent_time))
+            for each in post.traffic
+            if each.stage == "dropped"
+            for sender, receiver in zip(each.delivery.senders, each.delivery.receivers, strict=True)
+        }
+
+    few, more = lost(3, [0, 1]), lost(5, [0, 1, 4])
+    assert few == {each for each in more if each[0] < 2 and each[1] < 3}
+    assert few

@@ -1,0 +1,191 @@
+"""Who reaches whom in each topology."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from networking import laid, pairs, world
+from scipy import stats
+from simulating import STEP, Team, simulation
+
+from symaware_cli.core import Links, Obstacle, TopologyError
+from symaware_cli.network.topology.near import LineOfSight, Nearest, Range
+from symaware_cli.network.topology.still import Complete, Graph, Grid, Line, Random, Ring, Star, Tree
+
+
+def both(*edges):
+    return sorted([*edges, *((other, one) for one, other in edges)])
+
+
+@pytest.mark.parametrize(
+    ("topology", "parameters", "expected"),
+    [
+        (Complete, {}, both((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))),
+        (Star, {}, both((0, 1), (0, 2), (0, 3))),
+        (Star, {"hub": "robot.2"}, both((2, 0), (2, 1), (2, 3))),
+        (Ring, {}, both((0, 1), (1, 2), (2, 3), (3, 0))),
+        (Ring, {"directed": True}, [(0, 1), (1, 2), (2, 3), (3, 0)]),
+        (Line, {}, both((0, 1), (1, 2), (2, 3))),
+        (Line, {"neighbours": 2, "directed": True}, [(0, 1), (0, 2), (1, 2), (1, 3), (2, 3)]),
+        (Line, {"members": ("robot.3", "robot.1")}, both((1, 3))),
+        (Grid, {}, both((0, 1), (2, 3), (0, 2), (1, 3))),
+        (Grid, {"columns": 3}, both((0, 1), (1, 2), (0, 3))),
+        (Tree, {}, both((0, 1), (0, 2), (1, 3))),
+        (Tree, {"branches": 3}, both((0, 1), (0, 2), (0, 3))),
+        (Graph, {"edges": (("robot.0", "robot.[23]"),)}, both((0, 2), (0, 3))),
+        (Graph, {"edges": (("robot.0", "robot.3"),), "directed": True}, [(0, 3)]),
+        (Random, {"probability": 0.0}, []),
+        (Random, {"probability": 1.0}, both((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))),
+    ],
+)
+def test_a_topology_that_stays_as_it_is(topology, parameters, expected):
+    made = laid(topology, world(4), **parameters)
+    assert pairs(made.links(0)) == expected
+    assert made.links(STEP) is made.links(0)
+
+
+def test_a_torus_has_four_neighbours_each():
+    assert laid(Grid, world(12), columns=4, wraps=True).links(0).degrees().tolist() == [4] * 12
+    with pytest.raises(TopologyError, match="10 members do not fill 3 rows of 4"):
+        laid(Grid, world(10), columns=4, wraps=True)
+
+
+@pytest.mark.parametrize(
+    ("topology", "parameters", "problem", "path"),
+    [
+        (Ring, {"members": ("robot", "rover")}, "no agent or group `rover`", ("members", 1)),
+        (Star, {"hub": "rover"}, "no agent or group `rover`", ("hub",)),
+        (Star, {"hub": "robot"}, "are 4 agents", ("hub",)),
+        (Graph, {"edges": (("robot.0", "robot.1"), ("robot.1", "rover"))}, "no agent", ("edges", 1, 1)),
+        (Graph, {"edges": (("robot.1", "robot.1"),)}, "cannot be linked with itself", ("edges", 0)),
+        (Random, {"probability": 0.0, "connected": True}, "none is connected", ("probability",)),
+    ],
+)
+def test_what_cannot_be_is_said_with_its_place(topology, parameters, problem, path):
+    with pytest.raises(TopologyError, match=problem) as caught:
+        laid(topology, world(4), **parameters)
+    assert caught.value.path == path
+
+
+def test_a_random_graph_has_as_many_links_as_its_probability_says():
+    links = laid(Random, world(150), probability=0.1).links(0)
+    assert stats.binomtest(len(links) // 2, 150 * 149 // 2, 0.1).pvalue > 1e-3
+    assert pairs(links) == both(*[each for each in pairs(links) if each[0] < each[1]])
+    directed = laid(Random, world(150), probability=0.1, directed=True).links(0)
+    assert stats.binomtest(len(directed), 150 * 149, 0.1).pvalue > 1e-3
+
+
+def test_whether_two_are_linked_at_random_does_not_depend_on_who_else_is_there():
+    few, more = (laid(Random, world(count), probability=0.5).links(0) for count in (10, 20))
+    assert pairs(few) == [each for each in pairs(more) if max(each) < 10]
+    assert pairs(laid(Random, world(10), seed=8, probability=0.5).links(0)) != pairs(few)
+
+
+def test_a_random_graph_that_is_to_be_connected_is_so():
+    sparse = [laid(Random, world(12), seed, probability=0.2) for seed in range(8)]
+    assert any(len(np.unique(each.links(0).parts())) > 1 for each in sparse)
+    for seed in range(8):
+        links = laid(Random, world(12), seed, probability=0.2, connected=True).links(0)
+        assert len(np.unique(links.parts())) == 1
+
+
+class Walk:
+    """A world whose agents are put somewhere by hand."""
+
+    def __init__(self, positions, **kwargs):
+        self.environment = world(len(positions), positions, **kwargs)
+
+    def go(self, positions):
+        group = self.environment.groups[0]
+        self.environment.push(group, range(len(group)), np.array(positions) - self.environment.state(group))
+
+
+def near(positions, reach):
+    apart = np.linalg.norm(positions[:, None] - positions[None], axis=2)
+    np.fill_diagonal(apart, np.inf)
+    return [tuple(each) for each in np.argwhere(apart <= reach).tolist()]
+
+
+coordinates = st.lists(
+    st.tuples(st.floats(-10, 10, width=16), st.floats(-10, 10, width=16)), min_size=2, max_size=40, unique=True
+)
+
+
+@settings(max_examples=40, deadline=None)
+@given(coordinates, st.floats(0.5, 8, width=16))
+def test_those_within_range_reach_each_other(positions, reach):
+    positions = np.array(positions)
+    assert pairs(laid(Range, world(len(positions), positions), range=reach).links(0)) == near(positions, reach)
+
+
+def test_who_reached_somebody_still_does_a_little_farther_away():
+    walk = Walk([(0, 0), (5, 0)])
+    topology = laid(Range, walk.environment, range=4.0, hysteresis=1.0)
+    linked = []
+    for x in (4.5, 3.9, 4.5, 5.0, 5.1, 4.5, 4.0):
+        walk.go([(0, 0), (x, 0)])
+        linked.append(len(topology.links(0)))
+    assert linked == [0, 2, 2, 2, 0, 0, 2]
+
+
+def test_links_that_stay_are_the_same_object():
+    walk = Walk([(0, 0), (5, 0), (9, 0)])
+    topology = laid(Range, walk.environment, range=6.0)
+    before = topology.links(0)
+    walk.go([(0, 0), (5.5, 0), (9, 0)])
+    assert topology.links(STEP) is before
+    walk.go([(0, 0), (6.5, 0), (9, 0)])
+    assert topology.links(2 * STEP) is not before
+
+
+@settings(max_examples=40, deadline=None)
+@given(coordinates, st.integers(1, 5))
+def test_each_reaches_those_nearest_to_it(positions, count):
+    positions = np.array(positions)
+    links = laid(Nearest, world(len(positions), positions), count=count, directed=True).links(0)
+    most = min(count, len(positions) - 1)
+    assert links.degrees().tolist() == [most] * len(positions)
+    apart = np.linalg.norm(positions[:, None] - positions[None], axis=2)
+    np.fill_diagonal(apart, np.inf)
+    for row, distances in enumerate(apart):
+        reached = np.sort(distances[links.of_sender(row)])
+        assert np.allclose(reached, np.sort(distances)[:most])
+    mutual = laid(Nearest, world(len(positions), positions), count=count).links(0)
+    assert pairs(mutual) == both(*{tuple(sorted(each)) for each in pairs(links)})
+
+
+def test_those_at_one_place_are_still_each_others_nearest():
+    links = laid(Nearest, world(4, [(1, 1)] * 4), count=1, directed=True).links(0)
+    assert links.degrees().tolist() == [1] * 4
+
+
+def test_an_obstacle_in_between_cuts_a_link():
+    wall = Obstacle.model_validate({"shape": {"box": {"length": 0.2, "width": 4.0}}, "position": [2.0, 0.0]})
+    positions = [(0, 0), (4, 0), (0, 3), (4, 3)]
+    links = laid(LineOfSight, world(4, positions, obstacles={"wall": wall}), range=4.5).links(0)
+    assert pairs(links) == both((0, 2), (1, 3), (2, 3))
+
+
+def test_who_takes_no_part_reaches_nobody():
+    teams = {"car": Team(count=2, state=[[0, 0], [1, 0]]), "bike": Team(count=2, state=[[0, 1], [1, 1]])}
+    environment = simulation(teams).environment
+    everybody = laid(Range, environment, range=2.0)
+    assert len(everybody.links(0)) == 12
+    # The roster sorts groups by name: bikes are 0 and 1.
+    for topology, parameters in ((Range, {"range": 2.0}), (Complete, {})):
+        assert pairs(laid(topology, environment, members=("car",), **parameters).links(0)) == both((2, 3))
+
+
+@given(st.integers(1, 12), st.lists(st.tuples(st.integers(0, 11), st.integers(0, 11)), max_size=40))
+def test_parts_are_those_who_reach_each_other(count, edges):
+    edges = [(one % count, other % count) for one, other in edges]
+    links = Links.of(count, np.array([one for one, _ in edges], int), np.array([other for _, other in edges], int))
+    assert pairs(links) == sorted({edge for edge in edges if edge[0] != edge[1]})
+    reach = np.eye(count, dtype=bool)
+    for one, other in pairs(links):
+        reach[one, other] = True
+    for middle in range(count):
+        reach |= reach[:, [middle]] & reach[[middle], :]
+    mutual = reach & reach.T
+    parts = links.parts()
+    assert ((parts[:, None] == parts[None]) == mutual).all()
