@@ -14,12 +14,15 @@ def main() -> None:
 
         print(f"symaware {__version__}")
         return
-    from symaware_cli.cli.application import application
-
     try:
+        from symaware_cli.cli.application import application
+
         application()
     except OSError as error:
         _refuse_output(error)
+    except KeyboardInterrupt:
+        # Wherever it comes: even before the verb has begun, or while it ends.
+        raise SystemExit(130) from None
 
 
 def _refuse_output(error: OSError) -> NoReturn:

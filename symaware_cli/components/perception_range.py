@@ -22,8 +22,8 @@ class RangePerception(GroupComponent):
     """Sees the others that are near, in view and not hidden, with errors, and one's own state with errors.
 
     Another is seen if its position is within range, within the field of view (a wedge around the heading; in space it
-    is as high as one likes) and, where obstacles hide, if none of them cuts the straight line between both positions.
-    Bodies of agents hide nobody.
+    is as high as one likes) and, where obstacles hide, if none of them cuts the straight line between both positions,
+    in space where the world says how high they are. Bodies of agents hide nobody.
 
     All errors are normal, without bias and independent of each other. What is drawn for an agent depends on its own
     path and on whom it sees, and on nothing else.

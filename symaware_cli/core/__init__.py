@@ -33,6 +33,7 @@ from symaware_cli.core.knowledge import KnowledgeDatabase
 from symaware_cli.core.message import EVERYBODY, Delivery, Exchange, Mailing, Message
 from symaware_cli.core.model import Model, Quantity
 from symaware_cli.core.plugin import Parameters, Plugin
+from symaware_cli.core.reading import Frame, Image, Measurement, Reading, Scan
 from symaware_cli.core.scenery import Scenery
 from symaware_cli.core.series import TimeSeries
 from symaware_cli.core.time import Clock, nanoseconds, seconds
@@ -62,13 +63,16 @@ __all__ = [
     "Event",
     "EventBus",
     "Exchange",
+    "Frame",
     "GroupAwareness",
     "GroupCommunicationReceiver",
     "GroupComponent",
+    "Image",
     "KnowledgeDatabase",
     "Level",
     "Links",
     "Mailing",
+    "Measurement",
     "Mesh",
     "Message",
     "Model",
@@ -80,8 +84,10 @@ __all__ = [
     "Polygon",
     "Pose",
     "Quantity",
+    "Reading",
     "RiskEstimator",
     "Roster",
+    "Scan",
     "Scenery",
     "ScriptedPath",
     "Shape",

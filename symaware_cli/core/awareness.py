@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from symaware_cli.core.column import Column, SeriesColumn, frozen
+from symaware_cli.core.reading import Reading
 from symaware_cli.core.series import TimeSeries
 
 if TYPE_CHECKING:
@@ -167,6 +168,7 @@ class GroupAwareness:
             read-only snapshot, never a copy for each pair.
         observation: What perception measured last, for those who estimate.
         tracks: What each agent believes of the others it perceives or perceived.
+        readings: What further sensors measured last, by the name of the component, for those who use it.
         roster: Who the indices in `tracks` stand for; set when the world is.
         others_changed: The rows whose own components wrote about others since the last record.
     """
@@ -175,6 +177,7 @@ class GroupAwareness:
         "intent",
         "observation",
         "others_changed",
+        "readings",
         "risk",
         "roster",
         "state_column",
@@ -191,6 +194,7 @@ class GroupAwareness:
         self.world: Snapshot | None = None
         self.observation: Observation | None = None
         self.tracks: Tracks | None = None
+        self.readings: dict[str, Reading] = {}
         self.roster: Roster | None = None
         self.others_changed: set[int] = set()
 

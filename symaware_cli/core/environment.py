@@ -14,6 +14,8 @@ from pydantic import BaseModel, Field
 from symaware_cli.core.entity import Obstacle, Pose
 from symaware_cli.core.plugin import Parameters, Plugin
 from symaware_cli.core.proximity import Proximity
+from symaware_cli.core.rays import BodiesInPlane, rays_in_plane
+from symaware_cli.core.reading import Image
 from symaware_cli.core.scenery import Scenery
 from symaware_cli.core.time import nanoseconds, seconds
 from symaware_cli.core.world import Contact, Roster, Snapshot
@@ -22,6 +24,7 @@ if TYPE_CHECKING:
     from symaware_cli.core.agent import AgentGroup
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
 
 
 class EnvironmentParameters(Parameters):
@@ -56,12 +59,14 @@ class Environment(Plugin, ABC):
         obstacles: The bodies that are part of the environment, by name.
         proximity: Which agents are near each other, shared by all who ask about `snapshot().positions`.
         roster: Who is who.
+        sees: Whether there are images of this world.
         time_step: Simulated time between two steps, in nanoseconds.
     """
 
     Parameters: ClassVar[type[BaseModel]] = EnvironmentParameters
 
     folder: Path = Path()
+    sees: ClassVar[bool] = False
     groups: Sequence[AgentGroup]
     obstacles: Mapping[str, Obstacle]
     proximity: Proximity
@@ -90,6 +95,7 @@ class Environment(Plugin, ABC):
         self.obstacles = dict(sorted(obstacles.items()))
         self._scenery = Scenery(self.obstacles)
         self.proximity = Proximity()
+        self._bodies_in_plane: BodiesInPlane | None = None
         self.roster = Roster({group.name: group.ids for group in self.groups})
         for group in self.groups:
             group.awareness.roster = self.roster
@@ -154,3 +160,51 @@ class Environment(Plugin, ABC):
     def contacts(self) -> Sequence[Contact]:
         """The contacts that began or ended with the last step."""
         return ()
+
+    def ray_cast(self, senders: Indices, origins: Array, directions: Array, reach: float, height: float = 0.0) -> Array:
+        """Measure how far level rays go until they meet the outline of an agent or an obstacle.
+
+        By default that is the geometry of the plane: whatever its height, everything stands in the way.
+
+        Args:
+            senders: The agents that send them, by index; their own bodies are no obstacle; shape (n,).
+            origins: Where the rays of each begin [m]; shape (n, d).
+            directions: Where they point, of length 1; shape (n, k, 2).
+            reach: The greatest distance [m].
+            height: How high above the middle of the sender's body they begin, where there are heights [m].
+
+        Returns:
+            Distances [m], infinite where there is nothing within reach; shape (n, k).
+        """
+        if self._bodies_in_plane is None:
+            self._bodies_in_plane = BodiesInPlane(self.groups)
+        pieces, owners = self._bodies_in_plane.placed(self.snapshot())
+        return rays_in_plane(senders, origins, directions, reach, pieces, owners, self.scenery)
+
+    def body_positions(self, names: Sequence[str]) -> Array:
+        """Return where bodies are in space, by ids of agents and names of entities; shape (n, 3) [m].
+
+        What has no height of its own stands at 0, or where the world has put it.
+        """
+        places = np.zeros((len(names), 3))
+        positions = self.snapshot().positions
+        for row, name in enumerate(names):
+            place = positions[self.roster.index(name)] if name in self.roster else self.pose(name).position
+            places[row, : len(place)] = place
+        return places
+
+    def camera_image(
+        self, position: Sequence[float], target: Sequence[float], size: tuple[int, int], field_of_view: float
+    ) -> Image:
+        """Look at a point from another.
+
+        Args:
+            position: Where the camera is [m]; 3 coordinates.
+            target: The point in the middle of the image [m].
+            size: Width and height [pixels].
+            field_of_view: The angle from the lower to the upper edge [rad].
+
+        Raises:
+            NotImplementedError: There is nothing to be seen in this world.
+        """
+        raise NotImplementedError(f"{type(self).__name__} has no images")

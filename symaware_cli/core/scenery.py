@@ -1,6 +1,7 @@
 """Scenery: the obstacles of an environment at one time, and what of them is near or in the way.
 
-As in `symaware_cli.core.geometry`, positions in space are seen from above.
+As in `symaware_cli.core.geometry`, positions in space are seen from above; but lines of sight go over and under
+obstacles where the world says how high these are.
 """
 
 from __future__ import annotations
@@ -21,6 +22,20 @@ Indices = NDArray[np.intp]
 
 #: How many pairs of a point or line and a piece are looked at together, to bound memory.
 _TOGETHER = 1 << 19
+
+
+class Span(NamedTuple):
+    """How high an obstacle reaches.
+
+    Attributes:
+        level: The height of its position, where that is one in a plane [m].
+        below: Where it begins, above the height of its position [m].
+        above: Where it ends, above the height of its position [m].
+    """
+
+    level: float
+    below: float
+    above: float
 
 
 class Nearby(NamedTuple):
@@ -52,12 +67,15 @@ class Scenery:
         time: The time, in nanoseconds.
     """
 
-    def __init__(self, obstacles: Mapping[str, Obstacle], time: int = 0) -> None:
+    def __init__(
+        self, obstacles: Mapping[str, Obstacle], time: int = 0, spans: Mapping[str, Span] | None = None
+    ) -> None:
         """Put obstacles in place.
 
         Args:
             obstacles: By name.
             time: Simulated time in nanoseconds.
+            spans: How high each reaches; by default everything is as high as the world.
         """
         self.names = tuple(obstacles)
         self.time = time
@@ -72,6 +90,10 @@ class Scenery:
         self._headings = np.zeros(len(every))
         self._turn_rates = np.zeros(len(every))
         now = seconds(time)
+        unbounded = Span(0.0, -np.inf, np.inf)
+        self._spans = np.array([(spans or {}).get(name, unbounded) for name in self.names]).reshape(-1, 3)
+        self._levels: Array = self._spans[:, 0].copy()
+        self._bounded = bool(np.isfinite(self._spans).all(axis=1).any())
         self._set_out((index, obstacle.pose(now)) for index, obstacle in enumerate(every))
 
     def at(self, time: int) -> Scenery:
@@ -86,7 +108,7 @@ class Scenery:
         other = copy(self)
         other.time = time
         other.moves = True
-        for name in ("_positions", "_velocities", "_headings", "_turn_rates"):
+        for name in ("_positions", "_velocities", "_headings", "_turn_rates", "_levels"):
             setattr(other, name, getattr(self, name).copy())
         other._set_out(poses)
         return other
@@ -97,6 +119,7 @@ class Scenery:
             self._positions[index] = pose.position[:2]
             self._velocities[index] = pose.velocity[:2]
             self._headings[index] = pose.heading
+            self._levels[index] = pose.position[2] if len(pose.position) == 3 else self._spans[index, 0]
             self._turn_rates[index] = pose.turn_rate
         self.pieces = self._shapes.placed(self._positions[self.owner], self._headings[self.owner])
         self._low, self._high = self.pieces.bounds()
@@ -168,16 +191,43 @@ class Scenery:
         A line that only grazes an obstacle is free; one that begins or ends inside of an obstacle is not.
 
         Args:
-            origins: Where lines begin [m]; shape (m, 2), further columns are not looked at.
-            targets: Where they end [m]; shape (m, 2).
+            origins: Where lines begin [m]; shape (m, 2), or (m, 3) to look over and under obstacles whose spans are
+                known.
+            targets: Where they end [m]; the same shape.
 
         Returns:
             Shape (m,).
         """
-        origins, targets = origins[:, :2], targets[:, :2]
         blocked = np.zeros(len(origins), bool)
-        line, piece = self._overlapping(np.minimum(origins, targets), np.maximum(origins, targets))
+        line, piece = self._overlapping(
+            np.minimum(origins[:, :2], targets[:, :2]), np.maximum(origins[:, :2], targets[:, :2])
+        )
+        ones, others = origins.take(line, 0), targets.take(line, 0)
+        if self._bounded and origins.shape[1] == 3:
+            meets, ones, others = self._within_spans(ones, others, self.owner.take(piece))
+            line, piece = line[meets], piece[meets]
         if len(line):
-            lines = Pieces.lines(origins.take(line, 0), targets.take(line, 0))
+            lines = Pieces.lines(ones[:, :2], others[:, :2])
             blocked[line[crosses(lines, self.pieces.take(piece))]] = True
         return blocked
+
+    def _within_spans(
+        self, origins: Array, targets: Array, obstacle: Indices
+    ) -> tuple[NDArray[np.bool_], Array, Array]:
+        """Cut lines to where they are as high as obstacles, row by row; (m, 3) each.
+
+        Returns:
+            Which of them are so anywhere, (m,), and the origins and targets of what is left of these.
+        """
+        low, high = (self._levels[obstacle] + self._spans[obstacle, column] for column in (1, 2))
+        rise = targets[:, 2] - origins[:, 2]
+        level = rise == 0.0
+        slope = np.where(level, 1.0, rise)
+        ends = np.stack([(low - origins[:, 2]) / slope, (high - origins[:, 2]) / slope])
+        first, last = np.maximum(ends.min(axis=0), 0.0), np.minimum(ends.max(axis=0), 1.0)
+        between = (low < origins[:, 2]) & (origins[:, 2] < high)
+        first, last = np.where(level, 0.0, first), np.where(level, 1.0, last)
+        meets = np.where(level, between, first < last)
+        along = (targets - origins)[meets]
+        start = origins[meets]
+        return meets, start + first[meets, None] * along, start + last[meets, None] * along

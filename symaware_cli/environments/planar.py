@@ -17,6 +17,7 @@ from symaware_cli.environments.physics import Bodies, PhysicsEnvironment
 from symaware_cli.environments.touch import Pair, pair
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
 
 #: [m] How deep resting bodies may overlap, so that they stay in contact; Pymunk's own 0.1 is meant for pixels.
 _SLOP = 5e-4
@@ -129,6 +130,8 @@ class PymunkEnvironment(PhysicsEnvironment):
         for each in shapes:
             each.friction, each.elasticity = surface.friction, surface.elasticity
             each.owner = index
+            # So that a ray can pass through the body that sends it; parts of one body never collide anyway.
+            each.filter = pymunk.ShapeFilter(group=index + 1)
         self._indices[body.id] = index
         self._named[self._touches.name(index)] = body
         self._space.add(body, *shapes)
@@ -184,6 +187,18 @@ class PymunkEnvironment(PhysicsEnvironment):
         self._buffer.clear()
         batch.get_space_bodies(self._space, fields, self._buffer)
         return np.frombuffer(self._buffer.float_buf()).reshape(-1, width)
+
+    def ray_cast(self, senders: Indices, origins: Array, directions: Array, reach: float, height: float = 0.0) -> Array:
+        """Measure rays against the shapes of the engine."""
+        distances = np.full(directions.shape[:2], np.inf)
+        starts = origins[:, :2].tolist()
+        ends = (origins[:, None, :2] + reach * directions).tolist()
+        query = self._space.segment_query_first
+        for row, sender in enumerate(senders.tolist()):
+            others, start = pymunk.ShapeFilter(group=sender + 1), starts[row]
+            hits = [query(start, end, 0.0, others) for end in ends[row]]
+            distances[row] = [np.inf if hit is None else hit.alpha * reach for hit in hits]
+        return distances
 
     def _find_overlaps(self) -> None:
         found = []

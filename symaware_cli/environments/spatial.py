@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from symaware_cli.core import AgentGroup, Entity, Obstacle, Parameters, Vehicle, WorldError, seconds
+from symaware_cli.core import AgentGroup, Entity, Image, Obstacle, Parameters, Scenery, Vehicle, WorldError, seconds
+from symaware_cli.core.scenery import Span
+from symaware_cli.environments import sight
 from symaware_cli.environments.bullet import MOST_SHOWN, Client, engine, quiet
 from symaware_cli.environments.drive import Drive
 from symaware_cli.environments.physics import Bodies, PhysicsEnvironment
@@ -17,17 +19,18 @@ from symaware_cli.environments.solid import Solids, last, turn
 from symaware_cli.environments.touch import Pair, pair
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
 
 _Component = Annotated[float, Field(ge=-1e9, le=1e9)]
 
-#: What collides with what: the group of each kind of body, and the groups that it meets.
-_GROUND, _FIXED, _LED, _FREE, _UPRIGHT = (1 << number for number in range(5))
+#: What collides with what: the group of each kind of body, and the groups that it meets. Rays are of the first.
+_RAY, _GROUND, _FIXED, _LED, _FREE, _UPRIGHT = (1 << number for number in range(6))
 _MEETS = {
-    _GROUND: _FREE,
-    _FIXED: _FREE | _UPRIGHT,
-    _LED: _FREE | _UPRIGHT,
-    _FREE: _GROUND | _FIXED | _LED | _FREE | _UPRIGHT,
-    _UPRIGHT: _FIXED | _LED | _FREE | _UPRIGHT,
+    _GROUND: _RAY | _FREE,
+    _FIXED: _RAY | _FREE | _UPRIGHT,
+    _LED: _RAY | _FREE | _UPRIGHT,
+    _FREE: _RAY | _GROUND | _FIXED | _LED | _FREE | _UPRIGHT,
+    _UPRIGHT: _RAY | _FIXED | _LED | _FREE | _UPRIGHT,
 }
 
 #: [kg] and [kg m^2]: what nothing moves or tilts, and the engine can still compute with.
@@ -56,6 +59,7 @@ class PyBulletEnvironment(PhysicsEnvironment):
     """
 
     dimensions = 3
+    sees = True
 
     class Parameters(PhysicsEnvironment.Parameters):
         """How the spatial world moves."""
@@ -133,6 +137,10 @@ class PyBulletEnvironment(PhysicsEnvironment):
         for index, (name, obstacle) in enumerate(self.obstacles.items()):
             self._add_obstacle(first + index, name, obstacle)
         self._free_headings = np.array([self.obstacles[name].heading for name in self._free])
+        self._body_of = {index: body for body, index in self._index.items()}
+        self._painted = False
+        spans = [self._span(first + number) for number in range(len(self.obstacles))]
+        self._scenery = Scenery(self.obstacles, 0, dict(zip(self.obstacles, spans, strict=True)))
 
     # -- bodies
 
@@ -197,6 +205,17 @@ class PyBulletEnvironment(PhysicsEnvironment):
         if obstacle.is_free:
             velocity = [*(obstacle.velocity or ()), 0.0, 0.0, 0.0][:3]
             engine.resetBaseVelocity(body, velocity, (0.0, 0.0, obstacle.turn_rate), self._id)
+
+    def _span(self, index: int) -> Span:
+        """How high an entity reaches, as the engine has it at the start."""
+        bodies = [body for body, owner in self._index.items() if owner == index]
+        level: float = engine.getBasePositionAndOrientation(bodies[0], self._id)[0][2]
+        boxes = [
+            engine.getAABB(body, link, self._id)
+            for body in bodies
+            for link in range(-1, engine.getNumJoints(body, self._id))
+        ]
+        return Span(level, min(low[2] for low, _ in boxes) - level, max(high[2] for _, high in boxes) - level)
 
     def _prepare(self) -> None:
         super()._prepare()
@@ -386,6 +405,35 @@ class PyBulletEnvironment(PhysicsEnvironment):
             return None
         orientation: tuple[float, ...] = engine.getBasePositionAndOrientation(self._entities[name], self._id)[1]
         return orientation
+
+    def ray_cast(self, senders: Indices, origins: Array, directions: Array, reach: float, height: float = 0.0) -> Array:
+        """Measure level rays against the shapes of the engine, from as high as the bodies are that send them."""
+        count, width = directions.shape[:2]
+        starts, towards = np.zeros((count, width, 3)), np.zeros((count, width, 3))
+        starts[..., :2], towards[..., :2] = origins[:, None, :2], directions
+        starts[..., 2] = self.body_positions([self.roster.ids[sender] for sender in senders.tolist()])[:, 2:] + height
+        rays = np.repeat(senders, width), starts.reshape(-1, 3), towards.reshape(-1, 3)
+        return sight.cast(self._id, self._index, *rays, reach).reshape(count, width)
+
+    def body_positions(self, names: Sequence[str]) -> Array:
+        """Return where bodies are in space; of walls, which are made of several, where the entity is."""
+        places = super().body_positions(names)
+        for row, name in enumerate(names):
+            body = self._entities.get(name)
+            if name in self.roster:
+                body = self._body_of[self.roster.index(name)]
+            if body is not None:
+                places[row, 2] = engine.getBasePositionAndOrientation(body, self._id)[0][2]
+        return places
+
+    def camera_image(
+        self, position: Sequence[float], target: Sequence[float], size: tuple[int, int], field_of_view: float
+    ) -> Image:
+        """Look at a point from another, by PyBullet's renderer on the processor."""
+        if not self._painted:
+            self._painted = True
+            sight.paint(self._id, self._index, len(self.roster))
+        return sight.look(self._id, self._index, position, target, size, field_of_view)
 
 
 def _headings(orientations: Array) -> Array:

@@ -74,6 +74,7 @@ class LoggedContact:
         stage: `BEGIN` or `END`.
         point: Where, m; empty if unknown.
         depth: How deep they overlap, m.
+        impulse: How hard they hit each other in the step in which the contact begins, N s; 0 in worlds without forces.
     """
 
     time: int
@@ -82,6 +83,7 @@ class LoggedContact:
     stage: str
     point: tuple[float, ...]
     depth: float
+    impulse: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,7 +182,8 @@ def _said(message: Any) -> dict[int, dict[str, Any]]:
 
 def contact(time: int, message: Any) -> LoggedContact:
     """Make an entry of a generated `Contact`."""
-    return LoggedContact(time, message.a, message.b, _name(message, "stage"), tuple(message.point), message.depth)
+    stage = _name(message, "stage")
+    return LoggedContact(time, message.a, message.b, stage, tuple(message.point), message.depth, message.impulse)
 
 
 def knowledge(time: int, message: Any, agents: Sequence[str]) -> list[LoggedKnowledge]:

@@ -26,7 +26,7 @@ def manifest(
     Args:
         name: The scenario's name.
         seed: The seed in force.
-        mode: ``synchronous``.
+        mode: ``synchronous`` or ``asynchronous``.
         steps: How many steps are to be made.
         environment: The world, initialised.
         groups: All groups.

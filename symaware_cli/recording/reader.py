@@ -19,6 +19,7 @@ from symaware_cli.recording.mcap_file import McapFile
 from symaware_cli.recording.message import LogMessage
 from symaware_cli.recording.recovery import Damage
 from symaware_cli.recording.schema import FORMAT, MANIFEST, OUTCOME, PROFILE, RECOVERY
+from symaware_cli.recording.sensing import LoggedImage, LoggedScan, image, scans
 from symaware_cli.recording.series import Prediction, Series, group_series, place_of, present_values, row_series
 
 __all__ = ["FIELDS", "PREDICTED", "Log", "LogMessage", "open_log"]
@@ -191,6 +192,34 @@ class Log(McapFile):
     def contacts(self, start: int | None = None, end: int | None = None) -> Iterator[LoggedContact]:
         """Iterate over the beginnings and ends of contacts; see `events`."""
         return self._journal("/contacts", "Contact", journal.contact, start, end)
+
+    def scans(self, start: int | None = None, end: int | None = None) -> Iterator[LoggedScan]:
+        """Iterate over the scans of lidars, one for each agent and turn; see `events`."""
+        for message, sensor, agents in self._sensed("scan", "Scan", start, end):
+            with self._readable(message):
+                entries = scans(message.time, message.decode(), sensor, agents)
+            yield from entries
+
+    def images(self, start: int | None = None, end: int | None = None) -> Iterator[LoggedImage]:
+        """Iterate over the images of cameras: colours, depths and segments; see `events`."""
+        for message, sensor, agents in self._sensed("image", "Image", start, end):
+            with self._readable(message):
+                entry = image(message.time, message.decode(), sensor, agents)
+            yield entry
+
+    def _sensed(
+        self, word: str, message_name: str, start: int | None, end: int | None
+    ) -> Iterator[tuple[LogMessage, str, Sequence[str]]]:
+        """The messages of sensors of one kind, each with the sensor's name and the agents of its group."""
+        topics = {
+            topic: (sensor, agents)
+            for topic, info in self.channels.items()
+            for group, agents in self.agents.items()
+            for sensor in [topic.removeprefix(f"/agents/{group}/{word}/")]
+            if sensor != topic and info.carries(message_name)
+        }
+        for message in self.messages(topics, start, end):
+            yield message, *topics[message.channel.topic]
 
     def knowledge(self, name: str | None = None) -> Iterator[LoggedKnowledge]:
         """Iterate over what agents know: an entry at the beginning, and one whenever it changed.

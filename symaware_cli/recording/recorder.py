@@ -24,6 +24,7 @@ from symaware_cli.core.column import Column, SeriesColumn
 from symaware_cli.network.traffic import Traffic
 from symaware_cli.recording import symaware_v1_pb2 as v1
 from symaware_cli.recording import wire
+from symaware_cli.recording.sensing import SensorChannels
 from symaware_cli.recording.writer import LogWriter, PaceFigures
 
 _LEVELS = {
@@ -49,7 +50,7 @@ _STAGES = {
 ENDINGS = frozenset({"failed", "finished", "interrupted"})
 
 #: What `Recorder` can be told to leave out.
-KINDS = ("state", "intent", "uncertainty", "risk", "control", "knowledge", "awareness", "world")
+KINDS = ("state", "intent", "uncertainty", "risk", "control", "knowledge", "awareness", "sensors", "world")
 
 
 class Recorder:
@@ -127,7 +128,7 @@ class Recorder:
             now: Simulated time in nanoseconds.
             steps: How many steps were made.
         """
-        self._write_recurring()
+        self._write_recurring(now)
         if now >= self._due:
             self._due = now + self._interval
             for group in self._groups:
@@ -143,20 +144,20 @@ class Recorder:
         """Record an event, if it is among those that are wanted; how a run ends is told in any case."""
         if self._kinds == "none" and event.name not in ENDINGS:
             return
-        self._write_recurring()
+        self._write_recurring(event.time)
         data = json.dumps(plain(event.data), sort_keys=True) if event.data else ""
         record = v1.Event(name=event.name, source=event.source, level=_LEVELS[event.level], text=event.text, data=data)
         self.writer.add(self._events, event.time, record.SerializeToString(deterministic=True))
 
     def recurring(self, event: Event) -> None:
         """Take note of an event that recurs; those of one instant are recorded together."""
-        if event.time != self._pending_time:
-            self._write_recurring()
-            self._pending_time = event.time
+        self._write_recurring(event.time)
+        self._pending_time = event.time
         self._pending.append((event.name, event.source))
 
-    def _write_recurring(self) -> None:
-        if not self._pending or self._recurring is None:
+    def _write_recurring(self, now: int | None = None) -> None:
+        """Record the recurring events of an instant, once there is something to say about a later one."""
+        if not self._pending or self._recurring is None or self._pending_time == now:
             return
         names, sources = (dict.fromkeys(column) for column in zip(*self._pending, strict=True))
         places = [{text: number for number, text in enumerate(texts)} for texts in (names, sources)]
@@ -171,7 +172,7 @@ class Recorder:
 
     def contact(self, contact: Contact, now: int) -> None:
         """Record that two bodies touch, or cease to."""
-        self._write_recurring()
+        self._write_recurring(now)
         stage = v1.Contact.BEGIN if contact.begins else v1.Contact.END
         record = v1.Contact(
             a=contact.first,
@@ -221,7 +222,7 @@ class Recorder:
             for name, values in mailing.columns.items():
                 record.said.add(name=name, shape=values.shape[1:], values=values.reshape(-1).tolist())
         columns = wire.encode_message_columns(delivery.senders, delivery.receivers, delivery.sequences, reason, says)
-        self._write_recurring()
+        self._write_recurring(now)
         # Fields may stand in any order, and these are written without an object for each number.
         self.writer.add(self._message_columns, now, record.SerializeToString(deterministic=True) + columns)
 
@@ -236,7 +237,7 @@ class Recorder:
         )
 
     def _add_message(self, record: v1.Message, now: int) -> None:
-        self._write_recurring()
+        self._write_recurring(now)
         self.writer.add(self._messages, now, record.SerializeToString(deterministic=True))
 
     def finish(self, now: int, steps: int, outcome: Mapping[str, Any]) -> None:
@@ -310,6 +311,7 @@ class _GroupChannels:
             "knowledge": (f"/agents/{group.name}/knowledge", "Knowledge", {}),
         }
         self._channels = {kind: writer.channel(*topic) for kind, topic in topics.items() if kind not in self._omit}
+        self._sensors = SensorChannels(writer, group) if "sensors" not in self._omit else None
         #: Series and the like are read only where their channel is open.
         self._series = [
             (self._channels[kind], column)
@@ -340,6 +342,8 @@ class _GroupChannels:
             updates += self._record_control(now, channels["control"])
         if "knowledge" in channels:
             updates += self._record_knowledge(now, channels["knowledge"])
+        if self._sensors and awareness.readings:
+            updates += self._sensors.record(now)
         return updates
 
     def _record_column(self, now: int, channel: int, column: Column) -> int:

@@ -41,6 +41,8 @@ MESSAGES: dict[str, type[Message]] = {
         v1.Recurring,
         v1.Message,
         v1.MessageColumns,
+        v1.Scan,
+        v1.Image,
         v1.Contact,
         v1.Timing,
     )

@@ -176,6 +176,50 @@ class MessageColumns(_message.Message):
     said: _containers.RepeatedCompositeFieldContainer[MessageColumns.Said]
     def __init__(self, stage: _Optional[_Union[Message.Stage, str]] = ..., kind: _Optional[str] = ..., sent_time: _Optional[int] = ..., size: _Optional[int] = ..., senders: _Optional[_Iterable[int]] = ..., receivers: _Optional[_Iterable[int]] = ..., sequences: _Optional[_Iterable[int]] = ..., reasons: _Optional[_Iterable[str]] = ..., reason: _Optional[_Iterable[int]] = ..., says: _Optional[_Iterable[int]] = ..., said: _Optional[_Iterable[_Union[MessageColumns.Said, _Mapping]]] = ...) -> None: ...
 
+class Scan(_message.Message):
+    __slots__ = ("rows", "measured", "range", "angles", "distances", "poses")
+    ROWS_FIELD_NUMBER: _ClassVar[int]
+    MEASURED_FIELD_NUMBER: _ClassVar[int]
+    RANGE_FIELD_NUMBER: _ClassVar[int]
+    ANGLES_FIELD_NUMBER: _ClassVar[int]
+    DISTANCES_FIELD_NUMBER: _ClassVar[int]
+    POSES_FIELD_NUMBER: _ClassVar[int]
+    rows: _containers.RepeatedScalarFieldContainer[int]
+    measured: int
+    range: float
+    angles: _containers.RepeatedScalarFieldContainer[float]
+    distances: _containers.RepeatedScalarFieldContainer[float]
+    poses: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, rows: _Optional[_Iterable[int]] = ..., measured: _Optional[int] = ..., range: _Optional[float] = ..., angles: _Optional[_Iterable[float]] = ..., distances: _Optional[_Iterable[float]] = ..., poses: _Optional[_Iterable[float]] = ...) -> None: ...
+
+class Image(_message.Message):
+    __slots__ = ("row", "measured", "kind", "data", "field_of_view", "position", "target")
+    class Kind(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+        __slots__ = ()
+        KIND_UNSPECIFIED: _ClassVar[Image.Kind]
+        COLOUR: _ClassVar[Image.Kind]
+        DEPTH: _ClassVar[Image.Kind]
+        SEGMENTS: _ClassVar[Image.Kind]
+    KIND_UNSPECIFIED: Image.Kind
+    COLOUR: Image.Kind
+    DEPTH: Image.Kind
+    SEGMENTS: Image.Kind
+    ROW_FIELD_NUMBER: _ClassVar[int]
+    MEASURED_FIELD_NUMBER: _ClassVar[int]
+    KIND_FIELD_NUMBER: _ClassVar[int]
+    DATA_FIELD_NUMBER: _ClassVar[int]
+    FIELD_OF_VIEW_FIELD_NUMBER: _ClassVar[int]
+    POSITION_FIELD_NUMBER: _ClassVar[int]
+    TARGET_FIELD_NUMBER: _ClassVar[int]
+    row: int
+    measured: int
+    kind: Image.Kind
+    data: bytes
+    field_of_view: float
+    position: _containers.RepeatedScalarFieldContainer[float]
+    target: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, row: _Optional[int] = ..., measured: _Optional[int] = ..., kind: _Optional[_Union[Image.Kind, str]] = ..., data: _Optional[bytes] = ..., field_of_view: _Optional[float] = ..., position: _Optional[_Iterable[float]] = ..., target: _Optional[_Iterable[float]] = ...) -> None: ...
+
 class Contact(_message.Message):
     __slots__ = ("a", "b", "point", "depth", "stage", "impulse")
     class Stage(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):

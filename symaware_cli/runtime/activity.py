@@ -424,7 +424,9 @@ class Activity:
     @contextmanager
     def _supervision(self) -> Iterator[None]:
         before = self._group.awareness.state if self._disturbances else None
-        with restrained(self._group, self._held if self._is_group else ()):
+        held = self._held if self._is_group else ()
+        muted = [self._group.ids[row] for row in held]
+        with restrained(self._group, held), self._simulation.exchange.muted(muted):
             yield
         for disturbance in self._disturbances:
             disturbance(self._group, before)

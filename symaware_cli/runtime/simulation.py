@@ -235,8 +235,9 @@ class Simulation:
         data: dict[str, object] = {"links": change.links, "begun": len(change.begun), "ended": len(change.ended)}
         if len(change.begun) + len(change.ended) <= _MOST_LINKS_NAMED:
             data |= {"begun": [list(each) for each in change.begun], "ended": [list(each) for each in change.ended]}
-        level = Level.INFO
-        if change.parts is not None and change.parts > 1:
-            level, data["parts"] = Level.WARNING, change.parts
-            text += f"; not connected: {change.parts} parts"
+        # Of what moves there is always something new, and few want to read of all of it.
+        level = Level.WARNING if change.breaks else Level.DEBUG if change.moves else Level.INFO
+        if change.parts is not None:
+            data["parts"] = change.parts
+            text += f"; not connected: {change.parts} parts" if change.parts > 1 else "; connected"
         self.announce("links-changed", "topology", text, level=level, **data)

@@ -16,7 +16,7 @@ from symaware_cli.network.channel.parameters import ChannelParameters
 FORMAT = 1
 
 #: What `recording.omit` may name; the channels are described in docs/log-format.md.
-Kind = Literal["state", "intent", "uncertainty", "risk", "control", "knowledge", "awareness", "world"]
+Kind = Literal["state", "intent", "uncertainty", "risk", "control", "knowledge", "awareness", "sensors", "world"]
 
 _NAME = r"^[A-Za-z_][A-Za-z0-9_-]*$"
 Name = Annotated[str, Field(pattern=_NAME, max_length=64)]

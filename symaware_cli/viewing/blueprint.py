@@ -59,7 +59,7 @@ def blueprint(cast: Cast, detail: Detail, content: Content) -> rrb.Blueprint:
     return rrb.Blueprint(
         rrb.Horizontal(
             rrb.Tabs(scene, *tabs, active_tab=int(detail.single)),
-            rrb.Vertical(*_overviews(cast, detail, content), row_shares=[*([3] * _curve_count(cast, content)), 4]),
+            rrb.Vertical(*_overviews(cast, detail, content), row_shares=[*_row_shares(cast, content), 4]),
             column_shares=[5, 3],
         ),
         rrb.TimePanel(timeline=TIMELINE, state="collapsed"),
@@ -138,13 +138,13 @@ def _overviews(cast: Cast, detail: Detail, content: Content) -> Iterable[Any]:
 
     cameras = _cameras(cast, detail, content)
     if cameras:
-        yield rrb.Grid(*cameras, name="Cameras")
+        yield rrb.Grid(*cameras, grid_columns=min(len(cameras), 2), name="Cameras")
     if _has_risk(content):
         yield _curves("Risk", ["+ curves/risk/**"], legend=not detail.curves or cast.agent_count <= _LEGEND)
     if cast.agent_count > 1:
         yield _curves("Separation", ["+ curves/separation/**"])
     journals = [_log("Events", "log/events")]
-    if "/messages" in content.topics:
+    if not content.topics.isdisjoint(("/messages", "/messages/columns")):
         journals.append(_log("Messages", "log/messages"))
     modes = rrb.StateTimelineView(origin="modes", name="Modes")
     about = rrb.TextDocumentView(origin="about", name="About")
@@ -155,16 +155,15 @@ def _cameras(cast: Cast, detail: Detail, content: Content) -> list[rrb.Spatial2D
     """A view of what each camera of the first few agents saw."""
     import rerun.blueprint as rrb
 
-    groups = sorted({topic.split("/")[2] for topic in content.topics if "/image/" in topic})
-    agents = [agent for agent in detail.focus if cast.place[agent][0] in groups][:_CAMERAS]
+    sensors = [tuple(topic.split("/")[2::2]) for topic in sorted(content.topics) if "/image/" in topic]
+    cameras = [(agent, sensor) for agent in detail.focus for group, sensor in sensors if cast.place[agent][0] == group]
     return [
         rrb.Spatial2DView(
-            origin=f"cameras/{agent}",
+            origin=f"cameras/{agent}/{sensor}/colour",
             name=agent,
-            contents=["+ $origin/*/colour"],
             background=rrb.Background(color=BACKGROUND, kind=rrb.BackgroundKind.SolidColor),
         )
-        for agent in agents
+        for agent, sensor in cameras[:_CAMERAS]
     ]
 
 
@@ -178,9 +177,10 @@ def _log(name: str, origin: str) -> rrb.TextLogView:
     return rrb.TextLogView(origin=origin, name=name, columns=columns)
 
 
-def _curve_count(cast: Cast, content: Content) -> int:
-    cameras = any("/image/" in topic for topic in content.topics)
-    return cameras + _has_risk(content) + (cast.agent_count > 1)
+def _row_shares(cast: Cast, content: Content) -> list[int]:
+    """How high the overviews above the journals are."""
+    cameras = [5] * any("/image/" in topic for topic in content.topics)
+    return cameras + [3] * (_has_risk(content) + (cast.agent_count > 1))
 
 
 def _has_risk(content: Content) -> bool:

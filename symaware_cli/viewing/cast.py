@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from symaware_cli.core import Shape
+from symaware_cli.core import Shape, WorldError
+from symaware_cli.environments import asset
 from symaware_cli.recording.error import LogError
 from symaware_cli.recording.reader import Log
 from symaware_cli.viewing.palette import agent_colours
@@ -71,6 +74,7 @@ class Prop:
         position: Where it stands at the beginning; (3,) [m].
         heading: Where its x axis points at the beginning [rad].
         moves: Whether it may leave that, which /world/<name>/state tells.
+        stands: Whether its position is where it stands, as without a height of its own; otherwise it is its middle.
     """
 
     name: str
@@ -78,6 +82,7 @@ class Prop:
     position: Array
     heading: float
     moves: bool
+    stands: bool = False
 
 
 @dataclass(frozen=True)
@@ -91,6 +96,7 @@ class Cast:
         props: By name.
         roster: Who can be known of, in the order of `Awareness.entities`.
         duration: How long the run was to be [s].
+        assets: The meshes that shapes name, by the name that they have there, as far as they are to be had.
     """
 
     name: str
@@ -99,6 +105,7 @@ class Cast:
     props: Mapping[str, Prop]
     roster: tuple[str, ...]
     duration: float
+    assets: Mapping[str, bytes] = field(default_factory=dict)
 
     @property
     def agent_count(self) -> int:
@@ -147,6 +154,7 @@ def cast_of(log: Log) -> Cast:
             props={name: _prop(name, entity) for name, entity in manifest["entities"].items()},
             roster=tuple(manifest["roster"]),
             duration=manifest["steps"] * manifest["time_step"] / 1e9,
+            assets=_assets(log),
         )
     except (KeyError, TypeError, ValueError, AttributeError, ValidationError) as error:
         raise LogError(f"the manifest in {log.path} is damaged") from error
@@ -184,12 +192,31 @@ def _prop(name: str, entity: Mapping[str, Any]) -> Prop:
         position=in_space(np.array(entity["position"], float)),
         heading=float(entity["heading"]),
         moves=bool(entity.get("moves") or entity.get("path")),
+        # What is free tells the height of its middle as it moves.
+        stands=len(entity["position"]) == 2 and bool(entity.get("path") or not entity.get("moves")),
     )
 
 
 def _whereabouts(name: str, log: Log) -> str:
     truth, belief = f"/world/{name}/state", f"/agents/{name}/state"
     return belief if truth not in log.channels and belief in log.channels else truth
+
+
+def _assets(log: Log) -> dict[str, bytes]:
+    """The meshes of the log, and of pybullet_data where that is installed."""
+    entities = log.manifest["entities"].values()
+    shapes = [entity["shape"] for entity in entities]
+    files = [shape["mesh"]["file"] for shape in shapes if shape.get("mesh")]
+    found = {}
+    for file in files:
+        content = log.attachments.get(f"scenario/{file}")
+        if content is None:
+            try:
+                content = asset.find(file, Path(os.devnull)).read_bytes()
+            except (WorldError, OSError):
+                continue
+        found[file] = content
+    return found
 
 
 def _perception_ranges(log: Log) -> dict[str, float]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,12 +14,15 @@ from symaware_cli.viewing.cast import Cast, in_space
 from symaware_cli.viewing.detail import Detail
 from symaware_cli.viewing.drawing.base import Drawing
 from symaware_cli.viewing.drawing.bodies import Bodies, Trails
+from symaware_cli.viewing.drawing.contacts import Contacts
 from symaware_cli.viewing.drawing.curves import Awareness, Risks, Separation
 from symaware_cli.viewing.drawing.goals import Goals
-from symaware_cli.viewing.drawing.journal import Contacts, Events, Knowledge, Messages
+from symaware_cli.viewing.drawing.journal import Events, Knowledge
+from symaware_cli.viewing.drawing.messages import Messages
 from symaware_cli.viewing.drawing.minds import Intents, Uncertainties
 from symaware_cli.viewing.drawing.others import Others
 from symaware_cli.viewing.drawing.scenery import Scenery
+from symaware_cli.viewing.drawing.sensors import Images, Scans
 from symaware_cli.viewing.excerpt import Excerpt, Gathering
 from symaware_cli.viewing.stage import Stage
 
@@ -49,7 +53,6 @@ class Replay:
             units: Their units.
         """
         self._cast, self._detail, self._stage = cast, detail, stage
-        self._places: dict[str, Array] = {}
         given = (cast, detail, stage)
         self._drawings: tuple[Drawing, ...] = (
             Scenery(*given),
@@ -59,8 +62,10 @@ class Replay:
             Intents(*given, columns),
             Uncertainties(*given, columns),
             Others(*given, columns),
-            Messages(*given, self._place_of),
-            Contacts(*given, self._place_of),
+            Scans(*given),
+            Images(*given),
+            Messages(*given),
+            Contacts(*given),
             Events(*given),
             Knowledge(*given),
             Risks(*given),
@@ -80,14 +85,26 @@ class Replay:
         }
         return Gathering(counts)
 
-    def draw(self, messages: Iterable[LogMessage], on_progress: Callable[[int], None] | None = None) -> None:
+    def draw(
+        self,
+        messages: Iterable[LogMessage],
+        on_progress: Callable[[int], None] | None = None,
+        *,
+        start: int = 0,
+        earlier: Iterable[LogMessage] = (),
+    ) -> None:
         """Draw messages, which come in the order of time.
 
         Args:
             messages: Of a log of ours.
             on_progress: Called now and then with simulated time [ns].
+            start: Where they begin [ns].
+            earlier: Those before. What they say last holds at the start.
         """
-        for excerpt in self.gathering().excerpts(messages):
+        gathering = self.gathering()
+        for message in earlier:
+            gathering.take(message.channel.topic, start, message.decode())
+        for excerpt in gathering.excerpts(messages):
             self.draw_excerpt(excerpt)
             if on_progress:
                 on_progress(excerpt.end)
@@ -96,30 +113,14 @@ class Replay:
         """Draw a stretch of the log; in the order of time."""
         for drawing in self._drawings:
             drawing.draw(excerpt)
-        for troupe in self._cast.troupes.values():
-            frames = excerpt.frames.get(f"/world/{troupe.name}/state")
-            if frames is not None:
-                self._places[troupe.name] = troupe.positions(frames.values[-1])
         self._stage.flush()
-
-    def _place_of(self, who: str, time: int, excerpt: Excerpt) -> Array | None:
-        """Where somebody is at an instant of the excerpt that is being drawn; (3,) [m]."""
-        if who not in self._cast.place:
-            prop = self._cast.props.get(who)
-            return None if prop is None or prop.moves else prop.position
-        group, row = self._cast.place[who]
-        frames = excerpt.frames.get(f"/world/{group}/state")
-        place = -1 if frames is None else int(np.searchsorted(frames.times, time, side="right")) - 1
-        if frames is None or place < 0:
-            known = self._places.get(group)
-            return None if known is None else known[row]
-        position: Array = self._cast.troupes[group].positions(frames.values[place, row])
-        return position
 
     def _explain(self) -> None:
         import rerun as rr
 
         cast = self._cast
+        believed = [name for name, troupe in cast.troupes.items() if not troupe.whereabouts.startswith("/world/")]
+        bodies = "where agents truly are" + (f" ({', '.join(believed)}: believe to be)" if believed else "")
         text = f"""# {cast.name}
 
 Seed {cast.seed}. Time is simulated time.
@@ -128,13 +129,14 @@ Seed {cast.seed}. Time is simulated time.
 
 | | |
 |---|---|
-| bodies | where agents truly are; redder with risk |
+| bodies | {bodies}; redder with risk |
 | lines behind | where they came from |
 | fading lines ahead | their intents |
 | ellipses | 95 % of where they may be |
 | thin fans | samples of what may happen |
 | crosses | goals and waypoints |
 | red rings | contacts |
+| fine points | where the rays of lidars end |
 | yellow arrows | messages as they arrive |
 
 In the tab of an agent, rings stand where it believes others to be, fainter the older the belief; ellipses hold 95 %.
@@ -159,18 +161,28 @@ def content_of(log: Log, cast: Cast, start: int | None = None, end: int | None =
     last = min(end, log.end_time or 0) if end is not None else log.end_time or 0
     corners = [prop.position + side * prop.shape.radius for prop in cast.props.values() for side in (-1.0, 1.0)]
     corners = [np.array([x, y, 0.0]) for x, y, _ in corners]
-    for troupe in cast.troupes.values():
-        topic = f"/world/{troupe.name}/state"
-        if topic not in log.channels:
-            topic = f"/agents/{troupe.name}/state"
-        for moment in np.linspace(first, last, _SOUNDINGS).astype(np.int64).tolist():
-            message = next(log.messages(topic, start=moment), None)
-            if message is not None and message.time <= last:
-                places = in_space(troupe.positions(message.decode().values))
+    troupes = {troupe.whereabouts: troupe for troupe in cast.troupes.values()}
+    for moment in np.linspace(first, last, _SOUNDINGS).astype(np.int64).tolist():
+        for message in _sounding(log, troupes, moment, last):
+            troupe = troupes[message.channel.topic]
+            states = message.decode().values
+            places = in_space(troupe.positions(states[np.isfinite(states).all(axis=1)]))
+            if len(places):
                 margin = troupe.radius + 0.5
                 corners += [places.min(axis=0) - margin, places.max(axis=0) + margin]
     known = [corner for corner in corners if np.isfinite(corner).all()] or [np.full(3, -5.0), np.full(3, 5.0)]
     return Content(np.min(known, axis=0), np.max(known, axis=0), topics)
+
+
+def _sounding(log: Log, topics: Collection[str], moment: int, last: int) -> list[LogMessage]:
+    """The first message on each topic from a moment on, as far as it comes soon."""
+    found: dict[str, LogMessage] = {}
+    for message in islice(log.messages(topics, start=moment), 3 * len(topics)):
+        if message.time <= last:
+            found.setdefault(message.channel.topic, message)
+        if len(found) == len(topics):
+            break
+    return list(found.values())
 
 
 def names_of(log: Log, key: str) -> dict[str, tuple[str, ...]]:

@@ -423,3 +423,38 @@ def test_a_field_of_view_needs_a_heading():
 def test_a_list_of_deviations_fits_the_state():
     with pytest.raises(ValueError, match="`self_noise` is a list of 3, and the state has 2 elements: x, y"):
         RangePerception(RangePerception.Parameters(range=1.0, self_noise=[1, 2, 3])).check(Team().group("robot"))
+
+
+# --- in space ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("height", "delay", "seen"),
+    [(0.5, 0.0, False), (2.0, 0.0, True), (2.0, STEP / 1e9, True), (0.5, STEP / 1e9, False)],
+)
+def test_in_space_one_sees_over_a_wall_and_not_through_it(height, delay, seen):
+    from symaware_cli.environments.spatial import PyBulletEnvironment
+
+    model = SingleIntegrator(SingleIntegrator.Parameters(dimensions=3))
+    states = [[-2.0, 0.0, height], [2.0, 0.0, height]]
+    teams = {"robot": Team(sense(range=10.0, occlusion=True, delay=delay), 2, states, model=model)}
+    walls = {"wall": Obstacle.model_validate({"shape": {"wall": {"points": [[0, -3], [0, 3]]}}})}
+    world = PyBulletEnvironment(PyBulletEnvironment.Parameters(time_step=STEP / 1e9))
+    ready = begun(teams, environment=world, obstacles=walls)
+    with world:
+        turn(ready)
+        step(ready)
+        turn(ready)
+        assert bool(seen_by(group_of(ready))) == seen
+
+
+def test_a_line_that_dips_behind_a_wall_is_cut_only_where_it_is_low():
+    from symaware_cli.core.scenery import Scenery, Span
+
+    wall = Obstacle.model_validate({"shape": {"box": {"length": 0.2, "width": 6.0}}, "position": [0, 0]})
+    scenery = Scenery({"wall": wall}, 0, {"wall": Span(0.5, -0.5, 0.5)})
+    ends = np.array([[-2, 0, 3], [-2, 0, 0.5], [2, 0, 0.5], [-2, 0, 2.0]], float)
+    targets = np.array([[2, 0, 0.5], [2, 0, 0.5], [-2, 0, 3.0], [2, 0, -0.5]], float)
+    # Over it; through it; the first the other way; and down through it.
+    assert scenery.blocks(ends, targets).tolist() == [False, True, False, True]
+    assert scenery.blocks(ends[:, :2], targets[:, :2]).all()

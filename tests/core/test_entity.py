@@ -176,7 +176,11 @@ agents: {robot: {model: {use: unicycle}, entity: {shape: {circle: {radius: 0.1}}
     [
         ("{shape: {box: {length: 1, width: -2}}, position: [0, 0]}", "shape.box.width", "is -2"),
         ("{shape: {crcle: {radius: 1}}, position: [0, 0]}", "shape.crcle", "unknown key `crcle`"),
-        ("{shape: {}, position: [0, 0]}", "shape", "exactly one kind of circle, box, cylinder, polygon, wall, mesh, urdf"),
+        (
+            "{shape: {}, position: [0, 0]}",
+            "shape",
+            "exactly one kind of circle, box, cylinder, polygon, wall, mesh, urdf",
+        ),
         ("{shape: {circle: {radius: 1}}}", "", "it needs a position"),
         ("{shape: {circle: {radius: 1}}, position: [0]}", "position", "2 or 3 coordinates are needed, not 1"),
         ('{shape: {circle: {radius: 1}}, position: [0, "1"]}', "position.1", "is the text `1`"),

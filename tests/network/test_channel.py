@@ -42,7 +42,7 @@ def delays(**parameters):
         ({"lognormal": [0.1, 0.5]}, stats.lognorm(0.5, scale=0.1)),
         ({"exponential": 0.05}, stats.expon(scale=0.05)),
     ],
-    ids=str,
+    ids=["uniform", "normal", "truncated normal", "lognormal", "exponential"],
 )
 def test_delays_have_the_distribution_that_was_asked_for(delay, distribution):
     drawn = delays(delay=delay)

@@ -66,6 +66,8 @@ def test_every_example_gives_the_same_in_both_modes_where_its_components_have_th
     )
     if not steady:
         pytest.skip("its components have periods of their own")
+    if build(scenario).document.topology is not None:
+        pytest.skip("its messages arrive between steps, which only the asynchronous mode tells apart")
     logs = []
     for mode in ("synchronous", "asynchronous"):
         built = build(scenario, ["run.duration=1.5", f"run.mode={mode}"])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from symaware_cli.core import Mesh
 from symaware_cli.viewing.cast import Cast, Prop, in_space
 from symaware_cli.viewing.detail import Detail
 from symaware_cli.viewing.drawing.base import Drawing
@@ -29,6 +30,9 @@ class Scenery(Drawing):
 
         for prop in self.cast.props.values():
             path = _path(prop)
+            if prop.shape.mesh and prop.shape.mesh.file in self.cast.assets:
+                self._put_up_mesh(path, prop.shape.mesh, prop)
+                continue
             low, high = self._extent(prop)
             for number, outline in enumerate(outlines(prop.shape)):
                 vertices, triangles = mesh(outline, low, high)
@@ -53,8 +57,23 @@ class Scenery(Drawing):
         """Where it begins and ends, upwards [m]; a plane's scenery lies just below the agents."""
         if not self.cast.is_spatial:
             return -0.05, -0.05
-        height = prop.shape.box.height if prop.shape.box and prop.shape.box.height else _HEIGHT
-        return -0.5 * height, 0.5 * height
+        height = _HEIGHT
+        if prop.shape.box and prop.shape.box.height:
+            height = prop.shape.box.height
+        elif prop.shape.cylinder:
+            height = prop.shape.cylinder.height
+        return (0.0, height) if prop.stands else (-0.5 * height, 0.5 * height)
+
+    def _put_up_mesh(self, path: str, shape: Mesh, prop: Prop) -> None:
+        """Show the surface that a file describes."""
+        import rerun as rr
+
+        surface = rr.Asset3D(
+            contents=self.cast.assets[shape.file],
+            media_type="model/stl" if shape.file.lower().endswith(".stl") else "model/obj",
+            albedo_factor=_shade(prop.moves),
+        )
+        self.stage.static(f"{path}/0", surface, rr.Transform3D(scale=shape.scale))
 
 
 def _path(prop: Prop) -> str:

@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 from symaware_cli.recording import symaware_v1_pb2 as v1
 from symaware_cli.recording.error import LogError
 from symaware_cli.recording.sensing import LoggedScan, hits, scans
-from symaware_cli.viewing.cast import Troupe
+from symaware_cli.viewing.cast import Cast, Troupe
+from symaware_cli.viewing.detail import Detail
 from symaware_cli.viewing.drawing.base import Drawing
 from symaware_cli.viewing.excerpt import Excerpt
-from symaware_cli.viewing.stage import TIMELINE
+from symaware_cli.viewing.stage import TIMELINE, Stage
 
 Array = NDArray[np.float64]
 Times = NDArray[np.int64]
@@ -26,7 +27,7 @@ _PYRAMID = 0.3
 
 
 class Scans(Drawing):
-    """Where the rays of lidars end: those of all agents in the scene, unless they are a crowd, and in tabs one's own."""
+    """Where the rays of lidars end: in the scene those of all agents, unless they are a crowd, in tabs one's own."""
 
     def draw(self, excerpt: Excerpt) -> None:
         """Draw the points of each scan from when it became known until the next."""
@@ -47,7 +48,8 @@ class Scans(Drawing):
 
         if not found:
             return
-        points = [hits(scan.angles, scan.distances, scan.pose) for scan in found]
+        flat = np.array([1.0, 1.0, float(self.cast.is_spatial)])
+        points = [flat * hits(scan.angles, scan.distances, scan.pose) for scan in found]
         moments, which = np.unique([scan.time for scan in found], return_inverse=True)
         sizes = np.array([len(each) for each in points])
         rows = np.array([troupe.agents.index(scan.agent) for scan in found])
@@ -64,6 +66,11 @@ class Scans(Drawing):
 
 class Images(Drawing):
     """What cameras saw, and where they look: ``cameras/<agent>/<sensor>``, a 2-D view each."""
+
+    def __init__(self, cast: Cast, detail: Detail, stage: Stage) -> None:
+        super().__init__(cast, detail, stage)
+        #: The paths of pyramids, whose lines are thin.
+        self._thin: set[str] = set()
 
     def draw(self, excerpt: Excerpt) -> None:
         """Show each image from when it became known until the next."""
@@ -90,8 +97,15 @@ class Images(Drawing):
 
     def _point(self, path: str, images: Sequence[tuple[int, Any]], troupe: Troupe, row: int) -> None:
         """Draw lines from the camera to the corners of what it sees, a little before it."""
+        import rerun as rr
+
+        if path not in self._thin:
+            self._thin.add(path)
+            self.stage.static(path, rr.LineStrips3D.from_fields(radii=rr.Radius.ui_points([1.0])))
         times = np.array([time for time, _ in images], np.int64)
         corners = np.array([_pyramid(image) for _, image in images])
+        if not self.cast.is_spatial:
+            corners[..., 2] = 0.0  # the plane is seen from above
         count = len(images)
         colours = np.broadcast_to(troupe.colours[row], (2 * count, 3))
         self.stage.strips(path, times, corners.reshape(-1, 3), np.tile([5, 5], count), [2] * count, colours)

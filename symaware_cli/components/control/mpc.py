@@ -1,0 +1,313 @@
+"""Model predictive control: a plan for the next seconds, made anew again and again."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import ClassVar, Literal, NamedTuple
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from symaware_cli.components.control.mpc_prediction import Obstacles, Others, clearance, sizes
+from symaware_cli.components.control.mpc_problem import Sizes, Tracking, tracking_problem, weights_of
+from symaware_cli.components.control.mpc_route import Routes, standing
+from symaware_cli.components.control.mpc_way import Way, turned_right, waypoints_of
+from symaware_cli.components.encounters import bounding_radii
+from symaware_cli.core import (
+    Agent,
+    AgentGroup,
+    AwarenessDatabase,
+    Component,
+    Environment,
+    KnowledgeDatabase,
+    Level,
+    Model,
+    Quantity,
+    TimeSeries,
+)
+from symaware_cli.core.time import SECOND
+from symaware_cli.optimal_control import Decision, Dynamics, Plan, Solver
+
+Array = NDArray[np.float64]
+
+#: Where interior-point methods begin: low, because what is left of the last plan is a good guess.
+_BARRIER = 1e-2
+
+#: [m] Obstacles so much farther away than the reference goes are not looked at.
+_BEYOND = 1.0
+
+#: In distances to keep: a reference that comes so near to others turns off.
+_MEETING = 4.0
+
+#: In distances to keep: how much nearer than now a plan must come to others to be too close.
+_NOTICEABLE = 0.05
+
+#: The solvers that were built, by group, whose agents share them.
+_SOLVERS: WeakKeyDictionary[AgentGroup, dict[tuple[object, ...], Solver]] = WeakKeyDictionary()
+
+#: The ways around obstacles that were found, by environment and distance to keep.
+_ROUTES: WeakKeyDictionary[Environment, dict[float, Routes]] = WeakKeyDictionary()
+
+
+class Turn(NamedTuple):
+    """What a turn decides.
+
+    Attributes:
+        control_input: To request; shape (nu,).
+        decision: What came of planning; None where it was not yet time for it.
+        slows: Whether the agent slows down, whatever its plan.
+        passed: How many waypoints lie behind.
+        distance: What remains to the goal [m].
+    """
+
+    control_input: Array
+    decision: Decision | None
+    slows: bool
+    passed: int
+    distance: float
+
+
+class ModelPredictiveControl(Component):
+    """Plans the way to the ``goal`` over a horizon, around other agents and obstacles, and begins with it.
+
+    The plan minimises the weighted squares of deviations from a reference, of control inputs and of their changes, over
+    the model's own motion and within the limits of its control input. The reference goes to the goal at cruise speed,
+    by way of the ``waypoints`` where an agent knows some, and around what stands still. A new plan is made when a step
+    of the last one is over; in between the control input is held, so that a plan that nothing disturbs is what happens.
+
+    Others are expected to go on at their believed velocity, or as they told; obstacles that are discs are kept clear of
+    as such, and of all else one half-plane for each stage, where it is nearest to what is left of the last plan. Both
+    hold at the stages; what happens in between is covered by ``margin``. There is a slack with a high price, so that
+    there is always a plan, unless ``penalty`` is null; but one that soon comes too close to others is not followed.
+
+    Each agent plans for itself, which is a nonlinear program of its own: there is nothing that one array operation
+    could do for all of them. They share the solver.
+
+    Where no solver finds a plan within its budget of iterations, the rest of the last one is followed, and after that
+    the agent slows down as far as its model can. The intent is the plan.
+    """
+
+    knowledge: ClassVar = {"goal": "where to go, as a position [m] or a whole state"}
+    events: ClassVar = {
+        "goal-reached": "The agent came within the tolerance of its goal, for the first time.",
+        "waypoint-reached": "It came within `passing` of its next waypoint; `number` counts them from 0.",
+        "slowed": "It slows down, because its plan comes too close to others; once until it follows a plan again.",
+        "solver-failed": "There is no new plan; `left` tells how many steps are left of the last one.",
+    }
+
+    class Parameters(Tracking):
+        """How to plan."""
+
+        horizon: float = Field(4.0, gt=0, description="How far ahead to plan [s].")
+        steps: int = Field(
+            20,
+            ge=1,
+            le=500,
+            description="In how many steps; each is rounded to a whole number of the world's time steps.",
+        )
+        speed: float = Field(1.0, gt=0, description="Cruise speed of the reference [m/s].")
+        tolerance: float = Field(0.1, gt=0, description="Distance at which the goal counts as reached [m].")
+        passing: float = Field(0.5, gt=0, description="Distance at which a waypoint counts as reached [m].")
+        margin: float = Field(0.1, ge=0, description="Distance to keep from other bodies [m].")
+        caution: float = Field(
+            1.2,
+            ge=0,
+            description="A plan that comes too close to others within this time is not followed: the agent slows down"
+            " [s]. 0 to follow every plan.",
+        )
+        neighbours: int = Field(5, ge=0, le=100, description="How many others to avoid at most; the nearest count.")
+        reach: float = Field(10.0, gt=0, description="Others farther away are not avoided [m].")
+        obstacles: int = Field(
+            6, ge=0, le=100, description="How many discs, and how many other pieces of obstacles, to avoid at most."
+        )
+        detours: bool = Field(
+            True,
+            description="Whether the reference takes the shortest way around obstacles that stand still (in the plane,"
+            " and up to fifty pieces of them), or goes straight.",
+        )
+        perturbation: float = Field(
+            0.2,
+            ge=0,
+            lt=1.5,
+            description="A reference that comes near others turns to the right by an angle of the agent's own, drawn"
+            " from half of this to all of it [rad]: without, symmetric encounters go wrong. 0 for not at all.",
+        )
+        integrator: Literal["exact", "rk4", "euler"] | None = Field(
+            None, description="How the motion is predicted; as the world moves where that is known if null, else exact."
+        )
+        solvers: list[Literal["fatrop", "ipopt"]] = Field(
+            default=["fatrop", "ipopt"],
+            min_length=1,
+            max_length=2,
+            description="Solvers; each is tried where the one before failed.",
+        )
+        iterations: int = Field(100, ge=1, le=10_000, description="Budget of each solver for each plan.")
+
+    def check(self, group: AgentGroup) -> None:
+        """Goal, waypoints and weights fit the model, and the model can be written in symbols."""
+        model, dimensions = group.model, len(group.model.position)
+        goal = group.known("goal")
+        if goal.shape not in ((len(group), dimensions), (len(group), len(model.state))):
+            raise ValueError(
+                f"the knowledge `goal` of each agent must be a position of {dimensions} numbers, or a state of "
+                f"{len(model.state)}"
+            )
+        weights = weights_of(model, self.parameters)
+        if goal.shape[1] < len(model.state):
+            for element in model.angles:
+                if weights.state[element] or weights.terminal[element]:
+                    raise ValueError(f"a weight of `{model.state[element].name}` needs a `goal` that is a whole state")
+        for row in range(len(group)):
+            waypoints_of(group.knowledge[row], dimensions)
+        dynamics = Dynamics(model, model.time_step or 0.1, self.parameters.integrator or "exact")
+        try:
+            problem = tracking_problem(dynamics, 1, self.parameters, Sizes(0, 0, 0))
+            dynamics.symbolic(problem.state, problem.control_input)
+        except Exception as error:
+            raise ValueError(f"the model cannot be written in CasADi's symbols: {error}") from error
+
+    def series_quantities(self, group: AgentGroup) -> Mapping[str, Sequence[Quantity]]:
+        """The intent consists of positions."""
+        return {"intent": [group.model.state[index] for index in group.model.position]}
+
+    def initialise_component(
+        self,
+        agent: Agent,
+        initial_awareness_database: AwarenessDatabase,
+        initial_knowledge_database: Mapping[str, KnowledgeDatabase],
+    ) -> None:
+        """Build the solver, or share that of another agent of the group."""
+        super().initialise_component(agent, initial_awareness_database, initial_knowledge_database)
+        parameters, model, environment = self.parameters, agent.group.model, self.environment
+        room = sizes(environment, parameters.neighbours, parameters.obstacles)
+        dynamics, turns = self._dynamics(agent)
+        self._solver = self._shared_solver(dynamics, room)
+        #: Time between two plans, in nanoseconds.
+        self._step = turns * environment.time_step
+        self._offsets = np.arange(parameters.steps + 1, dtype=np.int64) * self._step
+        self._others = Others(agent, bounding_radii(environment), parameters.margin, parameters.reach, room.others)
+        self._obstacles = Obstacles(environment, agent.entity.radius + parameters.margin, room)
+        goal = np.array(agent.self_knowledge["goal"], float)
+        waypoints = waypoints_of(agent.self_knowledge, len(model.position))
+        self._way = Way(model, goal, waypoints, self._shared_routes() if parameters.detours else None)
+        #: By which angle the reference turns off to the right, when it does [rad].
+        self._turn = parameters.perturbation * (0.5 + 0.5 * float(self.random.uniform()))
+        #: How far the reference goes from one stage to the next [m]; shape (N + 1,).
+        self._travelled = parameters.speed * self._offsets / SECOND
+        self._plan: Plan | None = None
+        self._planned: int | None = None
+        self._held = np.zeros(len(model.control_input))
+        self._slows = False
+        self._passed = 0
+        self._reached = False
+
+    def _dynamics(self, agent: Agent) -> tuple[Dynamics, int]:
+        """The motion over a step of the plan as the world will make it, and how many of the world's steps that is."""
+        parameters, world, model = self.parameters, self.environment.parameters, agent.group.model
+        time_step = self.environment.time_step / SECOND
+        turns = max(1, round(parameters.horizon / parameters.steps / time_step))
+        integrator = parameters.integrator or getattr(world, "integrator", "exact")
+        still = np.zeros((1, len(model.control_input)))
+        if model.time_step is not None:
+            parts = turns
+        elif integrator == "exact" and model.exact_step(agent.self_state[None], still, time_step) is not None:
+            parts = 1
+        else:
+            parts = turns * int(getattr(world, "substeps", 1))
+        return Dynamics(model, turns * time_step, integrator, parts), turns
+
+    def _shared_solver(self, dynamics: Dynamics, room: Sizes) -> Solver:
+        """The solver for the group and these parameters, built when it is first asked for."""
+        parameters = self.parameters
+        same = _SOLVERS.setdefault(self._agent.group, {})
+        key = (parameters.model_dump_json(), dynamics.step, dynamics.integrator, dynamics.substeps, room)
+        if key not in same:
+            problem = tracking_problem(dynamics, parameters.steps, parameters, room)
+            same[key] = problem.solver(parameters.solvers, iterations=parameters.iterations, barrier=_BARRIER)
+        return same[key]
+
+    def _shared_routes(self) -> Routes | None:
+        """The ways around obstacles for bodies of this size, found when they are first asked for; None in space."""
+        keep = self._agent.entity.radius + self.parameters.margin
+        if len(self._agent.group.model.position) > 2 or not keep:
+            return None
+        same = _ROUTES.setdefault(self.environment, {})
+        if keep not in same:
+            same[keep] = Routes(standing(self.environment), keep)
+        return same[keep]
+
+    def _compute(self) -> Turn:
+        agent, model = self._agent, self._agent.group.model
+        state = agent.self_state
+        position = model.positions(state[None])[0]
+        passed = self._way.passed(position, self._passed, self.parameters.passing)
+        distance = self._way.remaining(position)
+        if self._planned is not None and self.now < self._planned + self._step:
+            return Turn(self._held, None, self._slows, passed, distance)
+        requested = model.limit(agent.control_input[None])
+        rest = None
+        if self._plan is not None and self._planned is not None:
+            rest = self._plan.shifted(max(1, round((self.now - self._planned) / self._step)))
+        times = self.now + self._offsets
+        expected = model.positions((self._solver.rollout(state) if rest is None else rest).states)
+        others = self._others.ahead(times)
+        obstacles = self._obstacles.ahead(expected[:, :2], times, self._travelled[-1] + _BEYOND)
+        places = self._way.ahead(position, passed, self._travelled)
+        if self._turn and others and clearance(places, others).min() < _MEETING:
+            # Near the goal it turns less, so that it is reached.
+            turned = turned_right(places, self._turn * min(1.0, distance / self._travelled[-1]))
+            places = turned if self._obstacles.clear(turned) else places
+        given = {"reference": self._way.reference(state, places), **others, **obstacles}
+        decision = self._solver.replan(state, given, previous_input=requested[0], rest=rest)
+        if decision.plan is None or (others and self._presses(decision.plan, others)):
+            return Turn(_slowest(model, state, requested), decision, True, passed, distance)
+        return Turn(decision.plan.inputs[0], decision, False, passed, distance)
+
+    def _presses(self, plan: Plan, others: Mapping[str, Array]) -> bool:
+        """Whether a plan soon comes closer to others than it should, and than the agent is already."""
+        near = clearance(self._agent.group.model.positions(plan.states), others)
+        soon = near[1 : 1 + round(self.parameters.caution * SECOND / self._step)]
+        return bool(soon.min(initial=np.inf) < min(near[0], 1.0) - _NOTICEABLE)
+
+    def _update(self, value: Turn) -> None:
+        self._agent.model.control_input = self._held = value.control_input
+        decision = value.decision
+        if decision is not None:
+            self._plan, self._planned = decision.plan, self.now
+            self._agent.self_awareness.intent = TimeSeries() if self._plan is None else self._plan.intent(self.now)
+            if decision.fallen_back:
+                self._tell_of_failure(decision)
+            elif value.slows and not self._slows:
+                self.emit("slowed", "slows down, because its plan comes too close to others")
+        self._slows = value.slows
+        for number in range(self._passed, value.passed):
+            self.emit("waypoint-reached", f"reached its waypoint {number}", number=number)
+        self._passed = value.passed
+        if not self._reached and value.distance <= self.parameters.tolerance:
+            self._reached = True
+            self.emit("goal-reached", "reached its goal", distance=value.distance)
+
+    def _tell_of_failure(self, decision: Decision) -> None:
+        solution, left = decision.solution, 0 if decision.plan is None else decision.plan.left
+        instead = f"follows its last plan, of which {left} steps are left" if left else "slows down"
+        self.emit(
+            "solver-failed",
+            f"no new plan ({solution.solver}: {solution.status}); {instead}",
+            level=Level.WARNING,
+            status=solution.status,
+            solver=solution.solver,
+            iterations=solution.iterations,
+            left=left,
+        )
+
+
+def _slowest(model: Model, state: Array, control_input: Array) -> Array:
+    """The control input that slows down as far as the model can, or the least it allows; shape (nu,)."""
+    try:
+        slowest = model.slowed(state[None], control_input, np.zeros(1))
+    except NotImplementedError:
+        slowest = np.zeros_like(control_input)
+    limited: Array = model.limit(slowest)[0]
+    return limited

@@ -1,0 +1,161 @@
+"""The optimal control problem of `control.mpc`: track a reference, keep clear of others and of obstacles."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Any, NamedTuple
+
+import casadi
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from symaware_cli.core import Model, Parameters, Quantity
+from symaware_cli.optimal_control import Dynamics, OptimalControlProblem
+
+Array = NDArray[np.float64]
+_Weight = Annotated[float, Field(ge=0)]
+
+#: One weight for all elements, one for each in order, or some by name, the others being 0.
+Weights = _Weight | list[_Weight] | dict[str, _Weight]
+
+
+#: [m^2] What makes the distance of a point to itself smooth.
+_ROUND = 1e-8
+
+
+class Tracking(Parameters):
+    """What `control.mpc` minimises."""
+
+    state_weight: Weights | None = Field(
+        None,
+        description="Weight of the squared deviation of each element of the state from its reference, at each stage; "
+        "one number, a list in the order of the state, or numbers by name. 1 for the position if null.",
+    )
+    terminal_weight: Weights | None = Field(
+        None, description="The same at the end of the horizon; five times `state_weight` if null."
+    )
+    input_weight: Weights = Field(
+        0.01, description="Weight of the square of each element of the control input, likewise."
+    )
+    change_weight: Weights = Field(
+        0.1, description="Weight of the squared change of each element from one stage to the next, likewise."
+    )
+    penalty: Annotated[float, Field(gt=0)] | None = Field(
+        1000.0,
+        description="Price of coming closer than the margin, for each stage, where all of the distance to keep is used "
+        "up. If null it is never done, and where it cannot be helped there is no new plan.",
+    )
+
+
+class Sizes(NamedTuple):
+    """How many there is room for.
+
+    Attributes:
+        others: Agents to avoid.
+        discs: Obstacles that are discs.
+        sides: Obstacles that are seen as half-planes.
+    """
+
+    others: int
+    discs: int
+    sides: int
+
+
+class WeightsOf(NamedTuple):
+    """The weights of a model, in the order of its state or control input."""
+
+    state: Array
+    terminal: Array
+    input: Array
+    change: Array
+
+
+def weights_of(model: Model, given: Tracking) -> WeightsOf:
+    """Give every element its weight.
+
+    Raises:
+        ValueError: A weight is for an element that the model does not have.
+    """
+    if given.state_weight is None:
+        state = np.zeros(len(model.state))
+        state[list(model.position)] = 1.0
+    else:
+        state = _spread("state_weight", given.state_weight, model.state)
+    terminal = 5.0 * state
+    if given.terminal_weight is not None:
+        terminal = _spread("terminal_weight", given.terminal_weight, model.state)
+    return WeightsOf(
+        state,
+        terminal,
+        _spread("input_weight", given.input_weight, model.control_input),
+        _spread("change_weight", given.change_weight, model.control_input),
+    )
+
+
+def _spread(what: str, given: Weights, quantities: Sequence[Quantity]) -> Array:
+    names = [quantity.name for quantity in quantities]
+    if isinstance(given, Mapping):
+        for name in given:
+            if name not in names:
+                raise ValueError(f"`{what}` is for `{name}`, and the model has {', '.join(names)}")
+        return np.array([given.get(name, 0.0) for name in names])
+    if isinstance(given, list):
+        if len(given) != len(names):
+            raise ValueError(f"`{what}` has {len(given)} numbers, and the model has {', '.join(names)}")
+        return np.array(given)
+    return np.full(len(names), given)
+
+
+def tracking_problem(dynamics: Dynamics, steps: int, given: Tracking, sizes: Sizes) -> OptimalControlProblem:
+    """State the problem.
+
+    Its parameters are, at each stage, the ``reference`` of the state and, as far as there is room for any, of the
+    ``others`` and ``discs`` the positions, with the distances to keep as ``others_keep`` and ``discs_keep``; and of the
+    ``sides`` the normals by the distance to keep, with the offsets ``sides_offset`` in such distances.
+
+    Args:
+        dynamics: The motion.
+        steps: Of the horizon.
+        given: Weights.
+        sizes: Room.
+    """
+    model = dynamics.model
+    problem = OptimalControlProblem(
+        model, steps=steps, time_step=dynamics.step, integrator=dynamics.integrator, substeps=dynamics.substeps
+    )
+    weights = weights_of(model, given)
+    deviation = problem.state - problem.parameter("reference", len(model.state), per_stage=True)
+    problem.add_cost(
+        _weighted(weights.state, deviation)
+        + _weighted(weights.input, problem.control_input)
+        + _weighted(weights.change, problem.control_input - problem.previous_input)
+    )
+    problem.add_terminal_cost(_weighted(weights.terminal, deviation))
+    position = problem.state[list(model.position)]
+
+    def apart(name: str, count: int, dimensions: int) -> list[Any]:
+        places = problem.parameter(name, (dimensions, count), per_stage=True)
+        keep = problem.parameter(f"{name}_keep", count)
+        # Distances, not their squares, which are flat where bodies overlap. But the root of 0 has no slope.
+        squares = [casadi.sumsqr(position[:dimensions] - places[:, n]) + _ROUND for n in range(count)]
+        return [casadi.sqrt(square) / keep[n] for n, square in enumerate(squares)]
+
+    if sizes.others:
+        clear = casadi.vertcat(*apart("others", sizes.others, len(model.position)))
+        problem.add_constraint(clear, lower=1.0, penalty=given.penalty)
+    obstacles = apart("discs", sizes.discs, 2) if sizes.discs else []
+    if sizes.sides:
+        normals = problem.parameter("sides", (2, sizes.sides), per_stage=True)
+        offsets = problem.parameter("sides_offset", sizes.sides, per_stage=True)
+        obstacles += [1.0 + casadi.dot(normals[:, n], position[:2]) - offsets[n] for n in range(sizes.sides)]
+    if obstacles:
+        # A slack of their own: who is pressed by others must not be let through a wall for the same price.
+        problem.add_constraint(casadi.vertcat(*obstacles), lower=1.0, penalty=given.penalty)
+    return problem
+
+
+def _weighted(weights: Array, column: Any) -> Any:
+    """The weighted sum of squares, of those elements that have a weight."""
+    some = np.flatnonzero(weights).tolist()
+    return casadi.dot(weights[some], column[some] ** 2) if some else casadi.SX(0)

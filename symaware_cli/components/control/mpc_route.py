@@ -1,0 +1,155 @@
+"""Routes: the shortest ways around obstacles that stand still, along the corners that one sees from another."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symaware_cli.core import Environment
+from symaware_cli.core.geometry import Pieces, crosses, separation_from_points
+
+Array = NDArray[np.float64]
+
+#: In distances to keep: where corners lie, and what a straight line must keep. In between is what a vehicle may be off
+#: without losing its way.
+_CORNERS, _LINES = 1.05, 0.9
+
+#: So many corners of its own a disc has.
+_AROUND = 8
+
+#: With more pieces than this, the corners are too many to look from each at all others.
+_MOST = 50
+
+
+def standing(environment: Environment) -> Pieces:
+    """The pieces of obstacles that nothing moves."""
+    scenery = environment.scenery
+    entities = [environment.obstacles[name] for name in scenery.names]
+    rests = [each.path is None and each.mass is None for each in entities]
+    return scenery.pieces.take(np.flatnonzero(np.array(rests, bool)[scenery.owner]))
+
+
+class Routes:
+    """Straight lines between the corners of obstacles, as far as no obstacle is in between.
+
+    A shortest way among polygons consists of such lines (T. Lozano-Pérez, M. A. Wesley, "An algorithm for planning
+    collision-free paths among polyhedral obstacles", Communications of the ACM 22, 1979). Obstacles are grown by the
+    distance to keep, roundings by lines that touch them. Only the plane is looked at.
+    """
+
+    def __init__(self, pieces: Pieces, keep: float) -> None:
+        """Look from every corner at every other.
+
+        Args:
+            pieces: The obstacles; with more than fifty, there are no routes around them.
+            keep: Distance to keep from them [m].
+        """
+        few = len(pieces) <= _MOST
+        self._grown = Pieces(pieces.vertices, pieces.normals, pieces.offsets, pieces.rounding + _LINES * keep)
+        corners = _corners(pieces, _CORNERS * keep) if few else np.empty((0, 2))
+        count = len(corners)
+        inside = np.zeros(count, bool)
+        for piece in range(len(pieces)) if few else ():
+            one = self._grown.take(np.full(count, piece))
+            inside |= separation_from_points(corners, np.zeros(count), one).distance < 0.0
+        self._corners = np.unique(corners[~inside], axis=0)
+        self._lengths = np.array([self.distances(corner, self._corners) for corner in self._corners])
+        if len(self._corners):
+            np.fill_diagonal(self._lengths, np.inf)
+
+    def distances(self, origin: Array, targets: Array) -> Array:
+        """How far points (m, 2) are from one; infinite where an obstacle is in between [m]; shape (m,)."""
+        grown = self._grown
+        ways = targets - origin
+        low, high = grown.bounds()
+        meets = (np.minimum(targets, origin)[:, None] <= high) & (np.maximum(targets, origin)[:, None] >= low)
+        line, piece = np.nonzero(meets.all(axis=2))
+        hidden = np.zeros(len(targets), bool)
+        lines = Pieces.lines(np.broadcast_to(origin, (len(line), 2)), targets[line])
+        hidden[line[crosses(lines, grown.take(piece))]] = True
+        return np.where(hidden, np.inf, np.sqrt(np.square(ways).sum(axis=1)))
+
+    def to(self, target: Array) -> Route:
+        """All shortest ways to a point [m], shape (2,)."""
+        return Route(self, target, self._corners, self._lengths)
+
+
+class Route:
+    """The shortest ways from anywhere to one point."""
+
+    def __init__(self, routes: Routes, target: Array, corners: Array, lengths: Array) -> None:
+        """Find out how far it is from each corner.
+
+        Args:
+            routes: What is in the way.
+            target: The point [m]; shape (2,).
+            corners: Shape (c, 2).
+            lengths: From each to each, infinite where none leads there directly [m]; shape (c, c).
+        """
+        self._routes = routes
+        self._target = target
+        self._corners = corners
+        self._lengths = lengths
+        self._straight = routes.distances(target, corners)
+        remaining = self._straight
+        # Ways of one more line each time, until no way gets shorter.
+        while len(corners):
+            shorter = np.minimum(remaining, (lengths + remaining).min(axis=1))
+            if (shorter == remaining).all():
+                break
+            remaining = shorter
+        self._remaining = remaining
+
+    def by_way_of(self, position: Array) -> Array:
+        """The corners to pass from a position [m], shape (2,); none where the way is straight, or where there is none.
+
+        Returns:
+            Shape (w, 2).
+        """
+        nothing = np.empty((0, 2))
+        if not len(self._corners) or np.isfinite(self._routes.distances(position, self._target[None]))[0]:
+            return nothing
+        ways = self._routes.distances(position, self._corners) + self._remaining
+        corner = int(ways.argmin())
+        if not np.isfinite(ways[corner]):
+            return nothing
+        passed = [corner]
+        while self._straight[corner] > self._remaining[corner]:
+            corner = int((self._lengths[corner] + self._remaining).argmin())
+            passed.append(corner)
+        return self._corners[passed]
+
+
+def _corners(pieces: Pieces, distance: float) -> Array:
+    """Points around each piece, such that lines from one to the next keep the distance [m] from it; shape (c, 2)."""
+    corners: list[Array] = []
+    for vertices, normals, rounding in zip(pieces.vertices, pieces.normals, pieces.rounding, strict=True):
+        radius = distance + rounding
+        real = np.flatnonzero(np.abs(normals).max(axis=1) > 0.0)
+        if not len(real):
+            angles = 2 * np.pi * np.arange(_AROUND) / _AROUND
+            around = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+            corners.extend(vertices[0] + radius / np.cos(np.pi / _AROUND) * around)
+            continue
+        for before, after in _neighbours(real.tolist()):
+            corners.extend(vertices[after] + radius * each for each in _outwards(normals[before], normals[after]))
+    return np.array(corners).reshape(-1, 2)
+
+
+def _neighbours(edges: Sequence[int]) -> list[tuple[int, int]]:
+    """Each edge of a polygon with the one after it, which begins at the vertex they share."""
+    return [*pairwise(edges), (edges[-1], edges[0])]
+
+
+def _outwards(before: Array, after: Array) -> list[Array]:
+    """Where the corners lie of a vertex between two edges of these normals, for a distance of one."""
+    cosine = float(before @ after)
+    if cosine >= 0.0:
+        return [(before + after) / (1.0 + cosine)]
+    # A sharp vertex is cut off: its tip would lie far out. The lines go on along the edges for the distance.
+    along = np.array([-before[1], before[0]])
+    back = np.array([after[1], -after[0]])
+    return [before + along, after + back]

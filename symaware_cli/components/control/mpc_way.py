@@ -1,0 +1,119 @@
+"""The way that `control.mpc` would like to take: to the goal, past the waypoints and around what stands in the way."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symaware_cli.components.control.mpc_route import Route, Routes
+from symaware_cli.core import Model
+
+Array = NDArray[np.float64]
+
+
+def waypoints_of(knowledge: Mapping[str, Any], dimensions: int) -> Array:
+    """What an agent knows of ``waypoints`` to pass before its goal; shape (w, d), without any if it knows none.
+
+    Raises:
+        ValueError: They are not positions.
+    """
+    known = knowledge.get("waypoints")
+    if known is None:
+        return np.empty((0, dimensions))
+    try:
+        places = np.array(known, float)
+    except (TypeError, ValueError):
+        places = np.empty(0)
+    if places.ndim != 2 or places.shape[1] != dimensions:
+        raise ValueError(f"the knowledge `waypoints` of each agent must be a list of positions of {dimensions} numbers")
+    return places
+
+
+class Way:
+    """The way of one agent to its goal, as a reference of its state."""
+
+    def __init__(self, model: Model, goal: Array, waypoints: Array, routes: Routes | None) -> None:
+        """Lay out the way.
+
+        Args:
+            model: Where the position stands in the state.
+            goal: A position, shape (d,), or a whole state, shape (nx,).
+            waypoints: Positions to pass before; shape (w, d).
+            routes: Ways around obstacles; None to go straight.
+        """
+        self._model = model
+        self._position = list(model.position)
+        self._target = np.zeros(len(model.state))
+        self._target[self._position if len(goal) < len(self._target) else slice(None)] = goal
+        self._goal = self._target[self._position]
+        self._waypoints = waypoints
+        targets = [*waypoints, self._goal]
+        self._routes = [routes.to(target) if routes else None for target in targets]
+        #: From each target to the end; each of shape (c, d).
+        self._onwards = [self._goal[None]]
+        for target, following in zip(reversed(targets[:-1]), reversed(self._routes[1:]), strict=True):
+            self._onwards.insert(0, np.concatenate([target[None], _around(target, following), self._onwards[0]]))
+
+    def remaining(self, position: Array) -> float:
+        """How far the goal is from a position [m]."""
+        return float(np.sqrt(np.square(self._goal - position).sum()))
+
+    def passed(self, position: Array, passed: int, within: float) -> int:
+        """How many waypoints lie behind at a position, where some did before: one more once the next is near enough."""
+        if passed < len(self._waypoints):
+            away = self._waypoints[passed] - position
+            return passed + int(np.square(away).sum() <= within * within)
+        return passed
+
+    def ahead(self, position: Array, passed: int, travelled: Array) -> Array:
+        """The positions to aim at, along the shortest way.
+
+        Args:
+            position: Where the agent is [m]; shape (d,).
+            passed: How many waypoints lie behind.
+            travelled: How far to be at each stage [m]; shape (N + 1,).
+
+        Returns:
+            Shape (N + 1, d).
+        """
+        corners = np.concatenate([position[None], _around(position, self._routes[passed]), self._onwards[passed]])
+        legs = np.sqrt(np.square(np.diff(corners, axis=0)).sum(axis=1))
+        passing = np.concatenate([[0.0], np.cumsum(legs)])
+        return np.stack([np.interp(travelled, passing, axis) for axis in corners.T], axis=1)
+
+    def reference(self, state: Array, places: Array) -> Array:
+        """The states to aim at.
+
+        Other elements than the position are those of the goal, where that is a whole state, else zero; angles are
+        counted from where the agent is, the shorter way round.
+
+        Args:
+            state: Where the agent is; shape (nx,).
+            places: The positions to aim at [m]; shape (N + 1, d).
+
+        Returns:
+            Shape (N + 1, nx).
+        """
+        target = self._target.copy()
+        for element in self._model.angles:
+            target[element] += 2 * np.pi * np.round((state[element] - target[element]) / (2 * np.pi))
+        reference = np.broadcast_to(target, (len(places), len(target))).copy()
+        reference[:, self._position] = places
+        return reference
+
+
+def turned_right(places: Array, angle: float) -> Array:
+    """Positions (N + 1, d) turned clockwise about the first of them by an angle [rad], seen from above."""
+    cosine, sine = np.cos(angle), np.sin(angle)
+    x, y = (places[:, :2] - places[0, :2]).T
+    turned = places.copy()
+    turned[:, 0], turned[:, 1] = places[0, 0] + cosine * x + sine * y, places[0, 1] + cosine * y - sine * x
+    return turned
+
+
+def _around(position: Array, route: Route | None) -> Array:
+    """What to pass on the way from a position, if anything; shape (c, d)."""
+    return np.empty((0, len(position))) if route is None else route.by_way_of(position)

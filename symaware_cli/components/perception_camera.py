@@ -1,0 +1,144 @@
+"""A camera: images of the world as it looks from an agent."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from symaware_cli.components.sensor import Sensor, SensorParameters
+from symaware_cli.core import AgentGroup, Frame, Image
+
+Array = NDArray[np.float64]
+Pixels = Annotated[int, Field(ge=1, le=4096)]
+
+
+class Camera(Sensor):
+    """Takes an image of each agent's surroundings: colours, depths, and what is seen in each pixel.
+
+    It looks forwards along the heading, at a point, or at an agent or entity. It is level however the agent tilts:
+    upwards in the image is upwards in the world. Images are those of PyBullet, on the processor, so that no screen
+    is needed; other worlds have none. What URDF files look like is seen where the world has `visuals: true`.
+
+    Errors are normal, without bias, and independent of each other.
+
+    It updates the readings of the group's awareness, under its own name, and nothing else.
+    """
+
+    class Parameters(SensorParameters):
+        """What the camera can do, and where it looks."""
+
+        width: Pixels = Field(160, description="Width of the images [pixels].")
+        height: Pixels = Field(120, description="Height of the images [pixels].")
+        field_of_view: float = Field(
+            math.pi / 3, gt=0, lt=math.pi, description="The angle from the lower to the upper edge [rad]."
+        )
+        look_at: str | tuple[float, float, float] | None = Field(
+            None,
+            description="An agent or entity, or a point [x, y, z] [m], in the middle of the images; forwards if null.",
+        )
+        pitch: float = Field(
+            0.0,
+            gt=-math.pi / 2,
+            lt=math.pi / 2,
+            description="How far above the horizon it looks, forwards [rad]; negative below.",
+        )
+        position: tuple[float, float, float] = Field(
+            (0.0, 0.0, 0.0),
+            description="Where it sits on the body: forwards, leftwards, upwards of its position [m].",
+        )
+        depth_noise: float = Field(0.0, ge=0, description="Standard deviation of depths [m].")
+        colour_noise: float = Field(0.0, ge=0, description="Standard deviation of colours, of which 255 is the most.")
+
+    def initialise_component(self, group: AgentGroup) -> None:
+        """Look whether there is something to be seen.
+
+        Raises:
+            ValueError: There are no images of this world, or nobody of the name to look at.
+        """
+        super().initialise_component(group)
+        environment, whom = self.environment, self.parameters.look_at
+        if not environment.sees:
+            raise ValueError("there are no images of this world; those of `pybullet` there are")
+        if isinstance(whom, str) and whom not in environment.roster and whom not in environment.obstacles:
+            raise ValueError(f"there is neither an agent nor an entity `{whom}` to look at")
+
+    def measure(self) -> Frame:
+        """Take an image of each agent's surroundings."""
+        parameters, environment, count = self.parameters, self.environment, len(self._group)
+        positions, headings = self._poses()
+        forwards, leftwards, upwards = parameters.position
+        cosine, sine = np.cos(headings), np.sin(headings)
+        positions = positions + np.stack(
+            [
+                forwards * cosine - leftwards * sine,
+                forwards * sine + leftwards * cosine,
+                np.full(count, upwards),
+            ],
+            axis=1,
+        )
+        level = math.cos(parameters.pitch)
+        ahead = np.stack([level * cosine, level * sine, np.full(count, math.sin(parameters.pitch))], axis=1)
+        targets = positions + ahead
+        middle = self._middle()
+        if middle is not None:
+            # Who looks at itself looks ahead.
+            elsewhere = np.linalg.norm(middle - positions, axis=1) > 1e-6
+            targets[elsewhere] = middle
+        size = parameters.width, parameters.height
+        lost = self.random.uniform(1)[:, 0] < parameters.dropout if parameters.dropout else np.zeros(count, bool)
+        images = [
+            None
+            if lost[row]
+            else environment.camera_image(
+                positions[row].tolist(), targets[row].tolist(), size, parameters.field_of_view
+            )
+            for row in range(count)
+        ]
+        for array in (positions, targets):
+            array.flags.writeable = False
+        return Frame(self.now, self._blurred(images), parameters.field_of_view, positions, targets)
+
+    def _poses(self) -> tuple[Array, Array]:
+        """Where the agents' bodies are, (n, 3) [m], and their headings, (n,) [rad]."""
+        return self.environment.body_positions(self._group.ids), self._headings()
+
+    def _headings(self) -> Array:
+        heading, state = self._group.model.heading, self.environment.snapshot().states[self._number]
+        return np.zeros(len(state)) if heading is None else state[:, heading]
+
+    def _middle(self) -> Array | None:
+        """What it looks at [m]; None forwards."""
+        whom, environment = self.parameters.look_at, self.environment
+        if whom is None:
+            return None
+        if not isinstance(whom, str):
+            return np.array(whom)
+        middle: Array = environment.body_positions([whom])[0]
+        return middle
+
+    def _blurred(self, images: Sequence[Image | None]) -> Sequence[Image | None]:
+        """The images with errors."""
+        parameters = self.parameters
+        if not parameters.depth_noise and not parameters.colour_noise:
+            return images
+        # Lost ones draw, too, so that what an agent draws does not depend on it.
+        pixels = parameters.width * parameters.height
+        blurred: list[Image | None] = []
+        draws = self.random.standard_normal(pixels * (bool(parameters.depth_noise) + 3 * bool(parameters.colour_noise)))
+        for image, errors in zip(images, draws, strict=True):
+            if image is None:
+                blurred.append(None)
+                continue
+            colour, depth = image.colour, image.depth
+            if parameters.depth_noise:
+                depth = np.maximum(depth + parameters.depth_noise * errors[:pixels].reshape(depth.shape), 0.0)
+            if parameters.colour_noise:
+                shift = parameters.colour_noise * errors[-3 * pixels :].reshape(colour.shape)
+                colour = np.clip(np.rint(colour + shift), 0, 255).astype(np.uint8)
+            blurred.append(Image(colour, depth, image.segments))
+        return blurred

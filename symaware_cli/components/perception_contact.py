@@ -1,0 +1,62 @@
+"""A contact sensor: whom an agent touches, and how hard it was hit."""
+
+from __future__ import annotations
+
+import numpy as np
+from pydantic import Field
+
+from symaware_cli.components.sensor import Sensor, SensorParameters
+from symaware_cli.core import AgentGroup, Contact, Event, Measurement, Quantity
+
+QUANTITIES = (Quantity("touching", "1"), Quantity("impulse", "N s"))
+
+
+class ContactSensor(Sensor):
+    """Feels how many bodies touch the agent, and how hard it was hit since the turn before.
+
+    Bodies are other agents, entities and the ground; as with all contacts, what already lies on the ground at the start
+    does not count before it has left it. The impulse is the greatest of the contacts that began since the turn before,
+    with a normal error where there was one; in `kinematic`, which has no forces, it is 0.
+
+    It updates the readings of the group's awareness, under its own name, and nothing else.
+    """
+
+    class Parameters(SensorParameters):
+        """What the sensor can do."""
+
+        noise: float = Field(0.0, ge=0, description="Standard deviation of the impulse [N s].")
+
+    def initialise_component(self, group: AgentGroup) -> None:
+        """Begin to listen for contacts."""
+        super().initialise_component(group)
+        self._rows = {id: row for row, id in enumerate(group.ids)}
+        #: Whom each agent touches.
+        self._touching: list[set[str]] = [set() for _ in group.ids]
+        self._hits = np.zeros(len(group))
+        self._surroundings.events.subscribe("contact", self._feel, "environment")
+
+    def _feel(self, event: Event) -> None:
+        contact = event.subject
+        assert isinstance(contact, Contact)
+        for one, other in ((contact.first, contact.second), (contact.second, contact.first)):
+            row = self._rows.get(one)
+            if row is None:
+                continue
+            if contact.begins:
+                self._touching[row].add(other)
+                self._hits[row] = max(self._hits[row], contact.impulse)
+            else:
+                self._touching[row].discard(other)
+
+    def measure(self) -> Measurement:
+        """Count who touches."""
+        parameters, count = self.parameters, len(self._group)
+        hits, self._hits = self._hits, np.zeros(count)
+        if parameters.noise:
+            errors = parameters.noise * self.random.standard_normal(1)[:, 0]
+            hits = np.where(hits > 0.0, np.maximum(hits + errors, 0.0), 0.0)
+        values = np.stack([np.array([len(others) for others in self._touching], float), hits], axis=1)
+        if parameters.dropout:
+            values[self.random.uniform(1)[:, 0] < parameters.dropout] = np.nan
+        values.flags.writeable = False
+        return Measurement(self.now, QUANTITIES, values)

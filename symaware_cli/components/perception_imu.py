@@ -1,0 +1,121 @@
+"""An inertial measurement unit: what an agent feels of its own motion."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from symaware_cli.components.sensor import Sensor, SensorParameters
+from symaware_cli.core import AgentGroup, Measurement, Quantity
+
+Array = NDArray[np.float64]
+
+QUANTITIES = (
+    *(Quantity(f"acceleration_{axis}", "m/s^2") for axis in "xyz"),
+    *(Quantity(f"rate_{axis}", "rad/s") for axis in "xyz"),
+)
+
+
+class InertialUnit(Sensor):
+    """Measures the specific force and the angular rates along the axes of the body.
+
+    The specific force is the acceleration less that of gravity: who rests feels 9.81 m/s^2 upwards. Both are means over
+    the time since the turn before, as a unit that integrates has them: so nothing is felt at the first turn, where the
+    reading is that of an agent which keeps its velocity.
+
+    The axes of the body are those of its attitude, where the model has one (`angles`), else those of its heading; x
+    points forwards, z upwards. The unit sits where the position of the agent is.
+
+    Errors are a bias, drawn once for each axis and agent, and normal errors that are independent of each other.
+
+    It updates the readings of the group's awareness, under its own name, and nothing else.
+    """
+
+    class Parameters(SensorParameters):
+        """What the unit can do."""
+
+        gravity: float = Field(9.81, ge=0, le=1e3, description="Acceleration of gravity [m/s^2].")
+        acceleration_noise: float = Field(0.0, ge=0, description="Standard deviation of accelerations [m/s^2].")
+        rate_noise: float = Field(0.0, ge=0, description="Standard deviation of angular rates [rad/s].")
+        acceleration_bias: float = Field(
+            0.0, ge=0, description="Standard deviation of the bias of accelerations [m/s^2]."
+        )
+        rate_bias: float = Field(0.0, ge=0, description="Standard deviation of the bias of angular rates [rad/s].")
+
+    def initialise_component(self, group: AgentGroup) -> None:
+        """Draw the biases."""
+        super().initialise_component(group)
+        parameters = self.parameters
+        self._bias = np.zeros((len(group), 6))
+        if parameters.acceleration_bias or parameters.rate_bias:
+            deviations = np.repeat([parameters.acceleration_bias, parameters.rate_bias], 3)
+            self._bias = deviations * self.random.standard_normal(6)
+        #: When it measured last, with the velocities and the attitudes of then.
+        self._before: tuple[int, Array, Array] | None = None
+
+    def measure(self) -> Measurement:
+        """Compare the motion with that at the turn before."""
+        parameters, count = self.parameters, len(self._group)
+        velocities, attitudes = self._velocities(), self._attitudes()
+        values = np.zeros((count, 6))
+        acceleration = np.zeros((count, 3))
+        if self._before is not None and self._before[0] < self.now:
+            then, velocities_then, attitudes_then = self._before
+            passed = (self.now - then) / 1e9
+            acceleration = (velocities - velocities_then) / passed
+            values[:, 3:] = rotation_vectors(np.swapaxes(attitudes_then, 1, 2) @ attitudes) / passed
+        self._before = self.now, velocities, attitudes
+        acceleration[:, 2] += parameters.gravity
+        values[:, :3] = np.einsum("nij,ni->nj", attitudes, acceleration)
+        values += self._bias
+        if parameters.acceleration_noise or parameters.rate_noise:
+            deviations = np.repeat([parameters.acceleration_noise, parameters.rate_noise], 3)
+            values += deviations * self.random.standard_normal(6)
+        if parameters.dropout:
+            values[self.random.uniform(1)[:, 0] < parameters.dropout] = np.nan
+        values.flags.writeable = False
+        return Measurement(self.now, QUANTITIES, values)
+
+    def _velocities(self) -> Array:
+        """How fast the agents truly are; shape (n, 3) [m/s]."""
+        known = self.environment.snapshot().velocities[self._start : self._start + len(self._group)]
+        velocities = np.zeros((len(known), 3))
+        velocities[:, : known.shape[1]] = known
+        return velocities
+
+    def _attitudes(self) -> Array:
+        """How the agents are truly turned: rotations from the body to the world; shape (n, 3, 3)."""
+        model, state = self._group.model, self.environment.snapshot().states[self._number]
+        nothing = np.zeros(len(state))
+        angles = getattr(model, "angles", ())
+        if len(angles) == 3:
+            return rotations(*(state[:, angle] for angle in angles))
+        return rotations(nothing, nothing, nothing if model.heading is None else state[:, model.heading])
+
+
+def rotations(roll: Array, pitch: Array, yaw: Array) -> Array:
+    """Rotations from the body to the world, first about z, then y, then x; (n,) each to (n, 3, 3)."""
+    (a, b), (c, d), (e, f) = ((np.cos(angle), np.sin(angle)) for angle in (roll, pitch, yaw))
+    rows = (
+        (e * c, e * d * b - f * a, e * d * a + f * b),
+        (f * c, f * d * b + e * a, f * d * a - e * b),
+        (-d, c * b, c * a),
+    )
+    return np.stack([np.stack(row, axis=1) for row in rows], axis=1)
+
+
+def rotation_vectors(turned: Array) -> Array:
+    """The axis of rotations (n, 3, 3), as long as the angle [rad], which is below pi; shape (n, 3)."""
+    sines = 0.5 * np.stack(
+        [
+            turned[:, 2, 1] - turned[:, 1, 2],
+            turned[:, 0, 2] - turned[:, 2, 0],
+            turned[:, 1, 0] - turned[:, 0, 1],
+        ],
+        axis=1,
+    )
+    sine = np.sqrt((sines * sines).sum(axis=1))
+    angle = np.arctan2(sine, 0.5 * (np.trace(turned, axis1=1, axis2=2) - 1.0))
+    vectors: Array = sines * np.where(sine > 1e-12, angle / np.maximum(sine, 1e-300), 1.0)[:, None]
+    return vectors

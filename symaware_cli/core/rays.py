@@ -1,0 +1,162 @@
+"""Rays in the plane: how far they go until they meet a convex piece.
+
+As in `symaware_cli.core.geometry`, pieces are convex cores rounded by a radius, seen from above.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symaware_cli.core.geometry import Pieces
+from symaware_cli.core.scenery import Scenery
+from symaware_cli.core.world import Snapshot
+
+if TYPE_CHECKING:
+    from symaware_cli.core.agent import AgentGroup
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+#: How many pairs of a ray and a piece are looked at together, to bound memory.
+_TOGETHER = 1 << 17
+
+
+def nearest_hits(origins: Array, directions: Array, pieces: Pieces, source: Indices, piece: Indices) -> Array:
+    """Measure how far fans of rays go until they meet the nearest of some pieces.
+
+    Args:
+        origins: Where the rays of each source begin [m]; shape (n, 2).
+        directions: Where they point, of length 1; shape (n, k, 2).
+        pieces: What they may meet.
+        source: The sources of pairs of a source and a piece that is to be looked at; shape (m,).
+        piece: The pieces of these pairs, as rows of `pieces`; shape (m,).
+
+    Returns:
+        Distances [m], infinite where a ray meets none; 0 where it begins inside of a piece; shape (n, k).
+    """
+    count, width = directions.shape[:2]
+    distances = np.full(count * width, np.inf)
+    low, high = pieces.bounds()
+    centres, reaches = 0.5 * (low + high), 0.5 * np.hypot(*(high - low).T)
+    together = max(1, _TOGETHER // max(width, 1))
+    for start in range(0, len(source), together):
+        one, other = source[start : start + together], piece[start : start + together]
+        to_centre = (centres.take(other, 0) - origins.take(one, 0))[:, None]
+        towards = directions.take(one, 0)
+        along, aside = (towards * to_centre).sum(axis=2), _cross(towards, to_centre)
+        reach = reaches.take(other)[:, None]
+        # Most rays pass by the circle around a piece.
+        row, ray = np.nonzero((np.abs(aside) <= reach) & (along >= -reach))
+        if len(row):
+            hit = _entry(origins.take(one.take(row), 0), towards[row, ray], pieces.take(other.take(row)))
+            np.minimum.at(distances, one.take(row) * width + ray, hit)
+    return distances.reshape(count, width)
+
+
+def _entry(origins: Array, directions: Array, pieces: Pieces) -> Array:
+    """Where rays enter pieces, row by row; (m, 2) each to (m,).
+
+    A rounded polygon is the union of its discs, one at each vertex, and of its edges moved outwards by the radius
+    (with what lies between them): the ray enters it where it first meets any of them.
+    """
+    vertices, rounding = pieces.vertices, pieces.rounding[:, None]
+    to_vertex = vertices - origins[:, None]
+    along = (to_vertex * directions[:, None]).sum(axis=2)
+    squared = (to_vertex * to_vertex).sum(axis=2)
+    beneath = rounding * rounding - squared + along * along
+    half = np.sqrt(np.maximum(beneath, 0.0))
+    meets = (beneath >= 0.0) & (along + half >= 0.0)
+    discs = np.where(meets, np.maximum(along - half, 0.0), np.inf)
+    real = np.isfinite(pieces.offsets)
+    edges = np.concatenate([vertices[:, 1:], vertices[:, :1]], axis=1) - vertices
+    speed = (pieces.normals * directions[:, None]).sum(axis=2)
+    # How far outside of each edge of the core a ray begins.
+    height = (pieces.normals * origins[:, None]).sum(axis=2) - np.where(real, pieces.offsets, 0.0)
+    inwards = real & (speed < 0.0) & (height >= rounding)
+    distance = np.where(inwards, (rounding - height) / np.where(inwards, speed, -1.0), np.inf)
+    crossing = np.where(inwards, distance, 0.0)[..., None] * directions[:, None] - to_vertex
+    sides = np.where(inwards & _beside(crossing, edges), distance, np.inf)
+    inside = real.any(axis=1) & (~real | (height <= 0.0)).all(axis=1)
+    inside |= (real & (height >= 0.0) & (height <= rounding) & _beside(-to_vertex, edges)).any(axis=1)
+    entry: Array = np.where(inside, 0.0, np.minimum(discs.min(axis=1), sides.min(axis=1)))
+    return entry
+
+
+def _beside(points: Array, edges: Array) -> NDArray[np.bool_]:
+    """Whether points, relative to where edges begin, lie beside the edge and not beyond its ends; (m, k, 2) each."""
+    share, length = (points * edges).sum(axis=2), (edges * edges).sum(axis=2)
+    # With some room, so that no ray slips through between two edges.
+    beside: NDArray[np.bool_] = (share >= -1e-12 * length) & (share <= (1.0 + 1e-12) * length)
+    return beside
+
+
+def _cross(one: Array, other: Array) -> Array:
+    crossed: Array = one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0]
+    return crossed
+
+
+class BodiesInPlane:
+    """The outlines of all agents, seen from above."""
+
+    def __init__(self, groups: Sequence[AgentGroup]) -> None:
+        """Look at who there is; the groups in the roster's order."""
+        self._groups = groups
+        shaped = [
+            (start + row, shape.pieces)
+            for group, start in zip(groups, np.cumsum([0, *map(len, groups)]).tolist(), strict=False)
+            for shape in [group.entity.shape]
+            if shape
+            for row in range(len(group))
+        ]
+        self._owners: Indices = np.array([index for index, pieces in shaped for _ in pieces], np.intp)
+        self._shapes = Pieces.of(piece for _, pieces in shaped for piece in pieces)
+
+    def placed(self, snapshot: Snapshot) -> tuple[Pieces, Indices]:
+        """Put them where the agents are.
+
+        Returns:
+            Convex pieces, and for each the index of its agent, ascending; shape (p,).
+        """
+        headings = [
+            np.zeros(len(group)) if group.model.heading is None else state[:, group.model.heading]
+            for group, state in zip(self._groups, snapshot.states, strict=True)
+        ]
+        turned, owners = np.concatenate([np.empty(0), *headings]), self._owners
+        return self._shapes.placed(snapshot.positions[:, :2].take(owners, 0), turned.take(owners)), owners
+
+
+def rays_in_plane(
+    senders: Indices,
+    origins: Array,
+    directions: Array,
+    reach: float,
+    bodies: Pieces,
+    owners: Indices,
+    scenery: Scenery,
+) -> Array:
+    """Measure rays against the bodies of agents and the scenery; see `Environment.ray_cast`.
+
+    Args:
+        senders: Who sends them; shape (n,).
+        origins: Where they begin [m]; shape (n, d).
+        directions: Where they point; shape (n, k, 2).
+        reach: The greatest distance [m].
+        bodies: The outlines of agents.
+        owners: The agent of each of them; shape (p,).
+        scenery: The obstacles.
+    """
+    origins = np.ascontiguousarray(origins[:, :2])
+    if len(bodies):
+        low, high = bodies.bounds()
+        meets = ((low[None] <= origins[:, None] + reach) & (high[None] >= origins[:, None] - reach)).all(axis=2)
+        meets &= senders[:, None] != owners
+        hits = nearest_hits(origins, directions, bodies, *np.nonzero(meets))
+    else:
+        hits = np.full(directions.shape[:2], np.inf)
+    if len(scenery):
+        hits = np.minimum(hits, nearest_hits(origins, directions, scenery.pieces, *scenery.candidates(origins, reach)))
+    return np.where(hits <= reach, hits, np.inf)

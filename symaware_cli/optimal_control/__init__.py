@@ -1,0 +1,11 @@
+"""Optimal control: what every model predictive controller needs, over a model's own dynamics.
+
+It needs CasADi, the extra ``casadi``. Import it where it is used, so that whatever does not use it starts without.
+"""
+
+from symaware_cli.optimal_control.dynamics import Dynamics
+from symaware_cli.optimal_control.plan import Decision, Plan, Solution
+from symaware_cli.optimal_control.problem import OptimalControlProblem
+from symaware_cli.optimal_control.solver import Solver
+
+__all__ = ["Decision", "Dynamics", "OptimalControlProblem", "Plan", "Solution", "Solver"]

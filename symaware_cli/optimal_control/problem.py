@@ -1,0 +1,234 @@
+"""Optimal control problems: what to minimise, and what must hold, along the motion of a model."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import casadi
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from symaware_cli.core import Model
+from symaware_cli.optimal_control.dynamics import Dynamics, Integrator
+
+if TYPE_CHECKING:
+    from symaware_cli.optimal_control.solver import Solver
+
+Array = NDArray[np.float64]
+
+
+class Parameter(NamedTuple):
+    """A quantity that is known only when the problem is to be solved."""
+
+    symbol: Any
+    shape: tuple[int, ...]
+    per_stage: bool
+
+
+class Cost(NamedTuple):
+    """A scalar expression that is added up over stages."""
+
+    expression: Any
+    stages: frozenset[int]
+
+
+class Constraint(NamedTuple):
+    """Bounds of a column of expressions at some stages, scaled; soft if violating it has a price."""
+
+    expression: Any
+    lower: Array
+    upper: Array
+    stages: frozenset[int]
+    penalty: float | None
+
+
+class OptimalControlProblem:
+    """Minimise a cost along the motion of a model over N steps, subject to constraints.
+
+    Costs and constraints are CasADi expressions of what belongs to one stage: `state`, `control_input`,
+    `previous_input` and whatever `parameter` declared. They are written once and count at every stage they are given
+    for. Stages run from 0, the present state, to N; there are control inputs at the stages 0 to N - 1.
+
+    The limits of the model's control input hold by themselves. The present state is given when the problem is solved.
+
+    Attributes:
+        dynamics: The motion from one stage to the next.
+        steps: N.
+        state: Symbols of the state; a column of nx.
+        control_input: Symbols of the control input; a column of nu.
+        previous_input: Symbols of the control input of the stage before; a column of nu. At stage 0 it is what `solve`
+            is given. The elements that are used are carried along as states, so that the problem stays stage-wise.
+        parameters: What `parameter` declared, by name.
+        costs: What was added.
+        constraints: Likewise.
+        state_bounds: The least and greatest states, shape (nx,) each.
+        input_bounds: The least and greatest control inputs, shape (nu,) each.
+    """
+
+    def __init__(
+        self, model: Model, *, steps: int, time_step: float, integrator: Integrator = "exact", substeps: int = 1
+    ) -> None:
+        """State a problem without cost.
+
+        Args:
+            model: Whose motion it is.
+            steps: How many time steps the horizon has, N.
+            time_step: The time from one stage to the next [s].
+            integrator: ``exact``, ``rk4`` or ``euler``, as of the kinematic world.
+            substeps: Into how many parts a time step is divided for the integrator.
+
+        Raises:
+            ValueError: There is no step, or no such integrator.
+        """
+        if steps < 1:
+            raise ValueError(f"a horizon of {steps} steps is none")
+        self.dynamics = Dynamics(model, time_step, integrator, substeps)
+        self.steps = steps
+        self.state = casadi.SX.sym("state", len(model.state))
+        self.control_input = casadi.SX.sym("input", len(model.control_input))
+        self.previous_input = casadi.SX.sym("previous", len(model.control_input))
+        self.parameters: dict[str, Parameter] = {}
+        self.costs: list[Cost] = []
+        self.constraints: list[Constraint] = []
+        count = len(model.state)
+        self.state_bounds = np.full(count, -np.inf), np.full(count, np.inf)
+        low, high = model.input_bounds()
+        self.input_bounds = np.array(low, float), np.array(high, float)
+        if _limits_length(model, *self.input_bounds):
+            self.add_constraint(casadi.sumsqr(self.control_input / self.input_bounds[1]), upper=1.0)
+
+    @property
+    def model(self) -> Model:
+        """Whose motion it is."""
+        return self.dynamics.model
+
+    def parameter(self, name: str, shape: int | tuple[int, int] = 1, *, per_stage: bool = False) -> Any:
+        """Declare a quantity that is known only when the problem is to be solved.
+
+        Args:
+            name: What `Solver.solve` calls it.
+            shape: Length of a column, or rows and columns of a matrix.
+            per_stage: Whether it has a value for each of the N + 1 stages, such as the position of somebody who moves.
+
+        Returns:
+            Its symbols, of that shape.
+
+        Raises:
+            ValueError: The name is taken.
+        """
+        if name in self.parameters:
+            raise ValueError(f"there is a parameter `{name}` already")
+        extent = (shape,) if isinstance(shape, int) else tuple(shape)
+        symbol = casadi.SX.sym(name, *extent)
+        self.parameters[name] = Parameter(symbol, extent, per_stage)
+        return symbol
+
+    def add_cost(self, expression: Any, *, stages: Iterable[int] | None = None) -> None:
+        """Add a cost.
+
+        Args:
+            expression: A scalar of the symbols of a stage.
+            stages: Where it counts; from 0 to N - 1 if nothing is said.
+
+        Raises:
+            ValueError: It is no scalar, uses foreign symbols, or there are no such stages.
+        """
+        scalar = self._expression(expression)
+        if scalar.numel() != 1:
+            raise ValueError(f"a cost is a scalar, and this has {scalar.numel()} elements")
+        self.costs.append(Cost(scalar, self._stages(stages, range(self.steps), scalar)))
+
+    def add_terminal_cost(self, expression: Any) -> None:
+        """Add a cost of the last state, at stage N."""
+        self.add_cost(expression, stages=[self.steps])
+
+    def add_constraint(
+        self,
+        expression: Any,
+        lower: ArrayLike = -np.inf,
+        upper: ArrayLike = np.inf,
+        *,
+        stages: Iterable[int] | None = None,
+        scale: float = 1.0,
+        penalty: float | None = None,
+    ) -> None:
+        """Demand lower <= expression <= upper.
+
+        Args:
+            expression: A column of expressions of the symbols of a stage.
+            lower: A number for all rows, or one for each.
+            upper: Likewise; equal to the lower one for an equation.
+            stages: Where it holds; if nothing is said, from 0 to N - 1 for what depends on control inputs, and from
+                1 to N for what does not, since nothing can be done about the present state.
+            scale: What it is divided by before a solver sees it, so that it is of the order of one; its tolerance is
+                relative to this.
+            penalty: The price of violating it, for each stage and each `scale` by which its worst row does; None if it
+                must hold. Where there is a solution without violation, a penalty above its multipliers finds it.
+
+        Raises:
+            ValueError: It uses foreign symbols, or there are no such stages.
+        """
+        column = self._expression(expression).reshape((-1, 1))
+        low, high = (np.broadcast_to(np.asarray(each, float) / scale, column.numel()) for each in (lower, upper))
+        usual = range(self.steps) if self._needs_input(column) else range(1, self.steps + 1)
+        chosen = self._stages(stages, usual, column)
+        self.constraints.append(Constraint(column / scale, low, high, chosen, penalty))
+
+    def bound_state(self, lower: ArrayLike = -np.inf, upper: ArrayLike = np.inf) -> None:
+        """Keep each element of the state within bounds at the stages 1 to N; cheaper than a constraint.
+
+        Args:
+            lower: A number for all elements, or one for each.
+            upper: Likewise.
+        """
+        low, high = self.state_bounds
+        self.state_bounds = np.maximum(low, lower), np.minimum(high, upper)
+
+    def bound_input(self, lower: ArrayLike = -np.inf, upper: ArrayLike = np.inf) -> None:
+        """Keep each element of the control input within bounds, where these are tighter than the model's own.
+
+        Args:
+            lower: A number for all elements, or one for each.
+            upper: Likewise.
+        """
+        low, high = self.input_bounds
+        self.input_bounds = np.maximum(low, lower), np.minimum(high, upper)
+
+    def solver(self, solvers: Sequence[str] = ("fatrop", "ipopt"), **options: Any) -> Solver:
+        """Build what solves the problem as it stands now; see `Solver` for the options."""
+        from symaware_cli.optimal_control.solver import Solver
+
+        return Solver(self, solvers, **options)
+
+    def _needs_input(self, expression: Any) -> bool:
+        return bool(casadi.depends_on(expression, self.control_input))
+
+    def _stages(self, stages: Iterable[int] | None, usual: range, expression: Any) -> frozenset[int]:
+        chosen = frozenset(usual if stages is None else stages)
+        last = self.steps - 1 if self._needs_input(expression) else self.steps
+        if not chosen <= frozenset(range(last + 1)):
+            raise ValueError(f"this can be asked for at the stages 0 to {last}, not at {max(chosen, key=abs)}")
+        return chosen
+
+    def _expression(self, expression: Any) -> Any:
+        """The expression as a matrix of symbols that all belong to the problem."""
+        matrix = casadi.SX(expression)
+        given = [parameter.symbol for parameter in self.parameters.values()]
+        own = casadi.veccat(self.state, self.control_input, self.previous_input, *given)
+        known = {each.element_hash() for each in casadi.symvar(own)}
+        foreign = sorted(str(each) for each in casadi.symvar(matrix) if each.element_hash() not in known)
+        if foreign:
+            raise ValueError(f"the problem does not know the symbol {foreign[0]}; declare it as a parameter")
+        return matrix
+
+
+def _limits_length(model: Model, low: Array, high: Array) -> bool:
+    """Whether a model limits the length of its control input, each element measured by its bound, and not only a box.
+
+    A model tells what it does to control inputs and not why; what becomes of the corners of the box gives it away.
+    """
+    if not (np.isfinite(high).all() and (high > 0.0).all() and (low == -high).all()):
+        return False
+    limited = model.limit(np.stack([high, low])) / high
+    return len(high) > 1 and bool(np.allclose((limited * limited).sum(axis=1), 1.0))

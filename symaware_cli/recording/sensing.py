@@ -1,0 +1,228 @@
+"""What sensors measured, in the log: scans, images and numbers, written and read."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symaware_cli.core import AgentGroup, Frame, Measurement, Reading, Scan
+from symaware_cli.recording import png, wire
+from symaware_cli.recording import symaware_v1_pb2 as v1
+from symaware_cli.recording.writer import LogWriter
+
+Array = NDArray[np.float64]
+
+#: Where depth ends, and what stands for nothing [mm].
+_NOTHING = 65535
+
+#: What a topic of each kind of reading is called, and the message on it.
+_TOPICS: dict[type, tuple[str, str]] = {
+    Scan: ("scan", "Scan"),
+    Frame: ("image", "Image"),
+    Measurement: ("measurement", "Rows"),
+}
+
+
+class SensorChannels:
+    """The channels of the sensors of a group, opened when there is something to write."""
+
+    def __init__(self, writer: LogWriter, group: AgentGroup) -> None:
+        self._writer = writer
+        self._group = group
+        self._channels: dict[str, int] = {}
+        self._last: dict[str, Reading] = {}
+
+    def record(self, now: int) -> int:
+        """Record the readings that are new and return how many rows they have."""
+        updates = 0
+        for name, reading in self._group.awareness.readings.items():
+            if reading is self._last.get(name):
+                continue
+            self._last[name] = reading
+            if name not in self._channels:
+                self._channels[name] = self._open(name, reading)
+            for content in _contents(reading):
+                self._writer.add(self._channels[name], now, content)
+            updates += len(self._group)
+        return updates
+
+    def _open(self, name: str, reading: Reading) -> int:
+        word, message = _TOPICS[type(reading)]
+        metadata = {}
+        if isinstance(reading, Measurement):
+            metadata = {
+                "columns": ",".join(quantity.name for quantity in reading.quantities),
+                "units": ",".join(quantity.unit for quantity in reading.quantities),
+            }
+        return self._writer.channel(f"/agents/{self._group.name}/{word}/{name}", message, metadata)
+
+
+def _contents(reading: Reading) -> Iterator[bytes]:
+    """The messages that tell of a reading."""
+    match reading:
+        case Scan():
+            record = v1.Scan(
+                measured=reading.time,
+                range=reading.range,
+                angles=reading.angles.tolist(),
+                distances=reading.distances.ravel().tolist(),
+                poses=reading.poses.ravel().tolist(),
+            )
+            yield record.SerializeToString(deterministic=True)
+        case Measurement():
+            yield wire.encode_rows(reading.values)
+        case Frame():
+            yield from _images(reading)
+
+
+def _images(frame: Frame) -> Iterator[bytes]:
+    for row, seen in enumerate(frame.images):
+        if seen is None:
+            continue
+        millimetres = np.where(seen.depth * 1e3 < _NOTHING, np.rint(np.minimum(seen.depth * 1e3, _NOTHING)), _NOTHING)
+        pictures = (
+            (v1.Image.COLOUR, seen.colour),
+            (v1.Image.DEPTH, millimetres.astype(np.uint16)),
+            (v1.Image.SEGMENTS, seen.segments),
+        )
+        for kind, picture in pictures:
+            record = v1.Image(
+                row=row,
+                measured=frame.time,
+                kind=kind,
+                data=png.encode(picture),
+                field_of_view=frame.field_of_view,
+                position=frame.positions[row].tolist(),
+                target=frame.targets[row].tolist(),
+            )
+            yield record.SerializeToString(deterministic=True)
+
+
+@dataclass(frozen=True, slots=True)
+class LoggedScan:
+    """A scan of one agent.
+
+    Attributes:
+        time: When it became known, simulated ns.
+        measured: When it was measured, simulated ns.
+        agent: Whose.
+        sensor: The component that measured.
+        range: The greatest distance that is measured, m.
+        angles: Where the rays point, counter-clockwise from the heading, rad; shape (k,).
+        distances: m; infinite where nothing is within range, NaN where it was missed; shape (k,).
+        pose: Where the sensor truly was: x, y, z, m, and heading, rad; shape (4,).
+    """
+
+    time: int
+    measured: int
+    agent: str
+    sensor: str
+    range: float
+    angles: Array
+    distances: Array
+    pose: Array
+
+    @property
+    def points(self) -> Array:
+        """Where the rays ended that met something; shape (m, 3) [m]."""
+        return hits(self.angles, self.distances, self.pose)
+
+
+@dataclass(frozen=True, slots=True)
+class LoggedImage:
+    """An image of one camera.
+
+    Attributes:
+        time: When it became known, simulated ns.
+        measured: When it was seen, simulated ns.
+        agent: Whose.
+        sensor: The component that looked.
+        kind: `COLOUR`, `DEPTH` or `SEGMENTS`.
+        data: As PNG.
+        field_of_view: From the lower to the upper edge, rad.
+        position: Where the camera was [m].
+        target: A point in the middle of the image [m].
+    """
+
+    time: int
+    measured: int
+    agent: str
+    sensor: str
+    kind: str
+    data: bytes
+    field_of_view: float
+    position: tuple[float, ...]
+    target: tuple[float, ...]
+
+    @property
+    def pixels(self) -> NDArray[Any]:
+        """The image as an array.
+
+        Of colours (height, width, 3) of uint8; of depths (height, width) in m, infinite where there is nothing; of
+        segments (height, width) of uint16.
+        """
+        decoded = png.decode(self.data)
+        if self.kind != "DEPTH":
+            return decoded
+        return np.where(decoded == _NOTHING, np.inf, decoded / 1e3)
+
+
+def hits(angles: Array, distances: Array, pose: Array) -> Array:
+    """Where rays end that meet something.
+
+    Args:
+        angles: (k,) [rad].
+        distances: (k,) [m].
+        pose: (4,) x, y, z [m] and heading [rad].
+
+    Returns:
+        (m, 3) [m].
+    """
+    met = np.isfinite(distances)
+    bearings, far = pose[3] + angles[met], distances[met]
+    return np.stack(
+        [pose[0] + far * np.cos(bearings), pose[1] + far * np.sin(bearings), np.full(len(far), pose[2])], axis=1
+    )
+
+
+def scans(time: int, message: Any, sensor: str, agents: Sequence[str]) -> Iterable[LoggedScan]:
+    """Make entries of a generated `Scan`, one for each row.
+
+    Raises:
+        ValueError: Its columns do not fit together, or are of agents that the group does not have.
+    """
+    rows = list(message.rows) or list(range(len(agents)))
+    if max(rows, default=0) >= len(agents):
+        raise ValueError(f"a scan of row {max(rows)} of a group of {len(agents)}")
+    angles = np.array(message.angles)
+    distances = np.array(message.distances, float).reshape(len(rows), len(angles))
+    poses = np.array(message.poses).reshape(len(rows), 4)
+    return [
+        LoggedScan(time, message.measured, agents[row], sensor, message.range, angles, own, pose)
+        for row, own, pose in zip(rows, distances, poses, strict=True)
+    ]
+
+
+def image(time: int, message: Any, sensor: str, agents: Sequence[str]) -> LoggedImage:
+    """Make an entry of a generated `Image`.
+
+    Raises:
+        ValueError: It is of an agent that the group does not have.
+    """
+    if message.row >= len(agents):
+        raise ValueError(f"an image of row {message.row} of a group of {len(agents)}")
+    return LoggedImage(
+        time=time,
+        measured=message.measured,
+        agent=agents[message.row],
+        sensor=sensor,
+        kind=v1.Image.Kind.Name(message.kind),
+        data=message.data,
+        field_of_view=message.field_of_view,
+        position=tuple(message.position),
+        target=tuple(message.target),
+    )
