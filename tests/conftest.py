@@ -1,6 +1,7 @@
 """What tests of every folder share: the command in a process of its own, and plugins installed for one test."""
 
 import os
+import signal
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
@@ -9,6 +10,12 @@ import pytest
 from hypothesis import settings
 from simulating import COMMAND
 from symaware_doubles import COMPONENTS, ENVIRONMENTS
+
+
+def pytest_configure() -> None:
+    """Make Ctrl-C count: what runs in the background of a shell, as a build server's jobs may, ignores it."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
 
 # How long an example takes says more about the machine than about the code.
 settings.register_profile("symaware", deadline=None)
