@@ -1,6 +1,7 @@
 """Equal scenarios, equal logs; and what an agent does depends on nobody it has no business with."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,7 @@ from symaware_cli.testing import assert_repeatable
 SCENARIOS = sorted(
     path
     for path in (Path(__file__).parent.parent / "scenarios").rglob("*")
-    if path.suffix in (".yaml", ".yml", ".toml") and "symaware" in path.read_text().split("agents")[0]
+    if path.suffix in (".yaml", ".yml", ".toml") and re.search(r"^symaware\b", path.read_text(), re.MULTILINE)
 )
 
 

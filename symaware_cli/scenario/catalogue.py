@@ -93,10 +93,14 @@ class Catalogue:
     @cached_property
     def _found(self) -> Mapping[str, Mapping[str, list[tuple[Listing, metadata.EntryPoint]]]]:
         found: dict[str, dict[str, list[tuple[Listing, metadata.EntryPoint]]]] = {kind: {} for kind in GROUPS}
-        kinds = {group: kind for kind, group in GROUPS.items()}
-        for group, kind in kinds.items():
-            for point in metadata.entry_points(group=group):
-                package, version = (point.dist.name, point.dist.version) if point.dist else ("", "")
+        # Asked for once: each time, every package that is installed is looked at, and each name is read from a file.
+        points = metadata.entry_points()
+        owners: dict[int, tuple[str, str]] = {}
+        for kind, group in GROUPS.items():
+            for point in points.select(group=group):
+                if id(point.dist) not in owners:
+                    owners[id(point.dist)] = (point.dist.name, point.dist.version) if point.dist else ("", "")
+                package, version = owners[id(point.dist)]
                 listing = Listing(kind, point.name, point.value, package or "unknown", version or "")
                 same = found[kind].setdefault(point.name, [])
                 # A package that is on the path twice, such as a checkout and its installation, counts once.

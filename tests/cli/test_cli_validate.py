@@ -62,10 +62,12 @@ def cpu_time(line, repetitions=5):
 
 
 @pytest.mark.slow
-def test_validating_costs_at_most_half_a_second_of_cpu_time_on_a_machine_at_rest(scenarios):
+def test_validating_costs_at_most_five_times_what_importing_numpy_does(scenarios):
+    # About 0.4 s of CPU time on a machine where NumPy takes a tenth.
+    measure = cpu_time([sys.executable, "-c", "import numpy"])
     spent = cpu_time([*COMMAND, "validate", str(scenarios / "hello.yaml")])
-    print(f"validate hello.yaml: {spent:.3f} s of CPU time")
-    assert spent <= 0.5
+    print(f"validate hello.yaml: {spent:.3f} s of CPU time, import numpy: {measure:.3f} s")
+    assert spent <= 5 * measure
 
 
 def test_validating_costs_a_bounded_multiple_of_starting_python(scenarios):

@@ -414,4 +414,4 @@ def test_six_robots_swap_places_without_a_contact_with_half_the_steps():
     ],
 )
 def test_six_robots_swap_places_without_a_contact_whatever_the_seed_and_model(model):
-    swaps(range(20), OPEN[0], f"agents.robot.model={model}")
+    swaps(range(6), OPEN[0], f"agents.robot.model={model}")

@@ -27,7 +27,8 @@ def known_plugins() -> Iterator[None]:
             group: [each for each in metadata.entry_points(group=group) if each.dist and each.dist.name in _KNOWN]
             for group in catalogue.GROUPS.values()
         }
-        patch.setattr(catalogue.metadata, "entry_points", lambda group: found[group])
+        points = metadata.EntryPoints(point for each in found.values() for point in each)
+        patch.setattr(catalogue.metadata, "entry_points", lambda: points)
         yield
     for name in [each for each in sys.modules if each.partition(".")[0] in ("broken_plugins", "sound_plugins")]:
         del sys.modules[name]
