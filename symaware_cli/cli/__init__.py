@@ -14,8 +14,6 @@ def main() -> None:
 
         print(f"symaware {__version__}")
         return
-    # pydantic would look for plugins of its own in every package that is installed, at a tenth of our start-up time.
-    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "1")
     try:
         from symaware_cli.cli.application import application
 
