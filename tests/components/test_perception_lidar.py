@@ -86,6 +86,9 @@ def test_a_ray_ends_where_marching_along_it_first_meets_the_piece(core, radius, 
         if apart < 1e-9 or marched > 20:
             break
         marched += apart
+    if abs(least) < 1e-9 and marched < 1e-9:
+        # It begins on the surface, where either answer is right.
+        return
     if least < 1e-9:
         assert hit == pytest.approx(marched, abs=2e-4)
     elif least > 1e-6:
