@@ -17,6 +17,7 @@ from symaware_cli.environments.kinematic import KinematicEnvironment
 #: What tests/conftest.py registers, by entry-point name.
 COMPONENTS = {
     "doubles.paper": "MyController",
+    "doubles.gaze": "Gaze",
     "doubles.fault": "Fault",
     "doubles.progress": "Progress",
     "doubles.sleeper": "Sleeper",
@@ -247,6 +248,17 @@ class FaultyWorld(KinematicEnvironment):
     def contacts(self):
         self._broken("contacts")
         return super().contacts()
+
+
+class Gaze(Controller):
+    """A controller that goes where its lidar sees farthest."""
+
+    def _compute(self):
+        scan = self._agent.group.awareness.readings["look"]
+        ranges = np.nan_to_num(scan.distances[self._agent.row], posinf=9.0)
+        bearing = 2 * np.pi * np.argmax(ranges) / len(ranges)
+        way = np.array([np.cos(bearing), np.sin(bearing)])
+        return 0.5 * way, TimeSeries({self.time: way})
 
 
 class Thinker(Controller):

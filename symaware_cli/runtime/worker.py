@@ -224,6 +224,7 @@ def group_data(group: AgentGroup) -> dict[str, Any]:
         "world": awareness.world,
         "observation": awareness.observation,
         "tracks": awareness.tracks,
+        "readings": dict(awareness.readings),
         "knowledge": [dict(each) for each in group.knowledge],
     }
     for name in ("intent", "uncertainty", "risk"):
@@ -242,6 +243,7 @@ def _take_group_data(group: AgentGroup, data: Mapping[str, Any]) -> None:
     awareness.state_column = _column(awareness.state_column, data["state"])
     group.control_column.values = data["control_input"]
     awareness.world, awareness.observation, awareness.tracks = data["world"], data["observation"], data["tracks"]
+    awareness.readings = data["readings"]
     for own, known in zip(group.knowledge, data["knowledge"], strict=True):
         dict.clear(own)
         dict.update(own, known)

@@ -16,7 +16,7 @@ STEP = 50_000_000
 def ran(tmp_path):
     """Run four robots that go to their goals, with faults; the log."""
 
-    def run(faults, mode="synchronous", see="perception.omniscient", duration=3.0, more=None, **component):
+    def run(faults, mode="synchronous", see="perception.omniscient", duration=3.0, more=None, topology=None, **component):
         steer = {"use": "control.go-to-goal", "with": {"speed": 1.0, "tolerance": 0.1}, **component}
         document = {
             "symaware": 1,
@@ -38,6 +38,7 @@ def ran(tmp_path):
                 }
             },
             "faults": faults,
+            **({"topology": topology} if topology else {}),
         }
         path = tmp_path / "faults.yaml"
         path.write_text(yaml.safe_dump(document, sort_keys=False))
@@ -193,3 +194,40 @@ def test_faults_may_overlap(ran):
         believed.values[(believed.times >= 1.0e9) & (believed.times < 2.5e9)], axis=0
     ) == pytest.approx([0.0, 0.0])
     assert believed.times[-1] > 2.5e9
+
+
+TALK = {"tell": {"use": "communication.state"}, "hear": {"use": "communication.inbox"}}
+
+
+def stages(log, sender):
+    """Of all messages of an agent: when each was sent [ns], how it ended, when [ns], and why."""
+    sent = {each.id: each.time for each in log.communications() if (each.sender, each.stage) == (sender, "SENT")}
+    return [
+        (sent[each.id], each.stage, each.time, each.reason)
+        for each in log.communications()
+        if each.sender == sender and each.stage != "SENT"
+    ]
+
+
+@MODES
+@pytest.mark.parametrize("topology", [None, {"use": "complete"}])
+def test_dropped_messages_are_those_of_the_link_and_the_time(mode, topology, ran):
+    log = ran({"jam": {"at": 1.0, "for": 0.5, "drop": {"sender": "robot.0"}}}, mode, more=TALK, topology=topology)
+    during = [each for each in stages(log, "robot.0") if 10**9 <= each[0] < 15 * 10**8]
+    before = [each for each in stages(log, "robot.0") if not 10**9 <= each[0] < 15 * 10**8]
+    assert len(during) >= 10
+    assert {stage for _, stage, _, _ in during} == {"DROPPED"}
+    assert {reason for _, _, _, reason in during} == {"jam"}
+    assert {stage for _, stage, _, _ in before} == {stage for _, stage, _, _ in stages(log, "robot.1")} == {"DELIVERED"}
+
+
+@MODES
+@pytest.mark.parametrize("topology", [None, {"use": "complete"}])
+def test_delayed_messages_come_later_by_what_the_fault_says(mode, topology, ran):
+    fault = {"at": 1.0, "for": 0.5, "delay": {"sender": "robot.0", "by": 0.2}}
+    log = ran({"slow": fault}, mode, more=TALK, topology=topology)
+    usual = {late - sent for sent, _, late, _ in stages(log, "robot.1")}
+    during = {late - sent for sent, _, late, _ in stages(log, "robot.0") if 10**9 <= sent < 15 * 10**8}
+    assert max(usual) <= STEP
+    assert during <= {200_000_000, 200_000_000 + STEP}
+    assert {late - sent for sent, _, late, _ in stages(log, "robot.0") if sent < 10**9} == usual

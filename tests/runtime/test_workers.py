@@ -3,6 +3,7 @@
 import os
 import signal
 import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -67,6 +68,46 @@ def test_one_worker_or_two_or_none_give_the_same_bytes(mode, latency, ran):
         logs.append(channels(log))
         assert [event.name for event in log.events() if event.source == "agents.robot.3.think"] == ["thought"] * 2
     assert logs[0] == logs[1] == logs[2]
+
+
+def test_what_further_sensors_measured_is_known_there_too(ran):
+    logs = []
+    for where in ("here", "process"):
+        content = document(duration=0.5)
+        look = {"use": "perception.lidar", "with": {"range": 9.0, "rays": 12}}
+        components = {"see": {"use": "perception.self"}, "look": look, "go": {"use": "doubles.gaze", "run_in": where}}
+        content["agents"]["robot"] |= {"components": components, "entity": {"shape": {"circle": {"radius": 0.3}}}}
+        summary, log = ran(content, where)
+        assert summary.status == "finished", summary.failure
+        logs.append(channels(log))
+    assert logs[0] == logs[1]
+
+
+@pytest.mark.slow
+def test_a_thousand_agents_give_the_same_bytes_again_and_under_load_and_with_one_worker_or_two(ran):
+    def thousand(name, where="here", workers=1):
+        components = {
+            "see": {"use": "perception.self"},
+            "think": {"use": "doubles.thinker", "period": 0.01, "run_in": where},
+        }
+        content = document(duration=1.0, workers=workers)
+        content["agents"]["robot"] |= {"count": 1000, "components": components}
+        summary, log = ran(content, name)
+        assert (summary.status, summary.turns) == ("finished", 20 + 1000 * 100), summary.failure
+        return channels(log)
+
+    quiet = thousand("quiet")
+    assert thousand("again") == quiet
+    burn = [sys.executable, "-c", "while True: pass"]
+    load = [subprocess.Popen(burn) for _ in range(2 * (os.cpu_count() or 1))]
+    try:
+        assert thousand("loaded") == quiet
+        assert thousand("one", "process", 1) == quiet
+    finally:
+        for each in load:
+            each.kill()
+            each.wait()
+    assert thousand("two", "process", 2) == quiet
 
 
 def test_all_events_of_a_turn_are_the_same_too(ran):
