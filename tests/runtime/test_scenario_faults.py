@@ -16,7 +16,9 @@ STEP = 50_000_000
 def ran(tmp_path):
     """Run four robots that go to their goals, with faults; the log."""
 
-    def run(faults, mode="synchronous", see="perception.omniscient", duration=3.0, more=None, topology=None, **component):
+    def run(
+        faults, mode="synchronous", see="perception.omniscient", duration=3.0, more=None, topology=None, **component
+    ):
         steer = {"use": "control.go-to-goal", "with": {"speed": 1.0, "tolerance": 0.1}, **component}
         document = {
             "symaware": 1,
