@@ -18,6 +18,7 @@ VERBS: dict[str, Callable[[Path, Path], list[object]]] = {
     "inspect --series": lambda log, folder: ["inspect", log, "--series", "robot:world:x"],
     "inspect --digest": lambda log, folder: ["inspect", log, "--digest"],
     "recover": lambda log, folder: ["recover", log, "--output", folder / "recovered.mcap"],
+    "merge": lambda log, folder: ["merge", log, "--output", folder / "merged.mcap"],
     "replay": lambda log, folder: ["replay", log, "--save", folder / "replay.rrd"],
     "plot": lambda log, folder: ["plot", log, "--output", folder / "plot.png", "--dpi", 20],
     "export csv": lambda log, folder: ["export", log, "--to", "csv", "--output", folder / "tables"],
@@ -26,7 +27,7 @@ VERBS: dict[str, Callable[[Path, Path], list[object]]] = {
 }
 """What each verb that reads a log is called with: the log, and an empty folder to write into."""
 
-QUICK = ("inspect", "recover")
+QUICK = ("inspect", "recover", "merge")
 """These take milliseconds."""
 
 DRAWING = ("replay", "plot")

@@ -176,7 +176,9 @@ def test_the_code_of_a_document_runs(document: Path, folder: Path, monkeypatch: 
     monkeypatch.chdir(folder)
     reads_logs = "open_log" in document.read_text(encoding="utf-8")
     namespace: dict[str, object] = {"__name__": "document"}
-    for block in blocks(document):
+    for number, block in enumerate(blocks(document)):
+        if block.language in ("yaml", "toml") and block.text.startswith("# "):
+            written(block, folder, number)
         if block.language == "console" and reads_logs:
             # The logs that the code reads are those of the runs that the document shows.
             for command in commands(block.text):

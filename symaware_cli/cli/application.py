@@ -10,6 +10,7 @@ from symaware_cli.cli import (
     export,
     inspect,
     list,  # noqa: A004 (a verb)
+    merge,
     new,
     plot,
     recover,
@@ -56,6 +57,7 @@ for _verb in (
     export.export,
     inspect.inspect,
     recover.recover,
+    merge.merge,
     list.list_plugins,
     show.show,
     schema.schema,

@@ -132,9 +132,10 @@ def _listed(text: str | None) -> list[str] | None:
 def _text(path: Path, place: Path, report: dict[str, Any]) -> str:
     if "topics" in report:
         count = sum(report["topics"].values())
-        topics = [f"  {topic:<32} {messages:>9,}" for topic, messages in report["topics"].items()]
+        width = max([32, *map(len, report["topics"])])
+        topics = [f"  {topic:<{width}} {messages:>9,}" for topic, messages in report["topics"].items()]
         head = f"{path}: {count:,} messages, {size_in_words(report['size'])} in {place}"
-        return "\n".join([head, "", f"  {'topic':<32} {'messages':>9}", *topics])
+        return "\n".join([head, "", f"  {'topic':<{width}} {'messages':>9}", *topics])
     tables = report["tables"]
     rows, size = (sum(table[key] for table in tables) for key in ("rows", "size"))
     width = max(len(table["file"]) for table in tables)

@@ -66,7 +66,7 @@ def inspect(
         str | None,
         typer.Option(
             help="Values over time, such as `robot.0:state` or `robot:world:x`. NAME: an agent, a group, an entity. "
-            "FIELD: state, world, control, control_requested, intent, uncertainty, risk.",
+            "FIELD: state, world, control, control_requested, intent, uncertainty, risk, or a sensor's name.",
             metavar="NAME:FIELD[:COLUMN]",
             rich_help_panel=VIEW,
         ),

@@ -17,6 +17,7 @@ class Kind(enum.StrEnum):
     environments = "environments"
     models = "models"
     topologies = "topologies"
+    transports = "transports"
 
 
 def list_plugins(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import replace
 from pathlib import Path
@@ -20,6 +21,7 @@ from symaware_cli.cli.terminal import (
     ScenarioPath,
     Seed,
     fail,
+    names,
     print_json,
     size_in_words,
     trouble_shown,
@@ -29,6 +31,9 @@ if TYPE_CHECKING:
     from symaware_cli.runtime.pacer import Pace
     from symaware_cli.runtime.summary import Extreme, Summary
     from symaware_cli.scenario.build import Built
+    from symaware_cli.scenario.place import Place
+
+_SPREAD = "Several processes"
 
 
 def run(
@@ -43,7 +48,9 @@ def run(
     ] = None,
     timeout: Annotated[
         float | None,
-        typer.Option("--timeout", min=0.001, help="Wall time after which the run is ended and its log finished [s]."),
+        typer.Option(
+            "--timeout", min=0.001, help="Wall time after which the run is ended and its log finished, in seconds."
+        ),
     ] = None,
     no_record: Annotated[bool, typer.Option("--no-record", help="Write no log.")] = False,
     live: Annotated[bool, typer.Option("--live", help="Show the run in the Rerun viewer while it goes on.")] = False,
@@ -52,8 +59,56 @@ def run(
     ] = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show neither progress nor summary.")] = False,
     as_json: Json = False,
+    only: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--only",
+            help="Of a run of several processes, the agents that run here.",
+            metavar="AGENTS",
+            rich_help_panel=_SPREAD,
+        ),
+    ] = None,
+    listen: Annotated[
+        int | None,
+        typer.Option(
+            "--listen",
+            min=0,
+            max=65535,
+            help="Be the host of the world, at this port; 0 for any.",
+            metavar="PORT",
+            rich_help_panel=_SPREAD,
+        ),
+    ] = None,
+    join: Annotated[
+        str | None,
+        typer.Option("--join", help="Take part in the run of a host.", metavar="HOST:PORT", rich_help_panel=_SPREAD),
+    ] = None,
+    bind: Annotated[
+        str | None,
+        typer.Option(
+            "--bind",
+            help="Listen at this address instead of 127.0.0.1; needs a key.",
+            metavar="ADDRESS",
+            rich_help_panel=_SPREAD,
+        ),
+    ] = None,
+    key_file: Annotated[
+        Path | None,
+        typer.Option(
+            "--key-file", help="A file with the key that all processes share.", metavar="FILE", rich_help_panel=_SPREAD
+        ),
+    ] = None,
+    name: Annotated[
+        str | None,
+        typer.Option("--name", help="What the others call this process.", metavar="NAME", rich_help_panel=_SPREAD),
+    ] = None,
+    wait: Annotated[
+        float,
+        typer.Option("--wait", min=0.1, help="For how many seconds to wait for the others.", rich_help_panel=_SPREAD),
+    ] = 60.0,
 ) -> None:
     """Run a scenario and record it in a log."""
+    place = _place(listen, bind, join, names(",".join(only or ())), key_file, name, wait, as_json)
     with trouble_shown(as_json):
         from symaware_cli.scenario.execution import open_scenario
 
@@ -67,7 +122,10 @@ def run(
         path = log
         if live or connect:
             path = stack.enter_context(_live(log, connect, as_json))
-        summary = _execute(built, path, timeout, quiet, as_json)
+        if place and not (quiet or as_json):
+            for event in ("waiting", "joined", "rejoined", "lost", "rejected"):
+                built.simulation.events.subscribe(event, lambda event: typer.echo(f"symaware: {event.text}", err=True))
+        summary = _execute(built, path, timeout, quiet, as_json, place)
         if log is None:
             summary = replace(summary, log=None, log_size=None)
         if as_json:
@@ -82,17 +140,55 @@ def run(
     raise typer.Exit({"finished": 0, "failed": FAILED, "interrupted": INTERRUPTED}[summary.status])
 
 
-def _execute(built: Built, log: Path | None, timeout: float | None, quiet: bool, as_json: bool) -> Summary:
+def _place(
+    listen: int | None,
+    bind: str | None,
+    join: str | None,
+    only: Sequence[str],
+    key: Path | None,
+    name: str | None,
+    wait: float,
+    as_json: bool,
+) -> Place | None:
+    """Where this process stands among those that share the run; leave where that makes no sense."""
+    if listen is None and join is None:
+        for option, given in (("--only", only), ("--bind", bind), ("--key-file", key), ("--name", name)):
+            if given:
+                fail(
+                    f"{option} is for a run of several processes: with --listen PORT or --join HOST:PORT",
+                    WRONG_INPUT,
+                    as_json,
+                )
+        return None
+    if listen is not None and join is not None:
+        fail("--listen is for the host and --join for all others: give one of them", WRONG_INPUT, as_json)
+    if bind and join:
+        fail("--bind says where a host listens: it goes with --listen", WRONG_INPUT, as_json)
+    from symaware_cli.scenario.place import Place
+
+    if join is not None:
+        return Place("member", join, only, name, key, wait)
+    address = bind or "127.0.0.1"
+    return Place("host", f"[{address}]:{listen}" if ":" in address else f"{address}:{listen}", only, name, key, wait)
+
+
+def _execute(
+    built: Built, log: Path | None, timeout: float | None, quiet: bool, as_json: bool, place: Place | None
+) -> Summary:
+    from symaware_cli.core import TransportError
     from symaware_cli.recording.error import LogError
     from symaware_cli.scenario.execution import execute
+    from symaware_cli.scenario.place import DistributionError
 
     duration = built.steps * built.simulation.environment.time_step
     shown = sys.stderr.isatty() and not quiet and not as_json
     try:
         with progress(built.document.name, 0, duration, shown) as on_progress:
-            return execute(built, log, on_progress, timeout)
+            return execute(built, log, on_progress, timeout, place)
     except LogError as error:
         fail(str(error), FAILED, as_json)
+    except (DistributionError, TransportError) as error:
+        fail(str(error), WRONG_INPUT, as_json)
     except KeyboardInterrupt:
         raise typer.Exit(INTERRUPTED) from None
 

@@ -38,6 +38,7 @@ from symaware_cli.core.scenery import Scenery
 from symaware_cli.core.series import TimeSeries
 from symaware_cli.core.time import Clock, nanoseconds, seconds
 from symaware_cli.core.topology import Links, Topology, TopologyError, TopologyParameters
+from symaware_cli.core.transport import Happening, Port, Transport, TransportError, TransportParameters
 from symaware_cli.core.vehicle import Vehicle
 from symaware_cli.core.world import Contact, Roster, Snapshot
 
@@ -67,6 +68,7 @@ __all__ = [
     "GroupAwareness",
     "GroupCommunicationReceiver",
     "GroupComponent",
+    "Happening",
     "Image",
     "KnowledgeDatabase",
     "Level",
@@ -82,6 +84,7 @@ __all__ = [
     "PerceptionSystem",
     "Plugin",
     "Polygon",
+    "Port",
     "Pose",
     "Quantity",
     "Reading",
@@ -100,6 +103,9 @@ __all__ = [
     "TopologyError",
     "TopologyParameters",
     "Tracks",
+    "Transport",
+    "TransportError",
+    "TransportParameters",
     "UncertaintyEstimator",
     "Urdf",
     "Vehicle",

@@ -69,6 +69,11 @@ class Box(_Part):
     width: Length = Field(description="Extent across the heading [m].")
     height: Length | None = Field(None, description="Extent upwards [m]; worlds of a plane leave it out of account.")
 
+    @property
+    def upright(self) -> float:
+        """How high it is in space; without a height of its own, as high as it is thin [m]."""
+        return self.height or min(self.length, self.width)
+
 
 class Cylinder(_Part):
     """An upright cylinder around the entity's position; a disc for agents that move in a plane."""

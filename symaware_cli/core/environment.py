@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, Field
 
+from symaware_cli.core.articulation import Articulation
 from symaware_cli.core.entity import Obstacle, Pose
 from symaware_cli.core.plugin import Parameters, Plugin
 from symaware_cli.core.proximity import Proximity
@@ -55,10 +56,12 @@ class Environment(Plugin, ABC):
 
     Attributes:
         folder: Where the files lie that a scenario names.
+        ground: The height of a plane that carries what falls [m]; None where there is none.
         groups: The groups in the roster's order.
         obstacles: The bodies that are part of the environment, by name.
         proximity: Which agents are near each other, shared by all who ask about `snapshot().positions`.
         roster: Who is who.
+        is_shared: Whether other processes can follow this world, by `capture` and `adopt`.
         sees: Whether there are images of this world.
         time_step: Simulated time between two steps, in nanoseconds.
     """
@@ -66,6 +69,8 @@ class Environment(Plugin, ABC):
     Parameters: ClassVar[type[BaseModel]] = EnvironmentParameters
 
     folder: Path = Path()
+    ground: float | None = None
+    is_shared: ClassVar[bool] = False
     sees: ClassVar[bool] = False
     groups: Sequence[AgentGroup]
     obstacles: Mapping[str, Obstacle]
@@ -115,8 +120,33 @@ class Environment(Plugin, ABC):
         """Return where an obstacle is now."""
         return self.obstacles[name].pose(seconds(self.snapshot().time))
 
-    def orientation(self, name: str) -> tuple[float, ...] | None:
-        """Return how an obstacle is turned now, as a quaternion (x, y, z, w); None for what never tilts."""
+    def articulations(self) -> Mapping[str, Articulation]:
+        """Return what bodies consist of and look like, by group and obstacle, where worlds of space know more of them.
+
+        Meshes are named by the paths of their files.
+        """
+        return {}
+
+    def body_poses(self, name: str) -> Array | None:
+        """Return where the bodies of a group, or an obstacle, are in space now, and how they are turned.
+
+        Args:
+            name: The group or the obstacle.
+
+        Returns:
+            Position [m] and quaternion (x, y, z, w) of each; shape (n, 7). None where `state` or `pose` say as much.
+        """
+        return None
+
+    def joint_positions(self, name: str) -> Array | None:
+        """Return how the joints of the bodies of a group, or of an obstacle, stand now; ordered as in its articulation.
+
+        Args:
+            name: The group or the obstacle.
+
+        Returns:
+            Angles [rad] and ways [m]; shape (n, joints). None where nothing has joints that move.
+        """
         return None
 
     def close(self) -> None:
@@ -160,6 +190,28 @@ class Environment(Plugin, ABC):
     def contacts(self) -> Sequence[Contact]:
         """The contacts that began or ended with the last step."""
         return ()
+
+    def capture(self) -> Mapping[str, Array]:
+        """Take all that it needs to see this world as it is now, for `adopt` in another process.
+
+        Raises:
+            NotImplementedError: This world cannot be followed.
+        """
+        raise NotImplementedError(f"{type(self).__name__} cannot be followed by other processes")
+
+    def adopt(self, time: int, captured: Mapping[str, Array], contacts: Sequence[Contact]) -> None:
+        """Become as the world of another process is, instead of making a step.
+
+        Args:
+            time: The instant, in nanoseconds.
+            captured: What `capture` took there.
+            contacts: Those that began or ended with the last step there.
+
+        Raises:
+            NotImplementedError: This world cannot follow.
+            ValueError: That is not of a world like this one.
+        """
+        raise NotImplementedError(f"{type(self).__name__} cannot follow the world of another process")
 
     def ray_cast(self, senders: Indices, origins: Array, directions: Array, reach: float, height: float = 0.0) -> Array:
         """Measure how far level rays go until they meet the outline of an agent or an obstacle.

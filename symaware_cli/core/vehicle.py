@@ -16,8 +16,9 @@ Array = NDArray[np.float64]
 class Vehicle(ABC):
     """How the bodies of a group move in the world `pybullet`, for models that no mere velocity describes.
 
-    A model makes one for its group in `Model.vehicle`. The world loads the bodies, calls `attach` once, `actuate` at
-    the beginning of each time step, `push` before each physics step, and reads the states back by `read`.
+    A model makes one for its group in `Model.vehicle`. The world loads the bodies, calls `dress` for each if it can be
+    seen, `attach` once, `actuate` at the beginning of each time step, `push` before each physics step, and reads the
+    states back by `read`.
 
     Attributes:
         flags: What ``loadURDF`` is told besides.
@@ -35,6 +36,15 @@ class Vehicle(ABC):
 
         Args:
             state: The state of one agent; shape (nx,).
+        """
+
+    def dress(self, engine: Any, client: int, body: int) -> None:  # noqa: B027 (most are as the file has them)
+        """Change what a body looks like, just after it was loaded together with that.
+
+        Args:
+            engine: The module ``pybullet``.
+            client: The client's id, for every call.
+            body: The body's id.
         """
 
     @abstractmethod

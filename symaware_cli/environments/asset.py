@@ -5,9 +5,9 @@ from __future__ import annotations
 import importlib.util
 import os
 from pathlib import Path, PurePosixPath
-from xml.etree import ElementTree
 
 from symaware_cli.core import WorldError
+from symaware_cli.environments.description import DescriptionError, meshes, parsed
 
 _PACKAGE = "pybullet_data"
 
@@ -48,10 +48,10 @@ def needed(file: str, folder: Path) -> dict[str, bytes]:
     names = [str(PurePosixPath(*parts))]
     if path.suffix.lower() == ".urdf" and path.is_file():
         try:
-            meshes = [mesh.get("filename") or "" for mesh in ElementTree.parse(path).getroot().iter("mesh")]
-        except (ElementTree.ParseError, UnicodeDecodeError):
-            meshes = []
-        names += [os.path.normpath(PurePosixPath(*parts[:-1], name.removeprefix("package://"))) for name in meshes]
+            named = list(meshes(parsed(path), path))
+        except DescriptionError:
+            named = []
+        names += [os.path.normpath(PurePosixPath(*parts[:-1], name.removeprefix("package://"))) for name in named]
     home = folder.resolve()
     found = {name: home / name for name in names}
     return {name: at.read_bytes() for name, at in found.items() if at.is_file() and at.resolve().is_relative_to(home)}
@@ -70,15 +70,11 @@ def check_description(path: Path, file: str, folder: Path, *where: str) -> None:
         WorldError: It is no XML, no robot, or refers to a file that is missing or lies elsewhere.
     """
     try:
-        root = ElementTree.parse(path).getroot()
-    except (ElementTree.ParseError, OSError, UnicodeDecodeError) as error:
-        raise WorldError(f"`{file}` cannot be read: {error}", *where) from error
-    if root.tag != "robot" or root.find("link") is None:
-        raise WorldError(f"`{file}` describes no robot: a URDF has a `robot` with at least one `link`", *where)
+        root = parsed(path)
+    except DescriptionError as error:
+        raise WorldError(f"`{file}` {error}", *where) from error
     home = _package(*where) if PurePosixPath(file).parts[0] == _PACKAGE else folder.resolve()
-    for mesh in root.iter("mesh"):
-        name = (mesh.get("filename") or "").removeprefix("package://")
-        target = Path(os.path.normpath(path.parent / name))
+    for name, target in meshes(root, path).items():
         if not target.resolve().is_relative_to(home):
             raise WorldError(f"`{file}` names the mesh `{name}`, which leads out of its folder", *where)
         if not target.is_file():

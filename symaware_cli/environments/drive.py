@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -62,8 +64,8 @@ class Drive:
         self.adds = bool(model.velocities)
         self.turns = model.heading is not None
         columns = [*(model.velocities or model.position), *(() if model.heading is None else (model.heading,))]
-        adjacent = columns == list(range(columns[0], columns[0] + len(columns)))
-        self._columns = slice(columns[0], columns[0] + len(columns)) if adjacent else columns
+        self._columns = _side_by_side(columns)
+        self._positions, self._velocities = _side_by_side(model.position), _side_by_side(model.velocities)
         # Without a heading the way is straight enough to be taken in one.
         self._parts = substeps if model.time_step is None and (self.turns or self.adds) else 1
         self._part = time_step / 1e9 / self._parts
@@ -100,3 +102,28 @@ class Drive:
         if self._noise:
             planned += self._noise.draw()[:, columns] * self._noise_share
         return planned
+
+    def state(self, positions: Array, headings: Array, motion: Array) -> Array:
+        """Return the states of agents whose bodies are so, read-only; shape (n, nx).
+
+        Args:
+            positions: [m]; shape (n, d) or more.
+            headings: Counting turns [rad]; shape (n,).
+            motion: Velocities [m/s]; shape (n, d) or more.
+        """
+        model, dimensions = self.group.model, len(self.group.model.position)
+        state = np.empty((len(positions), len(model.state)))
+        state[:, self._positions] = positions[:, :dimensions]
+        if self.adds:
+            state[:, self._velocities] = motion[:, :dimensions]
+        if model.heading is not None:
+            state[:, model.heading] = headings
+        state.flags.writeable = False
+        return state
+
+
+def _side_by_side(columns: Sequence[int]) -> slice | list[int]:
+    """Columns as a slice where they are one, which NumPy takes four times faster."""
+    if columns and list(columns) == list(range(columns[0], columns[0] + len(columns))):
+        return slice(columns[0], columns[0] + len(columns))
+    return list(columns)

@@ -159,11 +159,15 @@ class PhysicsEnvironment(Environment):
         """Apply forces [N] and, in the last column, torques [N m] to what is driven; none at all for None."""
 
     @abstractmethod
-    def _advance(self, number: int) -> bool:
-        """Make one physics step, by its number in the time step, and tell the ledger of contacts.
+    def _advance(self, number: int, last: int) -> tuple[int, bool]:
+        """Make physics steps until something may have diverted what is driven, and tell the ledger of contacts.
+
+        Args:
+            number: The number in the time step of the first one; there is at least one.
+            last: That of the one after the last.
 
         Returns:
-            Whether something may have diverted what is driven.
+            The number of the one that is next, and whether something may have diverted what is driven.
         """
 
     @abstractmethod
@@ -178,8 +182,9 @@ class PhysicsEnvironment(Environment):
             self._applied[number] = applied
         self._lay_out()
         settled = diverted = False
-        at_once = not self._any_limits and self._retained == 1.0
-        for number in range(self.parameters.substeps):
+        at_once, substeps = not self._any_limits and self._retained == 1.0, self.parameters.substeps
+        number = 0
+        while number < substeps:
             if diverted:
                 self._refresh()
             # Who has the velocity that it wants, and keeps wanting it, needs no force until something diverts it.
@@ -187,7 +192,7 @@ class PhysicsEnvironment(Environment):
             settled = self._steady and (forces is None or at_once)
             if forces is not None or self._pushes:
                 self._push(forces)
-            diverted = self._advance(number)
+            number, diverted = self._advance(number, substeps if settled and not self._pushes else number + 1)
         self._time += self.time_step
         self._touches.settle()
         self._read()
@@ -208,7 +213,7 @@ class PhysicsEnvironment(Environment):
             return None
         if self._any_adds:
             wanted = np.where(self._adds, now + wanted, wanted)
-        change = wanted - self._retained * now
+        change = wanted - (now if self._retained == 1.0 else self._retained * now)
         if not change.any():
             return None
         forces: Array = change * self._inertia
@@ -229,17 +234,10 @@ class PhysicsEnvironment(Environment):
         velocities = np.zeros((len(self.roster), self._width))
         self._velocity = driven.motion
         for drive, number, part in self._parts:
-            model, dimensions = drive.group.model, len(drive.group.model.position)
-            state = np.empty_like(self._states[number])
-            state[:, model.position] = driven.positions[part, :dimensions]
-            if model.velocities:
-                state[:, model.velocities] = driven.motion[part, :dimensions]
-            if model.heading is not None:
-                state[:, model.heading] = driven.headings[part]
-            state.flags.writeable = False
-            self._states[number] = state
-            start = self.roster.starts[number]
-            velocities[start : start + len(state), :dimensions] = driven.motion[part, :dimensions]
+            moving = driven.motion[part]
+            self._states[number] = drive.state(driven.positions[part], driven.headings[part], moving)
+            start, dimensions = self.roster.starts[number], len(drive.group.model.position)
+            velocities[start : start + len(moving), :dimensions] = moving[:, :dimensions]
         self._read_others(velocities)
         velocities.flags.writeable = False
         self._velocities = velocities

@@ -29,7 +29,7 @@ _POSE = batch.BodyFields.POSITION | batch.BodyFields.ANGLE | batch.BodyFields.VE
 _POSE |= batch.BodyFields.ANGULAR_VELOCITY
 _MOTION = batch.BodyFields.VELOCITY | batch.BodyFields.ANGULAR_VELOCITY
 _FORCE = batch.BodyFields.FORCE | batch.BodyFields.TORQUE
-_HIT = batch.ArbiterFields.BODY_A_ID | batch.ArbiterFields.BODY_B_ID
+_HIT = batch.ArbiterFields.BODY_A_ID | batch.ArbiterFields.BODY_B_ID | batch.ArbiterFields.IS_FIRST_CONTACT
 _HIT |= batch.ArbiterFields.TOTAL_IMPULSE | batch.ArbiterFields.NORMAL
 _HIT |= batch.ArbiterFields.POINT_A_1 | batch.ArbiterFields.POINT_B_1 | batch.ArbiterFields.DISTANCE_1
 
@@ -65,7 +65,7 @@ class PymunkEnvironment(PhysicsEnvironment):
         space.damping = 1.0 - parameters.damping
         self._buffer, self._wrench = batch.Buffer(), batch.Buffer()
         self._indices: dict[int, int] = {}
-        self._begun: list[Pair] = []
+        self._hit = False
         self._ended: list[Pair] = []
         self._named: dict[str, pymunk.Body] = {}
         positions, headings = self._places()
@@ -153,18 +153,24 @@ class PymunkEnvironment(PhysicsEnvironment):
             wrenches += self._lift
         batch.set_space_bodies(self._space, _FORCE, self._wrench)
 
-    def _advance(self, number: int) -> bool:
-        for body, name in self._movers:
-            self._lead(body, name, number)
-        self._space.step(self.step_time)
-        if self._begun:
-            self._take_begun()
-        if self._ended:
-            # After those that begin, so that who slides along a wall from part to part stays in contact.
-            ended, self._ended = self._ended, []
-            for bodies in ended:
-                self._touches.end(bodies)
-        return self._jointed or self._touches.agents > 0
+    def _advance(self, number: int, last: int) -> tuple[int, bool]:
+        step, step_time, ledger = self._space.step, self.step_time, self._touches
+        while True:
+            for body, name in self._movers:
+                self._lead(body, name, number)
+            step(step_time)
+            number += 1
+            if self._hit:
+                self._hit = False
+                self._take_begun()
+            if self._ended:
+                # After those that begin, so that who slides along a wall from part to part stays in contact.
+                for bodies in self._ended:
+                    ledger.end(bodies)
+                self._ended.clear()
+            diverted = self._jointed or ledger.agents > 0
+            if diverted or number == last:
+                return number, diverted
 
     def _lead(self, body: pymunk.Body, name: str, number: int) -> None:
         """Give an entity with a path the velocity that brings it where the path is after this physics step."""
@@ -214,8 +220,7 @@ class PymunkEnvironment(PhysicsEnvironment):
                 self._touches.start(bodies, point, -depth)
 
     def _on_begin(self, arbiter: pymunk.Arbiter, space: pymunk.Space, data: Any) -> None:
-        one, other = arbiter.shapes
-        self._begun.append(pair(one.owner, other.owner))
+        self._hit = True
 
     def _on_separate(self, arbiter: pymunk.Arbiter, space: pymunk.Space, data: Any) -> None:
         one, other = arbiter.shapes
@@ -223,26 +228,24 @@ class PymunkEnvironment(PhysicsEnvironment):
 
     def _take_begun(self) -> None:
         """Tell the ledger of contacts that began in the last physics step, with what the engine knows of them now."""
-        begun, self._begun = self._begun, []
-        wanted = set(begun)
         self._buffer.clear()
         batch.get_space_arbiters(self._space, _HIT, self._buffer)
-        ids = np.frombuffer(self._buffer.int_buf(), np.uintp).reshape(-1, 2).tolist()
-        hits = np.frombuffer(self._buffer.float_buf()).reshape(-1, 9).tolist()
+        numbers = np.frombuffer(self._buffer.int_buf(), np.uintp).reshape(-1, 3)
+        began = numbers[:, 2].nonzero()[0]
+        ids, hits = numbers[began, :2].tolist(), np.frombuffer(self._buffer.float_buf()).reshape(-1, 9)[began].tolist()
         index = self._indices
         found: dict[Pair, tuple[tuple[float, float], float, float]] = {}
-        for (one, other), hit in zip(ids, hits, strict=True):
-            bodies = pair(index[one], index[other])
-            if bodies in wanted:
-                impulse_x, impulse_y, along_x, along_y, a_x, a_y, b_x, b_y, gap = hit
-                impulse = abs(impulse_x * along_x + impulse_y * along_y)
-                point, depth = (0.5 * (a_x + b_x), 0.5 * (a_y + b_y)), max(0.0, -gap)
-                if bodies in found:
-                    # Of several parts that touch, the deepest tells where, and all together how hard.
-                    impulse += found[bodies][2]
-                    point, depth = max((depth, point), found[bodies][1::-1])[::-1]
-                found[bodies] = point, depth, impulse
-        for bodies in begun:
+        # The engine has them in the order of their addresses.
+        parts = sorted((pair(index[one], index[other]), hit) for (one, other), hit in zip(ids, hits, strict=True))
+        for bodies, (impulse_x, impulse_y, along_x, along_y, a_x, a_y, b_x, b_y, gap) in parts:
+            impulse = abs(impulse_x * along_x + impulse_y * along_y)
+            point, depth = (0.5 * (a_x + b_x), 0.5 * (a_y + b_y)), max(0.0, -gap)
+            if bodies in found:
+                # Of several parts that touch, the deepest tells where, and all together how hard.
+                impulse += found[bodies][2]
+                point, depth = max((depth, point), found[bodies][1::-1])[::-1]
+            found[bodies] = point, depth, impulse
+        for bodies, _ in parts:
             self._touches.begin(bodies, *found[bodies])
 
 

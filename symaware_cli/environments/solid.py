@@ -8,9 +8,11 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from symaware_cli.core import Shape, Wall, WorldError
+from symaware_cli.core import Entity, Shape, Wall, WorldError
+from symaware_cli.core.scenery import Span
 from symaware_cli.environments import asset
 from symaware_cli.environments.bullet import engine, quiet
+from symaware_cli.environments.collision import MEETS
 
 
 class Solids:
@@ -44,7 +46,7 @@ class Solids:
         if shape.circle:
             return shape.circle.radius
         if shape.box:
-            return 0.5 * _box_height(shape)
+            return 0.5 * shape.box.upright
         return 0.5 * (shape.cylinder.height if shape.cylinder else self._height)
 
     def body(self, mass: float, shape: int, position: Sequence[float], heading: float) -> int:
@@ -101,7 +103,7 @@ class Solids:
                 "height": shape.cylinder.height,
             }
         elif shape.box:
-            extents = (shape.box.length, shape.box.width, _box_height(shape))
+            extents = (shape.box.length, shape.box.width, shape.box.upright)
             said = {"shapeType": engine.GEOM_BOX, "halfExtents": [0.5 * extent for extent in extents]}
         elif shape.polygon:
             half = 0.5 * self._height
@@ -114,6 +116,43 @@ class Solids:
         except engine.error:
             return -1
         return number
+
+    def finish(self, body: int, friction: float, elasticity: float, damping: float) -> None:
+        """Give a body and its links a surface, and the part of their velocity that they lose in a second."""
+        for link in self._links(body):
+            engine.changeDynamics(
+                body,
+                link,
+                lateralFriction=friction,
+                restitution=elasticity,
+                linearDamping=damping,
+                angularDamping=damping,
+                activationState=engine.ACTIVATION_STATE_DISABLE_SLEEPING,
+                # Who is only near is not pushed yet: it would lose of its bounce what is left of the way.
+                contactProcessingThreshold=0.0,
+                physicsClientId=self._client,
+            )
+
+    def meet(self, body: int, kind: int) -> None:
+        """Let a body meet whom its kind meets."""
+        for link in self._links(body):
+            engine.setCollisionFilterGroupMask(body, link, kind, MEETS[kind], self._client)
+
+    def moment(self, body: int, entity: Entity) -> float:
+        """The moment of inertia about the vertical [kg m^2]."""
+        moment = float(engine.getDynamicsInfo(body, -1, self._client)[2][2]) if entity.shape else 0.0
+        # A body without a shape turns as a small ball does.
+        return moment or 0.4 * entity.mass * 0.01
+
+    def span(self, bodies: Sequence[int]) -> Span:
+        """How high an entity of some bodies reaches, as the engine has it now."""
+        level: float = engine.getBasePositionAndOrientation(bodies[0], self._client)[0][2]
+        boxes = [engine.getAABB(body, link, self._client) for body in bodies for link in self._links(body)]
+        return Span(level, min(low[2] for low, _ in boxes) - level, max(high[2] for _, high in boxes) - level)
+
+    def _links(self, body: int) -> range:
+        """The base of a body, and all its links."""
+        return range(-1, engine.getNumJoints(body, self._client))
 
     def make_wall(self, wall: Wall, position: Sequence[float], heading: float) -> list[int]:
         """A wall's segments, and what rounds their ends."""
@@ -139,8 +178,3 @@ def turn(heading: float) -> tuple[float, float, float, float]:
 def last(said: Sequence[str]) -> str:
     """The last thing that the engine complained of."""
     return next((line.strip() for line in reversed(said) if line.strip()), "it does not say why")
-
-
-def _box_height(shape: Shape) -> float:
-    assert shape.box
-    return shape.box.height or min(shape.box.length, shape.box.width)

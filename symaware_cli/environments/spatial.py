@@ -2,42 +2,44 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Annotated, Any
+from collections.abc import Mapping, Sequence
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from symaware_cli.core import AgentGroup, Entity, Image, Obstacle, Parameters, Scenery, Vehicle, WorldError, seconds
-from symaware_cli.core.scenery import Span
-from symaware_cli.environments import sight
+from symaware_cli.core import (
+    AgentGroup,
+    Entity,
+    Image,
+    Obstacle,
+    Parameters,
+    Scenery,
+    Shape,
+    Vehicle,
+    WorldError,
+    seconds,
+)
+from symaware_cli.core.articulation import Articulation
+from symaware_cli.core.rotation import attitude_columns
+from symaware_cli.environments import collision, sight
 from symaware_cli.environments.bullet import MOST_SHOWN, Client, engine, quiet
+from symaware_cli.environments.collision import Collisions
+from symaware_cli.environments.description import articulation
 from symaware_cli.environments.drive import Drive
+from symaware_cli.environments.likeness import likeness
 from symaware_cli.environments.physics import Bodies, PhysicsEnvironment
+from symaware_cli.environments.posture import Postures
 from symaware_cli.environments.solid import Solids, last, turn
-from symaware_cli.environments.touch import Pair, pair
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 _Component = Annotated[float, Field(ge=-1e9, le=1e9)]
 
-#: What collides with what: the group of each kind of body, and the groups that it meets. Rays are of the first.
-_RAY, _GROUND, _FIXED, _LED, _FREE, _UPRIGHT = (1 << number for number in range(6))
-_MEETS = {
-    _GROUND: _RAY | _FREE,
-    _FIXED: _RAY | _FREE | _UPRIGHT,
-    _LED: _RAY | _FREE | _UPRIGHT,
-    _FREE: _RAY | _GROUND | _FIXED | _LED | _FREE | _UPRIGHT,
-    _UPRIGHT: _RAY | _FIXED | _LED | _FREE | _UPRIGHT,
-}
-
 #: [kg] and [kg m^2]: what nothing moves or tilts, and the engine can still compute with.
 _IMMOVABLE = 1e9
-
-#: [m] A contact has ended when the gap is wider than this; wheels that roll hop by less.
-_GAP = 5e-3
 
 #: [m/s] Slower than this nothing bounces. PyBullet's own 0.2 is that of larger things.
 _BOUNCE = 0.01
@@ -115,15 +117,17 @@ class PyBulletEnvironment(PhysicsEnvironment):
         self._loading = 0 if pictures else engine.URDF_IGNORE_VISUAL_SHAPES
         self._index: dict[int, int] = {}
         self._frames: dict[int, tuple[Sequence[float], Sequence[float]]] = {}
-        floor = parameters.ground.height if parameters.ground else None
-        self._solids = Solids(client, self.folder, parameters.height, floor, self._loading)
+        self.ground = parameters.ground.height if parameters.ground else None
+        self._solids = Solids(client, self.folder, parameters.height, self.ground, self._loading)
+        self._postures = Postures(client)
         if parameters.ground:
             shape = engine.createCollisionShape(engine.GEOM_PLANE, physicsClientId=client)
             plane = self._solids.body(0.0, shape, (0.0, 0.0, parameters.ground.height), 0.0)
-            self._finish(plane, len(self.roster) + len(self.obstacles), parameters.ground, _GROUND)
+            self._finish(plane, len(self.roster) + len(self.obstacles), parameters.ground, collision.GROUND)
         self._vehicles: list[tuple[Vehicle, int]] = []
         self._agents = [-1] * len(self._driven)
-        self._row_of = {index: row for row, index in enumerate(self._driven.tolist())}
+        #: The rows of those whom something can divert.
+        self._row_of: dict[int, int] = {}
         self._headings = np.zeros(len(self._driven))
         self._heights = np.zeros(len(self._driven))
         self._planar = np.zeros(len(self._driven), bool)
@@ -136,10 +140,16 @@ class PyBulletEnvironment(PhysicsEnvironment):
         first = len(self.roster)
         for index, (name, obstacle) in enumerate(self.obstacles.items()):
             self._add_obstacle(first + index, name, obstacle)
+        self._articulations = self._described()
         self._free_headings = np.array([self.obstacles[name].heading for name in self._free])
         self._body_of = {index: body for body, index in self._index.items()}
+        ground = len(self.roster) + len(self.obstacles)
+        self._collisions = Collisions(client, self._index, self._touches, ground, self.step_time)
         self._painted = False
-        spans = [self._span(first + number) for number in range(len(self.obstacles))]
+        owned: dict[int, list[int]] = {}
+        for body, index in self._index.items():
+            owned.setdefault(index, []).append(body)
+        spans = [self._solids.span(owned[first + number]) for number in range(len(self.obstacles))]
         self._scenery = Scenery(self.obstacles, 0, dict(zip(self.obstacles, spans, strict=True)))
 
     # -- bodies
@@ -154,16 +164,20 @@ class PyBulletEnvironment(PhysicsEnvironment):
                 position.append(self._solids.standing(entity.shape))
             heading = float(own[model.heading]) if model.heading is not None else 0.0
             body = self._solids.make(entity.mass, entity.shape, position, heading, *where)
-            inertia = self._moment(body, entity)
+            inertia = self._solids.moment(body, entity)
             turning = inertia if turns else _IMMOVABLE
             # What is driven stays upright: nothing tilts it.
             upright = [_IMMOVABLE, _IMMOVABLE, turning]
             engine.changeDynamics(body, -1, mass=entity.mass, localInertiaDiagonal=upright, physicsClientId=self._id)
-            self._finish(body, int(self._driven[row]), entity, _UPRIGHT if planar else _FREE, damping=0.0)
+            self._finish(
+                body, int(self._driven[row]), entity, collision.UPRIGHT if planar else collision.FREE, damping=0.0
+            )
             if model.velocities:
                 self._velocity[row, : len(model.velocities)] = own[list(model.velocities)]
                 engine.resetBaseVelocity(body, self._velocity[row, :3].tolist(), (0, 0, 0), self._id)
             self._agents[row], self._headings[row] = body, heading
+            if entity.shape:
+                self._row_of[body] = row
             self._heights[row], self._planar[row] = position[2], planar
             self._inertia[row, -1] = inertia / self.step_time if turns else 0.0
 
@@ -180,9 +194,10 @@ class PyBulletEnvironment(PhysicsEnvironment):
                 raise WorldError(f"PyBullet cannot load {file}: {last(said)}", "agents", group.name, "model")
             self._index[body] = start + row
             bodies.append(body)
+            if not self._loading:
+                vehicle.dress(engine, self._id, body)
         for body in bodies:
-            for link in range(-1, engine.getNumJoints(body, self._id)):
-                engine.setCollisionFilterGroupMask(body, link, _FREE, _MEETS[_FREE], self._id)
+            self._solids.meet(body, collision.FREE)
         vehicle.attach(engine, self._id, bodies, self._states[number], self.step_time)
         self._vehicles.append((vehicle, number))
 
@@ -192,8 +207,9 @@ class PyBulletEnvironment(PhysicsEnvironment):
         if len(position) == 2:
             position.append(self._solids.standing(obstacle.shape))
         where = ("environment", "entities", name)
-        kind = _FREE if obstacle.is_free else _LED if obstacle.path else _FIXED
+        kind = collision.FREE if obstacle.is_free else collision.LED if obstacle.path else collision.FIXED
         if obstacle.shape.wall:
+            self._walls[name] = position[2]
             for body in self._solids.make_wall(obstacle.shape.wall, position, pose.heading):
                 self._finish(body, index, obstacle, kind)
             return
@@ -206,20 +222,11 @@ class PyBulletEnvironment(PhysicsEnvironment):
             velocity = [*(obstacle.velocity or ()), 0.0, 0.0, 0.0][:3]
             engine.resetBaseVelocity(body, velocity, (0.0, 0.0, obstacle.turn_rate), self._id)
 
-    def _span(self, index: int) -> Span:
-        """How high an entity reaches, as the engine has it at the start."""
-        bodies = [body for body, owner in self._index.items() if owner == index]
-        level: float = engine.getBasePositionAndOrientation(bodies[0], self._id)[0][2]
-        boxes = [
-            engine.getAABB(body, link, self._id)
-            for body in bodies
-            for link in range(-1, engine.getNumJoints(body, self._id))
-        ]
-        return Span(level, min(low[2] for low, _ in boxes) - level, max(high[2] for _, high in boxes) - level)
-
     def _prepare(self) -> None:
         super()._prepare()
         self._entities: dict[str, int] = {}
+        #: How high the middles of walls are [m].
+        self._walls: dict[str, float] = {}
 
     def _finish(
         self, body: int, index: int, surface: Entity | Obstacle | Ground, kind: int, damping: float | None = None
@@ -227,29 +234,11 @@ class PyBulletEnvironment(PhysicsEnvironment):
         """Say what a body is: whose, of which surface, and whom it meets."""
         self._index[body] = index
         lost = self.parameters.damping if damping is None else damping
-        for link in range(-1, engine.getNumJoints(body, self._id)):
-            engine.changeDynamics(
-                body,
-                link,
-                lateralFriction=surface.friction,
-                restitution=surface.elasticity,
-                linearDamping=lost,
-                angularDamping=lost,
-                activationState=engine.ACTIVATION_STATE_DISABLE_SLEEPING,
-                # Who is only near is not pushed yet: it would lose of its bounce what is left of the way.
-                contactProcessingThreshold=0.0,
-                physicsClientId=self._id,
-            )
-            engine.setCollisionFilterGroupMask(body, link, kind, _MEETS[kind], self._id)
+        self._solids.finish(body, surface.friction, surface.elasticity, lost)
+        self._solids.meet(body, kind)
         frame = engine.getDynamicsInfo(body, -1, self._id)[3:5]
         if any(frame[0]):
             self._frames[body] = engine.invertTransform(*frame)
-
-    def _moment(self, body: int, entity: Entity) -> float:
-        """The moment of inertia about the vertical [kg m^2]."""
-        moment = float(engine.getDynamicsInfo(body, -1, self._id)[2][2]) if entity.shape else 0.0
-        # A body without a shape turns as a small ball does.
-        return moment or 0.4 * entity.mass * 0.01
 
     # -- steps
 
@@ -287,12 +276,18 @@ class PyBulletEnvironment(PhysicsEnvironment):
             *velocity, turn_rate = velocities[row]
             engine.resetBaseVelocity(self._agents[row], velocity, (0.0, 0.0, turn_rate), self._id)
 
-    def _advance(self, number: int) -> bool:
-        for name in self._moving:
-            self._lead(name, number)
-        engine.stepSimulation(self._id)
-        self._take_contacts()
-        return bool(self._touched)
+    def _advance(self, number: int, last: int) -> tuple[int, bool]:
+        rows, client, step, update = self._row_of, self._id, engine.stepSimulation, self._collisions.update
+        while True:
+            for name in self._moving:
+                self._lead(name, number)
+            step(client)
+            number += 1
+            met = update()
+            if (met and rows) or number == last:
+                self._touched = sorted({rows[body] for bodies in met for body in bodies if body in rows})
+                if self._touched or number == last:
+                    return number, bool(self._touched)
 
     def _lead(self, name: str, number: int) -> None:
         """Put an entity with a path where it is, with the velocity that brings it where the path is next."""
@@ -308,59 +303,8 @@ class PyBulletEnvironment(PhysicsEnvironment):
         spin = (0.0, 0.0, (then.heading - now.heading) / self.step_time)
         engine.resetBaseVelocity(body, velocity, spin, self._id)
 
-    def _take_contacts(self) -> None:
-        """Tell the ledger what the engine found in the last physics step."""
-        found = engine.getContactPoints(physicsClientId=self._id)
-        self._touched: Sequence[int] = ()
-        ledger = self._touches
-        if not found and not ledger:
-            return
-        near: dict[Pair, Any] = {}
-        index = self._index
-        for contact in found:
-            one, other = index[contact[1]], index[contact[2]]
-            bodies = (one, other) if one < other else (other, one)
-            known = near.get(bodies)
-            if known is None or contact[8] < known[8]:
-                near[bodies] = contact
-        new = [bodies for bodies in near if bodies not in ledger and bodies[0] != bodies[1]]
-        if new:
-            impulses = self._impulses(found)
-            for bodies in sorted(new):
-                gap, impulse = near[bodies][8], impulses[bodies]
-                if gap <= 0.0 or impulse > 0.0:
-                    ledger.begin(bodies, _middle(near[bodies]), max(0.0, -gap), impulse)
-        for bodies in ledger.touching:
-            if bodies not in near or near[bodies][8] > _GAP:
-                ledger.end(bodies)
-        if self._agents:
-            rows = self._row_of
-            self._touched = sorted({rows[body] for bodies in near for body in bodies if body in rows})
-
-    def _impulses(self, found: Sequence[Any]) -> dict[Pair, float]:
-        """How hard bodies pressed on each other in the last physics step [N s]."""
-        impulses: dict[Pair, float] = {}
-        for contact in found:
-            bodies = pair(self._index[contact[1]], self._index[contact[2]])
-            impulses[bodies] = impulses.get(bodies, 0.0) + contact[9] * self.step_time
-        return impulses
-
     def _find_overlaps(self) -> None:
-        self._touched = ()
-        engine.performCollisionDetection(self._id)
-        found: dict[Pair, Any] = {}
-        ground = len(self.roster) + len(self.obstacles)
-        for contact in engine.getContactPoints(physicsClientId=self._id):
-            bodies = pair(self._index[contact[1]], self._index[contact[2]])
-            if bodies[1] == ground:
-                if contact[8] <= _GAP:
-                    self._touches.rest(bodies, _middle(contact))
-            elif bodies[0] != bodies[1] and contact[8] < -1e-9:
-                known = found.get(bodies)
-                if known is None or contact[8] < known[8]:
-                    found[bodies] = contact
-        for bodies in sorted(found):
-            self._touches.start(bodies, _middle(found[bodies]), -found[bodies][8])
+        self._collisions.start()
 
     # -- what is read back
 
@@ -399,12 +343,47 @@ class PyBulletEnvironment(PhysicsEnvironment):
             start, dimensions = self.roster.start(group.name), len(group.model.position)
             velocities[start : start + len(group), :dimensions] = velocity[:, :dimensions]
 
-    def orientation(self, name: str) -> tuple[float, ...] | None:
-        """Return how an entity is turned now, as a quaternion (x, y, z, w); None for what never tilts."""
+    def articulations(self) -> Mapping[str, Articulation]:
+        """What bodies consist of; agents whose shape or model names no file look like their shape."""
+        return self._articulations
+
+    def _described(self) -> dict[str, Articulation]:
+        """Read what bodies consist of while the files are there."""
+        shapes = {name: obstacle.shape for name, obstacle in self.obstacles.items()}
+        for group in self.groups:
+            shape = group.entity.shape
+            if shape and (shape.mesh or shape.urdf):
+                shapes[group.name] = shape
+        of_shape: dict[Shape, Articulation] = {}
+        for shape in shapes.values():
+            if shape not in of_shape:
+                of_shape[shape] = likeness(shape, self.folder, self.parameters.height)
+        found = {name: of_shape[shape] for name, shape in shapes.items()}
+        for vehicle, number in self._vehicles:
+            found[self.groups[number].name] = articulation(vehicle.description())
+        return found
+
+    def body_poses(self, name: str) -> Array | None:
+        """Where vehicles and free entities are, and how they are turned; what is driven stays upright."""
         if name not in self._free_rows:
-            return None
-        orientation: tuple[float, ...] = engine.getBasePositionAndOrientation(self._entities[name], self._id)[1]
-        return orientation
+            vehicles = {self.groups[number].name for _, number in self._vehicles}
+            if name not in vehicles:
+                return None
+            if attitude_columns([element for element, _ in self.groups[self._number[name]].model.state]):
+                return None
+        return self._postures.poses(self._bodies_of(name))
+
+    def joint_positions(self, name: str) -> Array | None:
+        """How the joints of what a file describes stand."""
+        described = self._articulations.get(name)
+        return self._postures.joints(self._bodies_of(name), described) if described and described.joints else None
+
+    def _bodies_of(self, name: str) -> Sequence[int]:
+        """The engine's bodies of a group, or of an entity that has one."""
+        if name in self._entities:
+            return [self._entities[name]]
+        start = self.roster.start(name)
+        return [self._body_of[start + row] for row in range(len(self.groups[self._number[name]]))]
 
     def ray_cast(self, senders: Indices, origins: Array, directions: Array, reach: float, height: float = 0.0) -> Array:
         """Measure level rays against the shapes of the engine, from as high as the bodies are that send them."""
@@ -422,6 +401,8 @@ class PyBulletEnvironment(PhysicsEnvironment):
             body = self._entities.get(name)
             if name in self.roster:
                 body = self._body_of[self.roster.index(name)]
+            elif name in self._walls:
+                places[row, 2] = self._walls[name]
             if body is not None:
                 places[row, 2] = engine.getBasePositionAndOrientation(body, self._id)[0][2]
         return places
@@ -441,7 +422,3 @@ def _headings(orientations: Array) -> Array:
     x, y, z, w = orientations.T
     turned: Array = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
     return turned
-
-
-def _middle(contact: Any) -> tuple[float, ...]:
-    return tuple(0.5 * (one + other) for one, other in zip(contact[5], contact[6], strict=True))

@@ -40,20 +40,9 @@ class TouchLedger:
         self._told: set[Pair] = set()
         self._news: list[Contact] = []
 
-    def __bool__(self) -> bool:
-        return bool(self._touching)
-
-    def __contains__(self, bodies: object) -> bool:
-        return bodies in self._touching
-
     def name(self, body: int) -> str:
         """The name of a body."""
         return self._names[body]
-
-    @property
-    def touching(self) -> Sequence[Pair]:
-        """Who touches now."""
-        return list(self._touching)
 
     def start(self, bodies: Pair, point: tuple[float, ...], depth: float) -> None:
         """Tell of bodies that overlap at the start."""
@@ -110,5 +99,7 @@ class TouchLedger:
     def _contact(
         self, bodies: Pair, point: tuple[float, ...], depth: float, begins: bool = True, impulse: float = 0.0
     ) -> Contact:
-        first, second = sorted((self._names[bodies[0]], self._names[bodies[1]]))
+        first, second = self._names[bodies[0]], self._names[bodies[1]]
+        if first > second:
+            first, second = second, first
         return Contact(first, second, point, depth, begins, impulse)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from symaware_cli.exporting.selection import Selection
-from symaware_cli.exporting.table import Column, Table, Values
+from symaware_cli.exporting.table import Column, Table, Values, place_cells, place_columns
 from symaware_cli.recording.reader import Log
 
 AGENTS = Table(
@@ -29,9 +29,7 @@ ENTITIES = Table(
         Column("entity", "text", "", "its name"),
         Column("shape", "text", "", "its outline, JSON; lengths in m"),
         Column("mass", "number", "kg", "its mass"),
-        Column("x", "number", "m", "where it is at the beginning"),
-        Column("y", "number", "m", "where it is at the beginning"),
-        Column("z", "number", "m", "where it is at the beginning; NaN in a plane"),
+        *place_columns("where it is at the beginning"),
         Column("heading", "number", "rad", "where its x axis points at the beginning"),
     ),
 )
@@ -83,7 +81,7 @@ def entity_rows(log: Log, selection: Selection) -> list[Values]:
             name,
             json.dumps(entity.get("shape")),
             entity.get("mass", np.nan),
-            *(*entity.get("position", ()), np.nan, np.nan, np.nan)[:3],
+            *place_cells(entity.get("position", ())),
             entity.get("heading", np.nan),
         )
         for name, entity in log.manifest.get("entities", {}).items()

@@ -14,7 +14,7 @@ from typing import Any
 from symaware_cli.exporting import cast
 from symaware_cli.exporting.selection import Selection
 from symaware_cli.exporting.sources import Source, sources_of
-from symaware_cli.exporting.table import Form, Sheet, Table, Values, length
+from symaware_cli.exporting.table import Form, Sheet, Table, Values, images_beside, length
 from symaware_cli.recording.error import LogError
 from symaware_cli.recording.output import whole_folder
 from symaware_cli.recording.reader import Log
@@ -36,7 +36,7 @@ class Written:
     Attributes:
         file: Its path in the folder.
         rows: How many rows it has.
-        size: Its size in bytes.
+        size: Its size in bytes, with that of the images beside it.
         columns: What its columns are called.
     """
 
@@ -133,7 +133,7 @@ class _Book:
             if table.optional and not count:
                 return
             path = self._path(table)
-            path.parent.mkdir(exist_ok=True)
+            path.parent.mkdir(parents=True, exist_ok=True)
             self._open[table] = self._form.sheet(path, table, self._about)
             self._rows[table] = 0
         self._open[table].write(values)
@@ -150,7 +150,7 @@ class _Book:
             Written(
                 self._path(table).relative_to(self._folder).as_posix(),
                 count,
-                self._path(table).stat().st_size,
+                _size(self._path(table)),
                 tuple(column.name for column in table.columns),
             )
             for table, count in self._rows.items()
@@ -170,3 +170,7 @@ class _Book:
 
     def _path(self, table: Table) -> Path:
         return self._folder / (table.path + self._form.suffix)
+
+
+def _size(path: Path) -> int:
+    return sum(each.stat().st_size for each in (path, *images_beside(path).glob("*.png")))

@@ -1,4 +1,4 @@
-"""Tables of entries: events, messages, contacts, and the like, each a row by itself."""
+"""Tables of entries: events, messages, contacts, images, and the like, each a row by itself."""
 
 from __future__ import annotations
 
@@ -7,11 +7,9 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from symaware_cli.exporting.selection import Selection
-from symaware_cli.exporting.table import Column, Table, Values
-from symaware_cli.recording import journal
+from symaware_cli.exporting.table import Column, Table, Values, place_cells, place_columns
+from symaware_cli.recording import journal, sensing
 
 TIME = Column("time", "number", "s", "simulated time")
 """The first column of every table but those that do not depend on time."""
@@ -58,9 +56,7 @@ CONTACTS = Table(
         Column("a", "text", "", "the one"),
         Column("b", "text", "", "the other"),
         Column("stage", "text", "", "BEGIN or END"),
-        Column("x", "number", "m", "where"),
-        Column("y", "number", "m", "where"),
-        Column("z", "number", "m", "where; NaN in a plane"),
+        *place_columns("where"),
         Column("depth", "number", "m", "how deep they overlap"),
         Column("impulse", "number", "N*s", "how hard they hit each other; 0 in worlds without forces"),
     ),
@@ -78,6 +74,9 @@ TIMING = Table(
         Column("worst_lateness", "number", "s", "by how much the latest"),
     ),
 )
+
+#: What the pixels of each kind of image are, as ROS and Foxglove say it.
+_ENCODINGS = {"COLOUR": "rgb8", "DEPTH": "16UC1", "SEGMENTS": "16UC1"}
 
 
 @dataclass(frozen=True)
@@ -148,8 +147,8 @@ def contact_source(selection: Selection) -> EntrySource:
     def rows(time: int, message: Any) -> Iterable[Sequence[Any]]:
         contact = journal.contact(time, message)
         if selection.has_agent(contact.a, contact.b):
-            point = (*contact.point, np.nan, np.nan, np.nan)[:3]
-            yield time / 1e9, contact.a, contact.b, contact.stage, *point, contact.depth, message.impulse
+            about = (contact.a, contact.b, contact.stage, *place_cells(contact.point))
+            yield time / 1e9, *about, contact.depth, contact.impulse
 
     return EntrySource(CONTACTS, rows)
 
@@ -184,5 +183,36 @@ def knowledge_source(path: str, ids: Sequence[str], selection: Selection) -> Ent
             if selection.has_agent(entry.agent):
                 for key, value in entry.values.items():
                     yield time / 1e9, place[entry.agent], key, json.dumps(value, sort_keys=True)
+
+    return EntrySource(table, rows, ids)
+
+
+def image_source(path: str, sensor: str, ids: Sequence[str], selection: Selection) -> EntrySource:
+    """Make the table of what the cameras of a group saw, at a path."""
+    table = Table(
+        path,
+        (
+            TIME,
+            Column("agent", "name", "", "whose camera"),
+            Column("measured", "number", "s", "simulated time that is seen"),
+            Column("kind", "text", "", "COLOUR, DEPTH or SEGMENTS"),
+            Column("width", "integer", "1", "pixels from left to right"),
+            Column("height", "integer", "1", "pixels from top to bottom"),
+            Column("encoding", "text", "", "rgb8: red, green, blue; 16UC1: mm, 65535 for nothing, or who is seen"),
+            Column("field_of_view", "number", "rad", "from the lower to the upper edge"),
+            *place_columns("where the camera was"),
+            *place_columns("a point in the middle of the image", "target_"),
+            Column("image", "image", "", "PNG"),
+        ),
+        optional=True,
+    )
+    place = {id: row for row, id in enumerate(ids)}
+
+    def rows(time: int, message: Any) -> Iterable[Sequence[Any]]:
+        for seen in sensing.images(time, message, sensor, ids):
+            if selection.has_agent(seen.agent):
+                where = (*place_cells(seen.position), *place_cells(seen.target))
+                about = (place[seen.agent], seen.measured / 1e9, seen.kind, *seen.size, _ENCODINGS.get(seen.kind, ""))
+                yield time / 1e9, *about, seen.field_of_view, *where, seen.data
 
     return EntrySource(table, rows, ids)

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from symaware_cli.exporting.table import Column, Form, Names, Table, Values
+from symaware_cli.exporting.table import Column, Form, Images, Names, Table, Values
 from symaware_cli.recording.error import LogError
 
 if TYPE_CHECKING:
@@ -42,7 +42,8 @@ class ParquetSheet:
         # Opened here, for an OSError that says why.
         self._file = open(path, "wb")  # noqa: SIM115 (closed by close)
         # Dictionaries pay for what repeats: names, and the times that all agents share.
-        repeating = [column.name for column in table.columns if column.kind != "number" or column.name == "time"]
+        unique = ("number", "image")
+        repeating = [column.name for column in table.columns if column.kind not in unique or column.name == "time"]
         self._writer = parquet.ParquetWriter(
             self._file, self._schema, compression="zstd", use_dictionary=repeating or False
         )
@@ -73,6 +74,7 @@ def _field(column: Column) -> pyarrow.Field:
         "integer": pyarrow.int64(),
         "name": pyarrow.dictionary(pyarrow.int32(), pyarrow.string()),
         "text": pyarrow.string(),
+        "image": pyarrow.binary(),
     }
     notes = {"unit": column.unit, "description": column.description}
     return pyarrow.field(column.name, types[column.kind], metadata={key: note for key, note in notes.items() if note})
@@ -84,4 +86,4 @@ def _array(values: Values, kind: pyarrow.DataType) -> pyarrow.Array:
     if isinstance(values, Names):
         codes = pyarrow.array(values.codes, mask=values.codes < 0)
         return pyarrow.DictionaryArray.from_arrays(codes, pyarrow.array(values.names, pyarrow.string()))
-    return pyarrow.array(values, kind)
+    return pyarrow.array(values.files if isinstance(values, Images) else values, kind)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.exporting.table import Names, Table, Values
+from symaware_cli.recording import symaware_v1_pb2 as v1
 from symaware_cli.recording import wire
 
 Array = NDArray[np.float64]
@@ -167,6 +168,22 @@ def lay_out_awareness(message: wire.Awareness, count: int, *, width: int, covari
         spread[squares] = message.covariances
         numbers[filled, 1 + width :] = spread.reshape(len(spread), -1)
     return Piece(present, who, numbers, others)
+
+
+def lay_out_scan(message: v1.Scan, count: int) -> Piece:
+    """Lay out scans: a row for each ray.
+
+    The numbers are the time that was measured, the angle and the distance of the ray, and the pose of the sensor.
+    """
+    rays = len(message.angles)
+    rows = np.array(message.rows, np.uint32) if len(message.rows) else None
+    poses = np.array(message.poses).reshape(-1, 4)
+    present = _present(rows, len(poses))
+    distances = np.array(message.distances, float).reshape(len(poses), rays)
+    measured = np.full(distances.size, message.measured / 1e9)
+    angles = np.tile(np.array(message.angles), len(poses))
+    numbers = np.column_stack([measured, angles, distances.ravel(), np.repeat(poses, rays, axis=0)])
+    return Piece(present, np.repeat(present, rays), numbers, np.tile(np.arange(rays), len(poses)))
 
 
 def _present(rows: NDArray[np.uint32] | None, count: int) -> Indices:

@@ -11,7 +11,7 @@ from symaware_cli.recording.reader import Log
 
 FIELDS = (
     *("state", "world", "control", "intent", "uncertainty", "risk", "awareness", "knowledge"),
-    *("events", "recurring", "messages", "contacts", "timing"),
+    *("scan", "image", "measurement", "events", "recurring", "messages", "contacts", "timing"),
 )
 """What there are tables of, beside those of who takes part."""
 

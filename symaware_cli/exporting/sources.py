@@ -17,6 +17,7 @@ from symaware_cli.exporting.selection import Selection
 from symaware_cli.exporting.table import Column, Table, Values
 from symaware_cli.recording import wire
 from symaware_cli.recording.reader import Log
+from symaware_cli.recording.sensing import IMAGE, MEASUREMENT, SCAN, sensors
 
 Quantities = Sequence[tuple[str, str]]
 """Name and unit of each number."""
@@ -108,7 +109,7 @@ def _extents(log: Log, selection: Selection) -> dict[str, Extent]:
     extents = {
         topic: Extent()
         for topic, info in log.channels.items()
-        if selection.has_field(topic.split("/")[1 if topic.startswith("/world/") else -1])
+        if selection.has_field(_kind(topic))
         and (
             info.schema in ("symaware.v1.SeriesRows", "symaware.v1.Awareness")
             or (info.schema in ("symaware.v1.Rows", "symaware.v1.Control") and "columns" not in info.metadata)
@@ -149,6 +150,14 @@ class _Group:
             f"{prefix}/knowledge": ("knowledge", partial(self.knowledge, selection)),
         }
         makers |= {f"{prefix}/{kind}": (kind, partial(self.series, kind)) for kind in _SERIES}
+        sensing: dict[str, Callable[[str, str], Source]] = {
+            SCAN: self.scan,
+            IMAGE: partial(self.image, selection),
+            MEASUREMENT: self.measurement,
+        }
+        for kind, maker in sensing.items():
+            for sensor, topic in sensors(self.log.channels, self.name, kind).items():
+                makers[topic] = (kind, partial(maker, sensor))
         return {
             topic: make(topic)
             for topic, (kind, make) in makers.items()
@@ -200,6 +209,27 @@ class _Group:
         lay_out = partial(rows.lay_out_awareness, width=len(quantities), covariances=extent.covariances)
         return self._source("awareness", columns, lay_out, self.log.manifest.get("roster", ()))
 
+    def scan(self, sensor: str, topic: str) -> Source:
+        """What a lidar measured."""
+        columns = [
+            Column("ray", "integer", "1", "number of the ray in its scan"),
+            Column("measured", "number", "s", "simulated time that was measured"),
+            Column("angle", "number", "rad", "where the ray points, counter-clockwise from the heading"),
+            Column("distance", "number", "m", "how far it goes; infinite if nothing is in range, NaN if it was missed"),
+            *_numbers([("x", "m"), ("y", "m"), ("z", "m"), ("heading", "rad")], "of the sensor, in truth"),
+        ]
+        return self._source(SCAN, columns, rows.lay_out_scan, sensor=sensor)
+
+    def image(self, selection: Selection, sensor: str, topic: str) -> Source:
+        """What a camera saw."""
+        return entries.image_source(_path(IMAGE, self.name, sensor), sensor, self.ids, selection)
+
+    def measurement(self, sensor: str, topic: str) -> Source:
+        """What another sensor measured."""
+        quantities = self._quantities(topic)
+        lay_out = partial(rows.lay_out_rows, width=len(quantities))
+        return self._source(MEASUREMENT, _numbers(quantities, "as measured"), lay_out, sensor=sensor)
+
     def knowledge(self, selection: Selection, topic: str) -> Source:
         """What the agents know."""
         return entries.knowledge_source(_path("knowledge", self.name), self.ids, selection)
@@ -210,9 +240,11 @@ class _Group:
         columns: Sequence[Column],
         lay_out: Callable[[Any, int], rows.Piece],
         index_names: Sequence[str] | None = None,
+        sensor: str | None = None,
     ) -> Source:
         keys = (entries.TIME, Column("agent", "name", "", "whose row it is"))
-        table = Table(_path(kind, self.name), _distinct([*keys, *columns]), optional=True)
+        path = _path(kind, self.name) if sensor is None else _path(kind, self.name, sensor)
+        table = Table(path, _distinct([*keys, *columns]), optional=True)
         chosen = None if self.chosen.all() else self.chosen
         return rows.RowSource(table, self.ids, lay_out, index_names, chosen)
 
@@ -243,9 +275,16 @@ class _Group:
         return fitting[0] if certain else _numbered(extent.width)
 
 
-def _path(kind: str, name: str) -> str:
+def _path(kind: str, *names: str) -> str:
     """Where a table stands; a name from a log cannot lead out of the folder."""
-    return f"{kind}/{quote(name, safe='')}"
+    return "/".join([kind, *(quote(name, safe="") for name in names)])
+
+
+def _kind(topic: str) -> str:
+    """Which of the selectable fields a topic is of."""
+    if topic.startswith("/world/"):
+        return "world"
+    return MEASUREMENT if f"/{MEASUREMENT}/" in topic else topic.split("/")[-1]
 
 
 def _numbers(quantities: Quantities, description: str) -> list[Column]:

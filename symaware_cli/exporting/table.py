@@ -10,8 +10,8 @@ from typing import Any, Literal, Protocol, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-Kind = Literal["number", "integer", "name", "text"]
-"""What a column holds: float64, int64, one of few names, or text."""
+Kind = Literal["number", "integer", "name", "text", "image"]
+"""What a column holds: float64, int64, one of few names, text, or a PNG."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +44,21 @@ class Names:
     names: Sequence[str]
 
 
-Values: TypeAlias = "NDArray[np.float64] | NDArray[np.int64] | Names | list[str]"
+@dataclass(frozen=True, slots=True)
+class Images:
+    """The values of a column of images.
+
+    Attributes:
+        files: (m,) the content of each.
+    """
+
+    files: Sequence[bytes]
+
+
+Cells: TypeAlias = "NDArray[np.float64] | NDArray[np.int64] | Names | list[str]"
+"""The values of a column that a line of text can hold."""
+
+Values: TypeAlias = "Cells | Images"
 """The values of a column, by its kind."""
 
 
@@ -112,9 +126,35 @@ class Form:
     explains: bool
 
 
+def place_columns(description: str, prefix: str = "") -> tuple[Column, Column, Column]:
+    """Columns of a place, in which a place in a plane has no height."""
+    x, y, z = (f"{prefix}{axis}" for axis in "xyz")
+    return (
+        Column(x, "number", "m", description),
+        Column(y, "number", "m", description),
+        Column(z, "number", "m", f"{description}; NaN in a plane"),
+    )
+
+
+def place_cells(place: Sequence[float]) -> tuple[float, ...]:
+    """The cells of `place_columns`: three of a place of two or three numbers, or of none."""
+    return (*place, np.nan, np.nan, np.nan)[:3]
+
+
 def length(values: Values) -> int:
     """How many rows the values of a column are."""
-    return len(values.codes) if isinstance(values, Names) else len(values)
+    match values:
+        case Names():
+            return len(values.codes)
+        case Images():
+            return len(values.files)
+        case _:
+            return len(values)
+
+
+def images_beside(path: Path) -> Path:
+    """The folder of the images of a file that cannot hold them."""
+    return path.with_suffix("")
 
 
 def _values(kind: Kind, cells: Sequence[Any], names: Sequence[str]) -> Values:
@@ -125,5 +165,7 @@ def _values(kind: Kind, cells: Sequence[Any], names: Sequence[str]) -> Values:
             return np.array(cells, np.int64)
         case "name":
             return Names(np.array(cells, np.int32), names)
+        case "image":
+            return Images(cells)
         case _:
             return list(cells)

@@ -1,4 +1,4 @@
-"""Tables as CSV: UTF-8, a header, commas, line feeds, and numbers that read back as they were."""
+"""Tables as CSV: UTF-8, a header, commas, line feeds, and numbers that read back as they were; images stand beside."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from symaware_cli.exporting.table import Form, Names, Table, Values, length
+from symaware_cli.exporting.table import Cells, Form, Images, Names, Table, Values, images_beside, length
 
 _PIECE = 16384
 """Rows that are turned into text at a time."""
@@ -31,14 +31,26 @@ class TextSheet:
             OSError: It cannot be created.
         """
         self._file = open(path, "w", encoding="utf-8", newline="")  # noqa: SIM115 (closed by close)
+        self._images = images_beside(path)
+        self._rows = 0
         self._write([(column.name for column in table.columns)])
 
     def write(self, values: Sequence[Values]) -> None:
         """Append rows."""
         # A piece at a time: as text, a number takes ten times the memory.
+        cells = [self._put_beside(each) if isinstance(each, Images) else each for each in values]
         for start in range(0, length(values[0]), _PIECE):
             piece = slice(start, start + _PIECE)
-            self._write(zip(*(_cells(each, piece) for each in values), strict=True))
+            self._write(zip(*(_cells(each, piece) for each in cells), strict=True))
+        self._rows += length(values[0])
+
+    def _put_beside(self, images: Images) -> list[str]:
+        """Write images into files of their own, numbered by row, and return how these are called."""
+        self._images.mkdir(exist_ok=True)
+        names = [f"{row:06}.png" for row, _ in enumerate(images.files, self._rows)]
+        for name, content in zip(names, images.files, strict=True):
+            (self._images / name).write_bytes(content)
+        return [f"{self._images.name}/{name}" for name in names]
 
     def close(self) -> None:
         """Finish the file."""
@@ -51,7 +63,7 @@ class TextSheet:
 CSV = Form(".csv", TextSheet, explains=False)
 
 
-def _cells(values: Values, piece: slice) -> Iterable[str]:
+def _cells(values: Cells, piece: slice) -> Iterable[str]:
     match values:
         case Names():
             names = [*map(_quoted, values.names), ""]  # the last is that of -1

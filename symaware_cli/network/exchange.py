@@ -98,6 +98,9 @@ class MemoryExchange:
         self._sent_by = np.zeros(len(self._ids), np.int64)
         self._time_step = time_step
         self._muted: NDArray[np.bool_] | None = None
+        self._outlet: Callable[[Message | Mailing], Any] | None = None
+        self._away: NDArray[np.bool_] | None = None
+        self._forward: Callable[[Message | Delivery], Any] = lambda arrived: None
         self._passage = Passage(seed, self._ids)
         self._under_way = UnderWay()
         self.inboxes = Inboxes(self._ids, listening)
@@ -181,13 +184,32 @@ class MemoryExchange:
         finally:
             self._muted = before
 
-    def send(self, message: Message) -> None:
+    def divert(self, outlet: Callable[[Message | Mailing], Any]) -> None:
+        """Hand on all that is sent from now on, instead of carrying it: another process does. See `arrive`."""
+        self._outlet = outlet
+
+    def forward(self, away: Sequence[str], forward: Callable[[Message | Delivery], Any]) -> None:
+        """Hand on all that arrives for some agents from now on: another process keeps their inboxes."""
+        self._away = np.zeros(len(self._ids), bool)
+        self._away[[self._known(id) for id in away]] = True
+        self._forward = forward
+
+    def send(self, message: Message, at: int | None = None) -> None:
         """Take a message; what its payload refers to is copied.
+
+        Args:
+            message: What is said, by whom, to whom.
+            at: When it was sent, if that was before now, in nanoseconds.
 
         Raises:
             UnknownReceiverError: There is no agent of the receiver's id, or of the sender's.
         """
         sender = self._known(message.sender)
+        if self._outlet is not None:
+            if message.receiver != EVERYBODY:
+                self._known(message.receiver)
+            self._outlet(replace(message, payload={name: _copied(value) for name, value in message.payload.items()}))
+            return
         if message.receiver == EVERYBODY:
             receivers = self._reached(sender).tolist()
         else:
@@ -198,7 +220,8 @@ class MemoryExchange:
             sequence = int(self._sent_by[sender])
             self._sent_by[sender] += 1
             id = self._ids[receiver]
-            letter = replace(message, receiver=id, payload=payload, sequence=sequence, sent_time=self.now)
+            sent_time = self.now if at is None else at
+            letter = replace(message, receiver=id, payload=payload, sequence=sequence, sent_time=sent_time)
             letters.append(letter)
             self.sent += 1
             self._on_sent(letter)
@@ -230,12 +253,15 @@ class MemoryExchange:
         self.dropped += 1
         self._on_dropped(letter, self._passage.reasons[reason])
 
-    def post(self, mailing: Mailing) -> None:
-        """Take the messages of many agents at once; its columns must not be changed any more."""
-        rows, receivers = self._addressed(mailing)
+    def post(self, mailing: Mailing, at: int | None = None) -> None:
+        """Take the messages of many agents at once; its columns must not be changed any more. See `send`."""
         if self._muted is not None:
-            speaks = ~self._muted[mailing.senders[rows]]
-            rows, receivers = rows[speaks], receivers[speaks]
+            mailing = _spoken(mailing, ~self._muted[mailing.senders])
+        if self._outlet is not None:
+            if len(mailing.senders):
+                self._outlet(mailing)
+            return
+        rows, receivers = self._addressed(mailing)
         if not len(rows):
             return
         senders = mailing.senders.take(rows)
@@ -244,7 +270,8 @@ class MemoryExchange:
         sequences = self._sent_by[senders] + within
         self._sent_by[mailing.senders] += counts
         size = mailing_size(mailing)
-        sent = Delivery(mailing, rows, receivers, sequences, self.now, np.full(len(rows), self._arrival(self.now)))
+        due = np.full(len(rows), self._arrival(self.now))
+        sent = Delivery(mailing, rows, receivers, sequences, self.now if at is None else at, due)
         self.sent += len(rows)
         self._on_traffic(Traffic("sent", sent, size))
         if self._passage.is_free:
@@ -331,9 +358,7 @@ class MemoryExchange:
             if letter.reason:
                 self._drop(letter.message, letter.reason)
                 continue
-            self.delivered += 1
-            self.inboxes.put(letter.message, letter.receiver)
-            self._on_delivered(letter.message)
+            self._hand_over(letter.message, letter.receiver)
         for delivery, reason, size in arrivals:
             late = reason != 0
             arriving = delivery
@@ -341,9 +366,34 @@ class MemoryExchange:
                 self._lose(delivery, size, reason, late)
                 arriving = chosen(delivery, ~late)
             if len(arriving):
-                self.delivered += len(arriving)
-                self.inboxes.put_columns(arriving)
-                self._on_traffic(Traffic("delivered", arriving, size))
+                self._hand_over_columns(arriving, size)
+
+    def arrive(self, letters: Sequence[Message], deliveries: Sequence[Delivery]) -> None:
+        """Make readable what another process has carried here."""
+        for letter in letters:
+            self._hand_over(letter, self._known(letter.receiver))
+        for delivery in deliveries:
+            self._hand_over_columns(delivery, mailing_size(delivery.mailing))
+
+    def _hand_over(self, letter: Message, receiver: int) -> None:
+        self.delivered += 1
+        if self._away is not None and self._away[receiver]:
+            self._forward(letter)
+        else:
+            self.inboxes.put(letter, receiver)
+        self._on_delivered(letter)
+
+    def _hand_over_columns(self, delivery: Delivery, size: int) -> None:
+        self.delivered += len(delivery)
+        here = delivery
+        if self._away is not None:
+            away = self._away[delivery.receivers]
+            if away.any():
+                self._forward(chosen(delivery, away))
+                here = chosen(delivery, ~away)
+        if len(here):
+            self.inboxes.put_columns(here)
+        self._on_traffic(Traffic("delivered", delivery, size))
 
     def has_mail(self, receiver: str, reader: str = "") -> bool:
         """Whether something arrived since the last time it was handed over."""
@@ -356,6 +406,15 @@ class MemoryExchange:
     def collect(self, reader: str) -> Sequence[Delivery | Message]:
         """Hand over what arrived for a whole group since the last call, in columns; see `Inboxes`."""
         return self.inboxes.collect(reader)
+
+
+def _spoken(mailing: Mailing, speaks: NDArray[np.bool_]) -> Mailing:
+    """What some of the senders of a mailing say."""
+    if speaks.all():
+        return mailing
+    columns = {name: values[speaks] for name, values in mailing.columns.items()}
+    receivers = None if mailing.receivers is None else mailing.receivers[speaks]
+    return replace(mailing, senders=mailing.senders[speaks], columns=columns, receivers=receivers)
 
 
 def _copied(value: Any) -> Any:

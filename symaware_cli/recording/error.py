@@ -9,7 +9,7 @@ class LogError(Exception):
 
 
 class OutputError(LogError):
-    """What is made of a log cannot be written: the disk is full, the folder is missing, permission is denied."""
+    """A log or what is made of it cannot be written: the disk is full, the folder is missing, permission is denied."""
 
 
 class UnknownNameError(LogError):

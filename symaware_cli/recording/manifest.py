@@ -20,6 +20,7 @@ def manifest(
     groups: Sequence[AgentGroup],
     uses: Mapping[str, Mapping[str, Any]],
     indexed: Mapping[str, bool],
+    part: Mapping[str, Any] | None = None,
 ) -> bytes:
     """Describe who takes part in a run, as the attachment of that name.
 
@@ -32,8 +33,10 @@ def manifest(
         groups: All groups.
         uses: For each group, the entry-point names of its ``model`` and ``components``.
         indexed: For each group, whether its agents are numbered.
+        part: Of a run that is spread over several processes, which one this is: its ``name``, whether it is the
+            ``host``, and the ``agents`` that it runs.
     """
-    content = {
+    content: dict[str, Any] = {
         "format": FORMAT,
         "name": name,
         "seed": seed,
@@ -59,6 +62,8 @@ def manifest(
         "entities": {name: _entity(environment, name) for name in environment.obstacles},
         "roster": [*environment.roster.ids, *environment.obstacles],
     }
+    if part is not None:
+        content["part"] = dict(part)
     return json.dumps(content, indent=1).encode()
 
 

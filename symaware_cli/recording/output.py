@@ -10,26 +10,26 @@ from symaware_cli.recording.error import LogError, OutputError, reason
 
 
 @contextmanager
-def whole_file(path: str | os.PathLike[str], source: Path | None = None) -> Iterator[Path]:
+def whole_file(path: str | os.PathLike[str], *sources: Path) -> Iterator[Path]:
     """Write a file that takes its place only when it is complete.
 
     Args:
         path: Where it is to be; a file that is there already stays as it is until then.
-        source: What it is made of, which must not be overwritten.
+        sources: What it is made of, which must not be overwritten.
 
     Yields:
         A path in the same folder, with the same suffix, to write to.
 
     Raises:
         OutputError: It cannot be written (no such folder, no permission, disk full); nothing is left behind.
-        LogError: The path is that of a folder, of a device, or of the source.
+        LogError: The path is that of a folder, of a device, or of a source.
     """
     path = Path(path)
     with _refusals_told(path):
         if path.exists() and not path.is_file():
             # A device above all: root may replace it by a file.
             raise LogError(f"cannot write {path}: it is {'a folder' if path.is_dir() else 'not a file'}")
-        if source is not None and path.exists() and source.exists() and path.samefile(source):
+        if path.exists() and any(source.exists() and path.samefile(source) for source in sources):
             raise LogError(f"cannot write {path}: it is what is read")
         with _placed(path) as partial:
             yield partial

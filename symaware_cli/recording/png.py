@@ -38,6 +38,18 @@ def encode(image: NDArray[np.uint8] | NDArray[np.uint16]) -> bytes:
     return _SIGNATURE + _chunk(b"IHDR", header) + _chunk(b"IDAT", zlib.compress(lines.tobytes(), 6)) + _chunk(b"IEND")
 
 
+def size(data: bytes) -> tuple[int, int]:
+    """Width and height of a PNG, whoever made it.
+
+    Raises:
+        ValueError: It is none.
+    """
+    if data[:8] != _SIGNATURE or len(data) < 24:
+        raise ValueError("no PNG")
+    width, height = struct.unpack(">II", data[16:24])
+    return width, height
+
+
 def decode(data: bytes) -> NDArray[Any]:
     """Decode an image that `encode` made; other PNGs need other software.
 

@@ -2,10 +2,10 @@
 
 import json
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cache, cached_property
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,17 @@ from symaware_cli.recording.mcap_file import McapFile
 from symaware_cli.recording.message import LogMessage
 from symaware_cli.recording.recovery import Damage
 from symaware_cli.recording.schema import FORMAT, MANIFEST, OUTCOME, PROFILE, RECOVERY
-from symaware_cli.recording.sensing import LoggedImage, LoggedScan, image, scans
+from symaware_cli.recording.sensing import (
+    IMAGE,
+    MEASUREMENT,
+    SCAN,
+    LoggedImage,
+    LoggedReading,
+    LoggedScan,
+    images,
+    scans,
+    sensors,
+)
 from symaware_cli.recording.series import Prediction, Series, group_series, place_of, present_values, row_series
 
 __all__ = ["FIELDS", "PREDICTED", "Log", "LogMessage", "open_log"]
@@ -31,10 +41,13 @@ _TOPICS = {
 """The topic of each field of `Log.series`."""
 
 FIELDS = tuple(_TOPICS)
-"""The fields of `Log.series`."""
+"""The fields of `Log.series`, beside the sensors that measure numbers."""
 
 PREDICTED = ("intent", "uncertainty", "risk")
 """The fields of `Log.predictions`."""
+
+Sensed = TypeVar("Sensed", bound=LoggedReading)
+"""An entry of what a sensor measured."""
 
 
 class Log(McapFile):
@@ -75,8 +88,10 @@ class Log(McapFile):
 
         Args:
             name: A group, an agent, or an entity of the environment. The name of a group of one is its agent's.
-            field: `state` (what they believe), `world` (what is true), `control` (as applied), `control_requested`, or
-                `intent`, `uncertainty` and `risk`, of which the first point of each time series is taken.
+            field: `state` (what they believe), `world` (what is true), `control` (as applied), `control_requested`;
+                `intent`, `uncertainty` and `risk`, of which the first point of each time series is taken; or a sensor
+                that measures numbers, by its component's name: its readings when they became known, NaN where it
+                missed one.
 
         Returns:
             For a group every instant at which any of its agents was recorded, (k, n, columns), where the others keep
@@ -86,12 +101,8 @@ class Log(McapFile):
         Raises:
             LogError: There is no such name or field.
         """
-        if field not in _TOPICS:
-            raise UnknownNameError(
-                f"there is no field {field!r}; there are {', '.join(sorted(_TOPICS))}", field, sorted(_TOPICS)
-            )
         group, row, count = self._place(name)
-        info = self._channel(_TOPICS[field].format(group), f"{field} of {name!r}", "Rows", "Control", "SeriesRows")
+        info = self._channel(self.series_topic(group, field), f"{field} of {name!r}", "Rows", "Control", "SeriesRows")
         entries = (
             (message.time, *present_values(message.decode(), count, requested=field == "control_requested"))
             for message in self.messages(info.topic)
@@ -102,6 +113,20 @@ class Log(McapFile):
         if not len(times):
             values = np.empty((*values.shape[:-1], len(columns)))
         return Series(times, values, columns, units)
+
+    def series_topic(self, owner: str, field: str) -> str:
+        """Return the topic of a field of `series`, of a group or an entity; nothing may have been recorded on it.
+
+        Raises:
+            UnknownNameError: There is no such field, and no sensor of that name that measures numbers.
+        """
+        topics = sensors(self.channels, owner, MEASUREMENT)
+        # A sensor that is called as a field is hidden by it.
+        topics |= {name: template.format(owner) for name, template in _TOPICS.items()}
+        if field not in topics:
+            there = ", ".join(sorted(topics))
+            raise UnknownNameError(f"there is no field {field!r}; there are {there}", field, sorted(topics))
+        return topics[field]
 
     def predictions(self, agent: str, field: str) -> Iterator[Prediction]:
         """Iterate over what an agent expected: the whole of its time series at each instant at which it set one.
@@ -193,33 +218,55 @@ class Log(McapFile):
         """Iterate over the beginnings and ends of contacts; see `events`."""
         return self._journal("/contacts", "Contact", journal.contact, start, end)
 
-    def scans(self, start: int | None = None, end: int | None = None) -> Iterator[LoggedScan]:
-        """Iterate over the scans of lidars, one for each agent and turn; see `events`."""
-        for message, sensor, agents in self._sensed("scan", "Scan", start, end):
-            with self._readable(message):
-                entries = scans(message.time, message.decode(), sensor, agents)
-            yield from entries
+    def scans(self, name: str | None = None, start: int | None = None, end: int | None = None) -> Iterator[LoggedScan]:
+        """Iterate over the scans of lidars, one for each agent and turn.
 
-    def images(self, start: int | None = None, end: int | None = None) -> Iterator[LoggedImage]:
-        """Iterate over the images of cameras: colours, depths and segments; see `events`."""
-        for message, sensor, agents in self._sensed("image", "Image", start, end):
-            with self._readable(message):
-                entry = image(message.time, message.decode(), sensor, agents)
-            yield entry
+        Args:
+            name: An agent, or a group; None for everybody.
+            start: The first simulated time, ns.
+            end: The first simulated time not wanted any more, ns.
+
+        Raises:
+            LogError: There is no such name.
+        """
+        return self._sensed(SCAN, "Scan", scans, name, start, end)
+
+    def images(
+        self, name: str | None = None, start: int | None = None, end: int | None = None
+    ) -> Iterator[LoggedImage]:
+        """Iterate over the images of cameras: colours, depths and segments; see `scans`."""
+        return self._sensed(IMAGE, "Image", images, name, start, end)
 
     def _sensed(
-        self, word: str, message_name: str, start: int | None, end: int | None
-    ) -> Iterator[tuple[LogMessage, str, Sequence[str]]]:
-        """The messages of sensors of one kind, each with the sensor's name and the agents of its group."""
+        self,
+        word: str,
+        message_name: str,
+        entries: Callable[[int, Any, str, Sequence[str]], Iterable[Sensed]],
+        name: str | None,
+        start: int | None,
+        end: int | None,
+    ) -> Iterator[Sensed]:
+        group, row, _ = (None, None, 0) if name is None else self._place(name)
         topics = {
             topic: (sensor, agents)
-            for topic, info in self.channels.items()
-            for group, agents in self.agents.items()
-            for sensor in [topic.removeprefix(f"/agents/{group}/{word}/")]
-            if sensor != topic and info.carries(message_name)
+            for each, agents in self.agents.items()
+            for sensor, topic in sensors(self.channels, each, word).items()
+            if group in (None, each) and self.channels[topic].carries(message_name)
         }
-        for message in self.messages(topics, start, end):
-            yield message, *topics[message.channel.topic]
+        messages = self.messages(topics, start, end)
+        return self._readings(messages, topics, entries, None if row is None else name)
+
+    def _readings(
+        self,
+        messages: Iterable[LogMessage],
+        topics: Mapping[str, tuple[str, Sequence[str]]],
+        entries: Callable[[int, Any, str, Sequence[str]], Iterable[Sensed]],
+        agent: str | None,
+    ) -> Iterator[Sensed]:
+        for message in messages:
+            with self._readable(message):
+                made = entries(message.time, message.decode(), *topics[message.channel.topic])
+            yield from (entry for entry in made if agent in (None, entry.agent))
 
     def knowledge(self, name: str | None = None) -> Iterator[LoggedKnowledge]:
         """Iterate over what agents know: an entry at the beginning, and one whenever it changed.

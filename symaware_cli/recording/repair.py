@@ -5,7 +5,6 @@ all. The beginning of one that was cut off could be unpacked, too, but its check
 tell whether those messages are what was written.
 """
 
-import json
 import os
 import zlib
 from collections.abc import Iterator, Mapping, Sequence, Set
@@ -20,7 +19,7 @@ from symaware_cli.recording.index import FRAME, Span, Unsound, message_positions
 from symaware_cli.recording.output import whole_file
 from symaware_cli.recording.reader import Log
 from symaware_cli.recording.recovery import Damage
-from symaware_cli.recording.schema import MAGIC, RECOVERY
+from symaware_cli.recording.schema import MAGIC, RECOVERY, json_values
 from symaware_cli.recording.summary import Summary, indexed, serialise
 
 
@@ -94,7 +93,7 @@ def recover(log: Log, path: str | os.PathLike[str]) -> Recovery:
 def _told(log: Log, damage: Damage, earlier: dict[str, Any] | None) -> dict[str, str]:
     """What the new log says of its origin, each value as JSON."""
     content = asdict(damage) | {"log": log.path.name, "lost": damage.lost, "text": str(damage), "earlier": earlier}
-    return {key: json.dumps(value, sort_keys=True) for key, value in sorted(content.items())}
+    return json_values(content)
 
 
 def _chunks(log: Log) -> Iterator[tuple[Chunk, dict[int, list[int]]]]:

@@ -1,5 +1,9 @@
 """The vocabulary of a log: its messages and the names that writer and reader share."""
 
+import json
+from collections.abc import Mapping
+from typing import Any
+
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from google.protobuf.message import Message
 
@@ -22,6 +26,9 @@ TIMING = "/timing"
 
 MANIFEST = "manifest.json"
 """The attachment that says who took part."""
+
+GEOMETRY = "geometry.json"
+"""The attachment that says what bodies look like in a world of space; meshes that it names are attachments, too."""
 
 OUTCOME = "symaware.outcome"
 """The metadata record that ends a run; its values are JSON."""
@@ -55,3 +62,8 @@ def descriptor_set() -> bytes:
     files = FileDescriptorSet()
     v1.DESCRIPTOR.CopyToProto(files.file.add())
     return files.SerializeToString(deterministic=True)
+
+
+def json_values(content: Mapping[str, Any]) -> dict[str, str]:
+    """Lay out the content of a metadata record whose values are JSON."""
+    return {key: json.dumps(value, sort_keys=True) for key, value in sorted(content.items())}

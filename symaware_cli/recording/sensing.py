@@ -19,20 +19,37 @@ Array = NDArray[np.float64]
 #: Where depth ends, and what stands for nothing [mm].
 _NOTHING = 65535
 
+SCAN, IMAGE, MEASUREMENT = "scan", "image", "measurement"
+"""What the topics of readings are called: ``/agents/<group>/scan/<sensor>``."""
+
 #: What a topic of each kind of reading is called, and the message on it.
 _TOPICS: dict[type, tuple[str, str]] = {
-    Scan: ("scan", "Scan"),
-    Frame: ("image", "Image"),
-    Measurement: ("measurement", "Rows"),
+    Scan: (SCAN, "Scan"),
+    Frame: (IMAGE, "Image"),
+    Measurement: (MEASUREMENT, "Rows"),
 }
+
+
+def sensors(topics: Iterable[str], group: str, word: str) -> dict[str, str]:
+    """Find the topics of one kind of reading of a group, by the name of the sensor, in their order."""
+    root = f"/agents/{group}/{word}/"
+    return {topic.removeprefix(root): topic for topic in topics if topic.startswith(root)}
 
 
 class SensorChannels:
     """The channels of the sensors of a group, opened when there is something to write."""
 
-    def __init__(self, writer: LogWriter, group: AgentGroup) -> None:
+    def __init__(self, writer: LogWriter, group: AgentGroup, own: Sequence[int] | None = None) -> None:
+        """Begin with none.
+
+        Args:
+            writer: The log.
+            group: The group.
+            own: The rows that are recorded, ascending; None for all.
+        """
         self._writer = writer
         self._group = group
+        self._own = own
         self._channels: dict[str, int] = {}
         self._last: dict[str, Reading] = {}
 
@@ -45,9 +62,9 @@ class SensorChannels:
             self._last[name] = reading
             if name not in self._channels:
                 self._channels[name] = self._open(name, reading)
-            for content in _contents(reading):
+            for content in _contents(reading, self._own):
                 self._writer.add(self._channels[name], now, content)
-            updates += len(self._group)
+            updates += len(self._group if self._own is None else self._own)
         return updates
 
     def _open(self, name: str, reading: Reading) -> int:
@@ -61,27 +78,29 @@ class SensorChannels:
         return self._writer.channel(f"/agents/{self._group.name}/{word}/{name}", message, metadata)
 
 
-def _contents(reading: Reading) -> Iterator[bytes]:
-    """The messages that tell of a reading."""
+def _contents(reading: Reading, own: Sequence[int] | None) -> Iterator[bytes]:
+    """The messages that tell of a reading, of some rows or of all."""
+    chosen: Any = slice(None) if own is None else own
     match reading:
         case Scan():
             record = v1.Scan(
+                rows=own,
                 measured=reading.time,
                 range=reading.range,
                 angles=reading.angles.tolist(),
-                distances=reading.distances.ravel().tolist(),
-                poses=reading.poses.ravel().tolist(),
+                distances=reading.distances[chosen].ravel().tolist(),
+                poses=reading.poses[chosen].ravel().tolist(),
             )
             yield record.SerializeToString(deterministic=True)
         case Measurement():
-            yield wire.encode_rows(reading.values)
+            yield wire.encode_rows(reading.values[chosen], own)
         case Frame():
-            yield from _images(reading)
+            yield from _images(reading, own)
 
 
-def _images(frame: Frame) -> Iterator[bytes]:
+def _images(frame: Frame, own: Sequence[int] | None) -> Iterator[bytes]:
     for row, seen in enumerate(frame.images):
-        if seen is None:
+        if seen is None or (own is not None and row not in own):
             continue
         millimetres = np.where(seen.depth * 1e3 < _NOTHING, np.rint(np.minimum(seen.depth * 1e3, _NOTHING)), _NOTHING)
         pictures = (
@@ -103,24 +122,33 @@ def _images(frame: Frame) -> Iterator[bytes]:
 
 
 @dataclass(frozen=True, slots=True)
-class LoggedScan:
-    """A scan of one agent.
+class LoggedReading:
+    """What a sensor of one agent measured.
 
     Attributes:
         time: When it became known, simulated ns.
         measured: When it was measured, simulated ns.
         agent: Whose.
         sensor: The component that measured.
-        range: The greatest distance that is measured, m.
-        angles: Where the rays point, counter-clockwise from the heading, rad; shape (k,).
-        distances: m; infinite where nothing is within range, NaN where it was missed; shape (k,).
-        pose: Where the sensor truly was: x, y, z, m, and heading, rad; shape (4,).
     """
 
     time: int
     measured: int
     agent: str
     sensor: str
+
+
+@dataclass(frozen=True, slots=True)
+class LoggedScan(LoggedReading):
+    """A scan of one agent.
+
+    Attributes:
+        range: The greatest distance that is measured, m.
+        angles: Where the rays point, counter-clockwise from the heading, rad; shape (k,).
+        distances: m; infinite where nothing is within range, NaN where it was missed; shape (k,).
+        pose: Where the sensor truly was: x, y, z, m, and heading, rad; shape (4,).
+    """
+
     range: float
     angles: Array
     distances: Array
@@ -133,14 +161,10 @@ class LoggedScan:
 
 
 @dataclass(frozen=True, slots=True)
-class LoggedImage:
+class LoggedImage(LoggedReading):
     """An image of one camera.
 
     Attributes:
-        time: When it became known, simulated ns.
-        measured: When it was seen, simulated ns.
-        agent: Whose.
-        sensor: The component that looked.
         kind: `COLOUR`, `DEPTH` or `SEGMENTS`.
         data: As PNG.
         field_of_view: From the lower to the upper edge, rad.
@@ -148,15 +172,20 @@ class LoggedImage:
         target: A point in the middle of the image [m].
     """
 
-    time: int
-    measured: int
-    agent: str
-    sensor: str
     kind: str
     data: bytes
     field_of_view: float
     position: tuple[float, ...]
     target: tuple[float, ...]
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height, in pixels.
+
+        Raises:
+            ValueError: It is no PNG.
+        """
+        return png.size(self.data)
 
     @property
     def pixels(self) -> NDArray[Any]:
@@ -189,7 +218,7 @@ def hits(angles: Array, distances: Array, pose: Array) -> Array:
     )
 
 
-def scans(time: int, message: Any, sensor: str, agents: Sequence[str]) -> Iterable[LoggedScan]:
+def scans(time: int, message: Any, sensor: str, agents: Sequence[str]) -> Sequence[LoggedScan]:
     """Make entries of a generated `Scan`, one for each row.
 
     Raises:
@@ -207,15 +236,15 @@ def scans(time: int, message: Any, sensor: str, agents: Sequence[str]) -> Iterab
     ]
 
 
-def image(time: int, message: Any, sensor: str, agents: Sequence[str]) -> LoggedImage:
-    """Make an entry of a generated `Image`.
+def images(time: int, message: Any, sensor: str, agents: Sequence[str]) -> Sequence[LoggedImage]:
+    """Make the entry of a generated `Image`, which has one.
 
     Raises:
         ValueError: It is of an agent that the group does not have.
     """
     if message.row >= len(agents):
         raise ValueError(f"an image of row {message.row} of a group of {len(agents)}")
-    return LoggedImage(
+    entry = LoggedImage(
         time=time,
         measured=message.measured,
         agent=agents[message.row],
@@ -226,3 +255,4 @@ def image(time: int, message: Any, sensor: str, agents: Sequence[str]) -> Logged
         position=tuple(message.position),
         target=tuple(message.target),
     )
+    return [entry]

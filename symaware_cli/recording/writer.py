@@ -6,7 +6,6 @@ instead of 4, and every byte reaches the operating system in one place, where a 
 """
 
 import contextlib
-import json
 import os
 import struct
 import threading
@@ -20,8 +19,17 @@ import zstandard
 from mcap.records import Attachment, Channel, Chunk, DataEnd, Header, McapRecord, Metadata, MetadataIndex, Schema
 
 from symaware_cli.recording import symaware_v1_pb2 as v1
-from symaware_cli.recording.error import LogError, reason
-from symaware_cli.recording.schema import LIBRARY, MAGIC, MESSAGES, OUTCOME, PROFILE, TIMING, descriptor_set
+from symaware_cli.recording.error import LogError, OutputError, reason
+from symaware_cli.recording.schema import (
+    LIBRARY,
+    MAGIC,
+    MESSAGES,
+    OUTCOME,
+    PROFILE,
+    TIMING,
+    descriptor_set,
+    json_values,
+)
 from symaware_cli.recording.summary import Summary, indexed, serialise
 
 CHUNK_SIZE = 256 * 1024
@@ -47,11 +55,12 @@ class LogWriter:
         flush_interval: Wall time between two flushes by `flush_in_background`, in s.
 
     Raises:
-        LogError: The file cannot be created.
+        OutputError: The file cannot be created.
 
     Attributes:
         path: The file.
         size: Bytes handed to the operating system so far.
+        timing: The number of the channel /timing, which is there from the beginning.
     """
 
     def __init__(self, path: str | os.PathLike[str], *, flush_interval: float = 0.5):
@@ -74,7 +83,7 @@ class LogWriter:
         try:
             self._file = open(self.path, "wb", buffering=0)  # noqa: SIM115 (closed by finish, abort and _fail)
         except OSError as error:
-            raise LogError(f"cannot create the log {self.path}: {reason(error)}") from error
+            raise OutputError(f"cannot create the log {self.path}: {reason(error)}") from error
         self._open = True
         # A flush may come from another thread (see `flush_in_background`) while a message is being added.
         self._lock = threading.RLock()
@@ -82,7 +91,7 @@ class LogWriter:
         # Without a version, so that equal runs make equal logs; versions have an attachment of their own.
         self._write(MAGIC + serialise(Header(profile=PROFILE, library=LIBRARY)))
         # First of all, so that its number does not depend on when somebody looked at the clock.
-        self._timing = self.channel(
+        self.timing = self.channel(
             TIMING, "Timing", {"columns": "wall_time,cpu_time,steps", "units": "s,s,1", "deterministic": "false"}
         )
 
@@ -167,15 +176,18 @@ class LogWriter:
             KeyError: There is no such channel.
             ValueError: The time went back, is negative, or the log has its 2^32 messages.
         """
-        self._add(channel_id, time_ns, data, self._sequence)
-        self._sequence += 1
+        if channel_id == self.timing:
+            # They have a sequence of their own, so that they do not shift the others'.
+            self._add(channel_id, time_ns, data, self._timing_sequence)
+            self._timing_sequence += 1
+        else:
+            self._add(channel_id, time_ns, data, self._sequence)
+            self._sequence += 1
 
     def add_timing(
         self, time_ns: int, *, wall_time: float, cpu_time: float, steps: int, pace: PaceFigures = (0.0, 0, 0, 0.0)
     ) -> None:
         """Add to /timing how fast the machine was.
-
-        Its messages have a sequence of their own, so that they do not shift the others'.
 
         Args:
             time_ns: Simulated time in ns.
@@ -187,8 +199,7 @@ class LogWriter:
         """
         message = v1.Timing(wall_time=wall_time, cpu_time=cpu_time, steps=steps)
         message.pace, message.instants, message.late, message.worst_lateness = pace
-        self._add(self._timing, time_ns, message.SerializeToString(), self._timing_sequence)
-        self._timing_sequence += 1
+        self.add(self.timing, time_ns, message.SerializeToString())
 
     def _add(self, channel_id: int, time_ns: int, data: bytes, sequence: int) -> None:
         with self._lock:
@@ -247,10 +258,18 @@ class LogWriter:
             LogError: It cannot be written.
         """
         with self._lock:
-            if not self._open:
-                self._refuse()
-            self._end_chunk()
-            self.metadata(OUTCOME, {key: json.dumps(value, sort_keys=True) for key, value in sorted(outcome.items())})
+            self.flush()
+            self.metadata(OUTCOME, json_values(outcome))
+            self.close()
+
+    def close(self) -> None:
+        """Close the log without an outcome, or with one that `metadata` was given.
+
+        Raises:
+            LogError: It cannot be written.
+        """
+        with self._lock:
+            self.flush()
             self._close()
 
     def abort(self) -> None:
@@ -304,7 +323,7 @@ class LogWriter:
         try:
             self._file.close()
         except OSError as error:  # a network file system may say only now that it kept nothing
-            self._error = LogError(f"the log {self.path} may be incomplete: {reason(error)}")
+            self._error = OutputError(f"the log {self.path} may be incomplete: {reason(error)}")
             raise self._error from error
 
     def _write_record(self, record: McapRecord) -> int:
@@ -340,7 +359,7 @@ class LogWriter:
             self._file.truncate(self.size)
         with contextlib.suppress(OSError):
             self._file.close()
-        self._error = LogError(
+        self._error = OutputError(
             f"cannot write the log {self.path}: {reason(error)}; what was written before ({self.size:,} bytes) stays "
             "readable"
         )

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from symaware_cli.core import AgentGroup, Component, Event, GroupComponent, Level, SubscriberError
+from symaware_cli.core import Component, Event, GroupComponent, Level, SubscriberError
 from symaware_cli.core.column import Column
 from symaware_cli.core.random import generator
 from symaware_cli.runtime.agenda import Phase
@@ -16,8 +15,8 @@ from symaware_cli.runtime.expression import EvaluationError
 from symaware_cli.runtime.failure import RunError, describe
 from symaware_cli.runtime.interruption import Interrupted
 from symaware_cli.runtime.occasion import Recurrence, concerned
-from symaware_cli.runtime.restraint import restrained
 from symaware_cli.runtime.scope import AgentScope
+from symaware_cli.runtime.supervision import Disturb, Supervision
 from symaware_cli.runtime.task import FAILED, Task
 from symaware_cli.runtime.timing import Duration
 from symaware_cli.runtime.workers import Computed, WorkerError
@@ -25,11 +24,6 @@ from symaware_cli.runtime.workers import Computed, WorkerError
 if TYPE_CHECKING:
     from symaware_cli.runtime.run import Run
     from symaware_cli.runtime.simulation import Slot
-
-_NO_SUPERVISION = nullcontext()
-
-#: Changes what was written, given the group and the believed states as they were before.
-Disturb = Callable[[AgentGroup, Any], None]
 
 
 class Activity:
@@ -62,9 +56,8 @@ class Activity:
             (slot.group.awareness.state_column, "state"),
         )
         self._row_of = {id: row for row, id in enumerate(slot.group.ids)}
-        #: Agents that take no part at present, with how many reasons there are for it.
-        self._off: Counter[int] = Counter()
-        self._held: list[int] = []
+        #: Who takes no part at present, and what faults make of the others.
+        self._supervision = Supervision(run.simulation, slot)
         #: What the components of some rows are busy with, and how many turns were put off meanwhile.
         self._busy: dict[int, Task | object] = {}
         self._backlog: Counter[int] = Counter()
@@ -72,18 +65,13 @@ class Activity:
         self._tries: Counter[int] = Counter()
         self._coroutines = run.asynchronous and any(_is_coroutine(each) for each in slot.components)
         self._scope = AgentScope(slot.group) if self._timing.condition else None
-        self._latencies: dict[int, Any] = {}
-        #: What faults make of the latency of some rows, and of what is written.
-        self._slowness: dict[int, Duration] = {}
-        self._disturbances: list[Disturb] = []
         self._review()
 
     def _review(self) -> None:
         """Find out whether there is nothing to think of but computing and updating."""
-        timing = self._timing
-        self._held = sorted(self._off)
-        self._takes_time = bool(self._slowness) or not timing.latency.is_zero
-        self._guarded = bool(self._held or self._disturbances) or timing.on_failure != "stop"
+        timing, supervision = self._timing, self._supervision
+        self._takes_time = supervision.slows_down or not timing.latency.is_zero
+        self._guarded = supervision.interferes or timing.on_failure != "stop"
         self._plain = (
             not self._guarded
             and not self._coroutines
@@ -181,7 +169,7 @@ class Activity:
             self._compute(rows)
         else:
             components = self.slot.components
-            with self._supervised():
+            with self._supervision.watched():
                 for row in rows:
                     if self._coroutines:
                         Task(self, row, components[row]).start()
@@ -195,10 +183,8 @@ class Activity:
 
     def _may(self, row: int) -> bool:
         """Whether a component takes a turn that is due."""
-        if self._is_group:
-            if len(self._held) == len(self._group):
-                return False
-        elif row in self._off:
+        off = self._supervision.off
+        if len(off) == len(self._group) if self._is_group else row in off:
             return False
         if not self._holds(row):
             if self._timing.period == 0:
@@ -214,7 +200,8 @@ class Activity:
         scope, condition = self._scope, self._timing.condition
         if scope is None or condition is None:
             return True
-        rows = [each for each in range(len(self._group)) if each not in self._off] if self._is_group else [row]
+        off = self._supervision.off
+        rows = [each for each in range(len(self._group)) if each not in off] if self._is_group else [row]
         try:
             return any(condition.holds(partial(scope.look_up, each)) for each in rows)
         except EvaluationError as error:
@@ -275,7 +262,7 @@ class Activity:
         """Update with values that were computed before, unless their component was stopped meanwhile."""
         before, wanted = self._before(), self._simulation.events.wanted
         landed = []
-        with self._supervised():
+        with self._supervision.watched():
             for row, token, value in landing:
                 if self._busy.get(row) is not token:
                     continue
@@ -291,11 +278,7 @@ class Activity:
 
     def latency(self, row: int) -> int:
         """How long the present computation of a component takes, in nanoseconds."""
-        duration, random = self._slowness.get(row, self._timing.latency), self._latencies.get(row)
-        if random is None and duration.is_drawn:
-            path = self.slot.components[row].path
-            random = self._latencies[row] = generator(self._simulation.seed, f"{path}/latency")
-        return duration.draw(random)
+        return self._supervision.latency(row)
 
     def over(self, row: int) -> None:
         """A turn that took time is over: take the ones that were put off, or the next one."""
@@ -378,16 +361,14 @@ class Activity:
 
     def hold(self, agent: int) -> None:
         """Let an agent take no part until it is released as often as it was held."""
-        self._off[agent] += 1
+        self._supervision.off[agent] += 1
         if not self._is_group:
             self._abandon(agent)
         self._review()
 
     def release(self, agent: int) -> None:
         """Let an agent take part again, unless there are other reasons against it."""
-        self._off[agent] -= 1
-        if self._off[agent] <= 0:
-            del self._off[agent]
+        self._supervision.release(agent)
         self._review()
 
     def begin_anew(self, agents: Sequence[int]) -> None:
@@ -400,36 +381,18 @@ class Activity:
 
     def slow_down(self, agents: Sequence[int], duration: Duration | None) -> None:
         """Let computations take another time than the scenario says for the component; None for that time again."""
-        for row in [0] if self._is_group else agents:
-            if duration is None:
-                self._slowness.pop(row, None)
-            else:
-                self._slowness[row] = duration
+        self._supervision.slow_down([0] if self._is_group else agents, duration)
         self._review()
 
     def disturb(self, disturbance: Disturb) -> None:
         """Call something after each turn, with the group and the believed states before the turn."""
-        self._disturbances.append(disturbance)
+        self._supervision.disturbances.append(disturbance)
         self._review()
 
     def undisturb(self, disturbance: Disturb) -> None:
         """Call it no more."""
-        self._disturbances.remove(disturbance)
+        self._supervision.disturbances.remove(disturbance)
         self._review()
-
-    def _supervised(self) -> AbstractContextManager[None]:
-        """Let faults have their way with what is written."""
-        return self._supervision() if self._held or self._disturbances else _NO_SUPERVISION
-
-    @contextmanager
-    def _supervision(self) -> Iterator[None]:
-        before = self._group.awareness.state if self._disturbances else None
-        held = self._held if self._is_group else ()
-        muted = [self._group.ids[row] for row in held]
-        with restrained(self._group, held), self._simulation.exchange.muted(muted):
-            yield
-        for disturbance in self._disturbances:
-            disturbance(self._group, before)
 
     def _abandon(self, row: int) -> None:
         doing = self._busy.pop(row, None)
@@ -461,7 +424,7 @@ class Activity:
                     self._check(column, what, None)
             return
         before = self._before()
-        with self._supervised():
+        with self._supervision.watched():
             call(value)
         self._check_all(before)
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from symaware_cli.core import AgentGroup, Level
+from symaware_cli.core import AgentGroup, Level, Model
 from symaware_cli.core.column import Array, is_finite
 from symaware_cli.runtime.simulation import Simulation
 from symaware_cli.runtime.timing import Coast
@@ -38,7 +38,9 @@ class Attendance:
                 continue
             self._retired.add((group.name, row))
             if coast == "safe":
-                group.control_column.set_row(row, _safe_input(group, row))
+                one = slice(row, row + 1)
+                safe = safe_input(group.model, group.control_input[one], group.awareness.state[one])
+                group.control_column.set_row(row, safe)
             for activity in self._activities:
                 if activity.slot.group is group:
                     activity.hold(row)
@@ -59,13 +61,20 @@ class Attendance:
                 activity.begin_anew(rows)
 
 
-def _safe_input(group: AgentGroup, row: int) -> Array:
-    """The control input that makes an agent stop, as far as its model can."""
-    one = slice(row, row + 1)
-    before, state = group.control_input[one], group.awareness.state[one]
+def safe_input(model: Model, before: Array, state: Array) -> Array:
+    """The control input that makes an agent stop, as far as its model can.
+
+    Args:
+        model: Its dynamics.
+        before: Its control input until now; shape (1, nu).
+        state: Its state; shape (1, nx).
+
+    Returns:
+        Shape (nu,).
+    """
     try:
-        chosen = group.model.limit(group.model.slowed(state, before, np.zeros(1)))
+        chosen = model.limit(model.slowed(state, before, np.zeros(1)))
     except NotImplementedError:
-        chosen = group.model.limit(np.zeros_like(before))
+        chosen = model.limit(np.zeros_like(before))
     safe: Array = chosen[0] if is_finite(chosen) else before[0]
     return safe

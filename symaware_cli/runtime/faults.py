@@ -316,7 +316,10 @@ class Fault:
     def await_turn(self, run: Run) -> None:
         """Enter it in the agenda, or listen for its event."""
         if self.at is not None:
-            run.agenda.put(self.at, _FIRST, Phase.LANDING, 0, partial(self._begin, run))
+            # Who joins a run late finds some faults over, and others begun.
+            missed = max(0, run.agenda.now - self.at)
+            if self.lasting is None or missed < self.lasting or not missed:
+                run.agenda.put(self.at + missed, _FIRST, Phase.LANDING, 0, partial(self._begin, run, missed))
         elif self.on is not None:
             connection = run.switchboard.connect(self.on.event, self.on.source, lambda event: come(event))
 
@@ -324,14 +327,14 @@ class Fault:
                 connection.cancel()
                 run.agenda.put(run.agenda.now, _FIRST, Phase.LANDING, 0, partial(self._begin, run))
 
-    def _begin(self, run: Run) -> None:
+    def _begin(self, run: Run, missed: int = 0) -> None:
         lasts = "" if self.lasting is None else f" for {self.lasting / 1e9:g} s"
         said = f"{self.name}: {self.text}{lasts}"
         run.simulation.announce("fault", self.source, said, level=Level.WARNING, fault=self.name)
         begun = self.effect.begin(run, self.name)
         end = run.ongoing_faults[self.name] = partial(self._end, run, begun)
         if self.lasting is not None:
-            run.agenda.put(run.agenda.now + self.lasting, _FIRST, Phase.LANDING, 0, end)
+            run.agenda.put(run.agenda.now + self.lasting - missed, _FIRST, Phase.LANDING, 0, end)
 
     def _end(self, run: Run, begun: Any) -> None:
         if run.ongoing_faults.pop(self.name, None) is None:

@@ -25,11 +25,13 @@ class Recurrence:
         self._instants = instants
 
     def enter(self) -> None:
-        """Enter the next turn, if there is one."""
+        """Enter the next turn, if there is one; those that a run has missed that joined late are left out."""
         activity = self._activity
+        agenda = activity.run.agenda
         for time in self._instants:
-            activity.run.agenda.put(time, activity.place, Phase.TURN, self._row, self)
-            break
+            if time >= agenda.now:
+                agenda.put(time, activity.place, Phase.TURN, self._row, self)
+                break
 
     def __call__(self) -> None:
         """Take a turn, and enter the next one before: what the turn causes comes behind."""

@@ -35,11 +35,18 @@ class Pacer:
 
     Attributes:
         kept: How well the pace was kept so far.
+        started: When simulated time began, by the monotonic clock [s]; None before it does.
+        factor: Simulated seconds for each second of wall time.
     """
 
     def __init__(self, factor: float) -> None:
+        self.factor = factor
         self.kept = Pace(factor)
-        self._started: float | None = None
+        self.started: float | None = None
+
+    def start_at(self, started: float) -> None:
+        """Let simulated time begin, or have begun, at an instant of the monotonic clock [s]."""
+        self.started = started
 
     def lead(self, now: int) -> float:
         """Wall time that is left until an instant [s]; negative if it is past. The first call is the start.
@@ -48,9 +55,9 @@ class Pacer:
             now: The instant, in nanoseconds of simulated time.
         """
         monotonic = time.monotonic()
-        if self._started is None:
-            self._started = monotonic - now / 1e9 / self.kept.factor
-        return self._started + now / 1e9 / self.kept.factor - monotonic
+        if self.started is None:
+            self.started = monotonic - now / 1e9 / self.factor
+        return self.started + now / 1e9 / self.factor - monotonic
 
     def wait(self, now: int) -> None:
         """Sleep until an instant, and take note of how late it is."""
@@ -70,6 +77,6 @@ class Pacer:
 
     def simulated(self) -> int:
         """The instant that it is time for, in nanoseconds of simulated time."""
-        if self._started is None:
+        if self.started is None:
             return 0
-        return int((time.monotonic() - self._started) * self.kept.factor * 1e9)
+        return int((time.monotonic() - self.started) * self.factor * 1e9)

@@ -52,8 +52,13 @@ def _merged(tracks: Tracks, before: Tracks, held: NDArray[np.bool_]) -> Tracks:
     observers = np.concatenate([now.observers, then.observers])
     order = np.argsort(observers, kind="stable")
     covariances = None
-    if now.covariances is not None and then.covariances is not None:
-        covariances = np.concatenate([now.covariances, then.covariances])[order]
+    if now.covariances is not None or then.covariances is not None:
+        # Those of whom nothing is said must not take from the others what is said of them.
+        size = 2 * tracks.positions.shape[1]
+        parts = [
+            np.zeros((len(each), size, size)) if each.covariances is None else each.covariances for each in (now, then)
+        ]
+        covariances = np.concatenate(parts)[order]
     return Tracks.of(
         tracks.time,
         len(held),

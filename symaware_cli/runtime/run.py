@@ -9,7 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from symaware_cli.core import AgentGroup, Component, Event, GroupComponent, Level, SubscriberError
 from symaware_cli.core.column import Array, Column, is_finite
@@ -32,6 +32,9 @@ from symaware_cli.runtime.switchboard import Switchboard
 from symaware_cli.runtime.terms import Terms
 from symaware_cli.runtime.workers import Workers
 
+if TYPE_CHECKING:
+    from symaware_cli.runtime.distributed.company import Company
+
 #: Wall time between two calls of the progress callback [s].
 _PROGRESS_INTERVAL = 0.1
 
@@ -42,6 +45,7 @@ def run(
     recorder: Recorder | None = None,
     on_progress: Callable[[int], None] | None = None,
     terms: Terms | None = None,
+    company: Company | None = None,
 ) -> Summary:
     """Run a simulation to its end, its failure or its interruption.
 
@@ -53,11 +57,12 @@ def run(
         recorder: Where to write it down.
         on_progress: Called now and then with simulated time in nanoseconds.
         terms: In which way to run; by default in the synchronous mode, as fast as possible.
+        company: What this process is among those that share the run; None where it is alone.
 
     Raises:
         LogError: The log cannot be written.
     """
-    return Run(simulation, steps, recorder, on_progress, terms or Terms()).execute()
+    return Run(simulation, steps, recorder, on_progress, terms or Terms(), company).execute()
 
 
 class Run:
@@ -75,6 +80,10 @@ class Run:
         outside: What lets components await real input and output; None where they must not.
         next_step: The next instant at which the world will have moved, in nanoseconds.
         ongoing_faults: What ends each fault that has begun, by its name.
+        pacer: What ties simulated time to wall time; None where nothing does.
+        done: How many steps were made.
+        is_under_way: Whether the first instant has come.
+        is_at_step: Whether the present instant is one at which the world has moved.
     """
 
     def __init__(
@@ -84,6 +93,7 @@ class Run:
         recorder: Recorder | None,
         on_progress: Callable[[int], None] | None,
         terms: Terms,
+        company: Company | None = None,
     ) -> None:
         self.simulation = simulation
         self.asynchronous = terms.mode == "asynchronous"
@@ -91,15 +101,17 @@ class Run:
         self.switchboard = Switchboard(simulation.events)
         self.interruption = Interruption(terms.timeout, terms.turn_limit)
         self.next_step = simulation.environment.time_step
+        self.is_under_way = self.is_at_step = False
+        self.done = 0
         self._terms = terms
+        self._company = company
         self._steps = steps
-        self._done = 0
         self._recorder = recorder
         self._on_progress = on_progress
         self._progress_due = 0.0
         self._observer = Observer(simulation)
         self._world = WorldScope(simulation, self._observer)
-        self._pacer = Pacer(terms.pace) if terms.pace else None
+        self.pacer = Pacer(terms.pace) if terms.pace else None
         self.outside: Outside | None = None
         remote = [slot for slot in simulation.slots if slot.timing.in_process]
         self.workers = Workers(simulation, remote, terms.workers)
@@ -107,7 +119,7 @@ class Run:
         if recorder:
             events, clock = simulation.events, simulation.clock
             for name, record in (
-                ("*", recorder.event),
+                ("*", lambda event: None if company and event.subject is company else recorder.event(event)),
                 ("contact", lambda event: recorder.contact(event.subject, event.time)),
                 ("sent", _singly(lambda event: recorder.message(event.subject, clock.now, delivered=False))),
                 ("received", _singly(lambda event: recorder.message(event.subject, clock.now, delivered=True))),
@@ -120,24 +132,24 @@ class Run:
             if recorder.wants_recurring:
                 for name in sorted(RECURRING - {"traffic"}):
                     events.subscribe(name, self.interruption.shielded(recorder.recurring))
-            if self._pacer:
-                recorder.pace = self._pacer.kept.figures
+            if self.pacer:
+                recorder.pace = self.pacer.kept.figures
         self.activities = [Activity(self, slot, place) for place, slot in enumerate(simulation.slots)]
         self.attendance = Attendance(simulation, self.activities)
-        if self._pacer and any(activity.awaits for activity in self.activities):
+        if self.pacer and any(activity.awaits for activity in self.activities):
             self.outside = Outside()
 
     def execute(self) -> Summary:
         """Make the run, whatever becomes of it, and finish its log."""
         simulation = self.simulation
         started = time.monotonic()
-        status, failure = "finished", None
+        status, failure, ending = "finished", None, ""
         with self.interruption as interruption, last_resort(self._terms.timeout, self._recorder):
             interruption.shield()
             try:
-                self._begin_to_end()
+                ending = self._begin_to_end()
             except Interrupted as signal:
-                status = "interrupted"
+                status, ending = "interrupted", f"ended by {signal}"
                 interruption.shield()
                 self._announce_end("interrupted", "run", f"ended by {signal}", level=Level.WARNING)
             except RunError as error:
@@ -148,16 +160,19 @@ class Run:
                 # A subscriber that raises now has nothing to end any more.
                 with suppress(SubscriberError):
                     activity.end()
+            if self._company:
+                with suppress(SubscriberError):
+                    self._company.end(status, failure.problem if failure else ending, failure)
             if self.outside:
                 self.outside.close()
             self.workers.close()
             if self._recorder:
-                outcome = {"status": status, "steps": self._done, "time": simulation.clock.now}
-                self._recorder.finish(simulation.clock.now, self._done, outcome)
+                outcome = {"status": status, "steps": self.done, "time": simulation.clock.now}
+                self._recorder.finish(simulation.clock.now, self.done, outcome)
         return self._summary(status, failure, time.monotonic() - started)
 
-    def _begin_to_end(self) -> None:
-        """Make the whole run.
+    def _begin_to_end(self) -> str:
+        """Make the whole run, and say why it ended where it did.
 
         Raises:
             RunError: Something went wrong, whatever it was.
@@ -171,6 +186,9 @@ class Run:
             simulation.initialise()
             self.workers.start()
             self.interruption.shield()
+            if self._company:
+                self._company.begin(self)
+            self.is_under_way = True
             for activity in self.activities:
                 activity.begin()
             for fault in self._terms.faults:
@@ -182,6 +200,7 @@ class Run:
                 reason += f"; {len(waiting)} turns still waited: {waiting[0]}" + (", ..." if len(waiting) > 1 else "")
             data = {"waiting": waiting} if waiting else {}
             simulation.announce("finished", "run", reason, level=Level.WARNING if waiting else Level.INFO, **data)
+            return reason
         except SubscriberError as error:
             self._blame_subscriber(error)
         except LivelockError as error:
@@ -200,12 +219,13 @@ class Run:
         steady = [(each.place, each.take) for each in self.activities if each.is_steady]
         latched: list[tuple[Column, Array]] | None = None
         events, sent, arrival = simulation.events, -1, None
-        if self._pacer:
-            self._pacer.lead(0)  # the clock on the wall starts
-        self.next_step = 0
+        if self.pacer:
+            self.pacer.lead(0)  # the clock on the wall starts
+        company = self._company
+        self.next_step = clock.now
         while True:
             now = clock.now
-            steps = now == self.next_step
+            steps = self.is_at_step = now == self.next_step
             if "iterating" in events.wanted:
                 simulation.announce("iterating", "run")
             if steps or (arrival is not None and arrival <= now):
@@ -214,6 +234,8 @@ class Run:
             else:
                 exchange.now = now
             if steps:
+                if company:
+                    company.arrived()
                 self.next_step += time_step
                 for place, take in steady:
                     if entries and entries[0][0] == now:
@@ -225,12 +247,14 @@ class Run:
             if steps:
                 observer.look(now)
             if recorder:
-                recorder.record(now, self._done)
+                recorder.record(now, self.done)
             if "iterated" in events.wanted:
                 simulation.announce("iterated", "run")
+            if company:
+                company.acted()
             if steps:
                 if until is not None and self._is_over(until):
-                    return f"{self._done} steps made; {until.text}"
+                    return f"{self.done} steps made; {until.text}"
                 simulation.announce("stepping", "environment")
                 latched = None
             upcoming = self.next_step
@@ -242,8 +266,8 @@ class Run:
                     sent, arrival = exchange.sent, exchange.next_time
                 if arrival is not None and arrival < upcoming:
                     upcoming = max(arrival, now + 1)
-            if self._pacer:
-                upcoming = self._sleep(self._pacer, upcoming)
+            if self.pacer:
+                upcoming = self._sleep(self.pacer, upcoming)
             if upcoming < self.next_step and latched is None:
                 # The world moves under what was requested when its step began, whatever comes in between.
                 latched = [(group.control_column, group.control_input) for group in simulation.groups]
@@ -251,23 +275,25 @@ class Run:
                 clock.now = upcoming
                 agenda.begin(upcoming)
                 continue
-            self._step_world(latched or ())
+            over = self._step_world(latched or ())
+            if over:
+                return f"{self.done} steps made; {over}"
             clock.now = upcoming
             agenda.begin(upcoming)
-            self._done += 1
+            self.done += 1
             self._check_world()
             self._announce_contacts()
             simulation.announce("stepped", "environment")
             if self._on_progress:
                 self._progress(upcoming)
-            if self._done == self._steps:
+            if self.done == self._steps:
                 break
         observer.look(clock.now)
         if recorder:
-            recorder.record(clock.now, self._done)
+            recorder.record(clock.now, self.done)
         self.interruption.unshield()
         self.interruption.shield()
-        return f"{self._done} steps made" + (f"; never {until.text}" if until is not None else "")
+        return f"{self.done} steps made" + (f"; never {until.text}" if until is not None else "")
 
     def _is_over(self, until: Expression) -> bool:
         try:
@@ -305,9 +331,40 @@ class Run:
         except Exception as error:
             self._blame_world(error)
 
-    def _step_world(self, latched: Sequence[tuple[Column, Array]]) -> None:
-        """Move the world, under control inputs that stand in for the present ones."""
+    def join(self, step: int, time: int) -> None:
+        """Begin where the world of others is by now.
+
+        Args:
+            step: How many steps were made.
+            time: Simulated time, in nanoseconds.
+        """
+        self.done = step
+        self.simulation.clock.now = time
+        self.agenda.begin(time)
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether all steps were made."""
+        return self.done == self._steps
+
+    def _step_world(self, latched: Sequence[tuple[Column, Array]]) -> str | None:
+        """Move the world, under control inputs that stand in for the present ones.
+
+        Returns:
+            Why the run is over, if others say so.
+        """
         present = [(column, column.exchange(values)) for column, values in latched]
+        try:
+            if self._company:
+                return self._company.step()
+            self.move_world()
+            return None
+        finally:
+            for column, values in present:
+                column.exchange(values)
+
+    def move_world(self) -> None:
+        """Let the world make one step, with signals let through."""
         self.interruption.unshield()
         try:
             self.simulation.environment.step()
@@ -317,8 +374,6 @@ class Run:
             self._blame_world(error)
         finally:
             self.interruption.shield()
-            for column, values in present:
-                column.exchange(values)
 
     def _check_world(self) -> None:
         simulation = self.simulation
@@ -386,7 +441,7 @@ class Run:
             seed=simulation.seed,
             status=status,
             agents=simulation.agent_count,
-            steps=self._done,
+            steps=self.done,
             simulated_time=simulation.clock.now / 1e9,
             wall_time=wall_time,
             updates=recorder.updates if recorder else 0,
@@ -400,7 +455,7 @@ class Run:
             turns=sum(each.turns for each in self.activities),
             overruns=sum(each.overruns for each in self.activities),
             failures=sum(each.failures for each in self.activities),
-            pace=self._pacer.kept if self._pacer else None,
+            pace=self.pacer.kept if self.pacer else None,
         )
 
 

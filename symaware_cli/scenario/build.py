@@ -19,6 +19,7 @@ from symaware_cli.core import (
     Plugin,
     Quantity,
     Topology,
+    Transport,
     WorldError,
     nanoseconds,
 )
@@ -58,6 +59,7 @@ class Built:
         resolved: The one document, as YAML, that the files and overrides amount to; running it repeats the run.
         files: Each file as written, by its path relative to the scenario's folder; meshes and the like, too.
         uses: For each group, the entry-point names of its ``model`` and ``components``.
+        transport: What carries a run that is spread over several processes; None where the scenario does not say.
     """
 
     document: Scenario
@@ -67,6 +69,7 @@ class Built:
     resolved: bytes
     files: Mapping[str, bytes]
     uses: Mapping[str, Mapping[str, Any]]
+    transport: Transport | None = None
 
 
 def build(
@@ -135,6 +138,7 @@ class _Builder:
             slots += group_slots
         steps = self._steps(_mapping(data.get("run")).get("duration"), environment)
         topologies = self._topologies(data.get("topology"))
+        transport = next(iter(self._make(_mapping(data.get("transport")), ("transport",))), None)
         terms, network = Terms(), None
         if isinstance(document, Scenario) and environment is not None:
             terms = self._terms(document, environment, groups, slots)
@@ -148,7 +152,7 @@ class _Builder:
             simulation.connect(network)
         text = resolved(data, document)
         files = {**self._composition.files, **_assets(document, self._folder)}
-        return Built(document, simulation, steps, terms, text, files, self._uses)
+        return Built(document, simulation, steps, terms, text, files, self._uses, transport)
 
     def _terms(
         self, document: Scenario, environment: Environment, groups: Sequence[AgentGroup], slots: Sequence[Slot]
@@ -197,6 +201,7 @@ class _Builder:
         self._import("environment", data.get("environment"), ("environment",))
         for place, topology in _topologies(data.get("topology")):
             self._import("topology", topology, place)
+        self._import("transport", data.get("transport"), ("transport",))
         for name, entry in _mapping(data.get("agents")).items():
             path: Path = ("agents", name)
             self._import("model", _mapping(entry).get("model"), (*path, "model"))

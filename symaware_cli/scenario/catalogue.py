@@ -14,7 +14,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from symaware_cli.core import Component, Environment, GroupComponent, Model, Topology
+from symaware_cli.core import Component, Environment, GroupComponent, Model, Topology, Transport
 from symaware_cli.scenario.problem import nearest, quoted
 
 #: What a scenario can use, and the entry-point group where it is registered.
@@ -23,6 +23,7 @@ GROUPS = {
     "environment": "symaware.environments",
     "model": "symaware.models",
     "topology": "symaware.topologies",
+    "transport": "symaware.transports",
 }
 
 #: What several of a kind are called.
@@ -33,6 +34,7 @@ _BASES: Mapping[str, tuple[type, ...]] = {
     "environment": (Environment,),
     "model": (Model,),
     "topology": (Topology,),
+    "transport": (Transport,),
 }
 
 #: Modules that come with an extra of this package.
@@ -42,6 +44,7 @@ _EXTRAS = {
     "pybullet_data": "pybullet",
     "pymunk": "pymunk",
     "casadi": "casadi",
+    "zenoh": "zenoh",
 }
 
 _DISTRIBUTION = "symaware-cli"

@@ -356,6 +356,10 @@ class TopologyUse(Use):
     )
 
 
+class TransportUse(Use):
+    """What carries a run that is spread over several processes."""
+
+
 class Recording(Part):
     """What goes into the log."""
 
@@ -388,6 +392,11 @@ class Scenario(Part):
     agents: dict[Name, Agents] = Field(min_length=1, description="The groups of agents by name.")
     topology: TopologyUse | None = Field(
         None, description="Who reaches whom with messages; everybody, with the next step, if left out."
+    )
+    transport: TransportUse | None = Field(
+        None,
+        description="What carries a run that is spread over several processes, with --listen and --join; `tcp` if left "
+        "out. A run in one process has no need of it.",
     )
     faults: dict[Name, FaultUse] = Field(default_factory=dict, description="What goes wrong, by name.")
     recording: Recording = Field(default_factory=lambda: Recording(), description="What goes into the log.")

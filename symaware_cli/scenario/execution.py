@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
+from typing import TYPE_CHECKING, Any
 
-from symaware_cli.core import Quantity, nanoseconds
+from symaware_cli.core import Event, Level, Quantity, nanoseconds
+from symaware_cli.recording.geometry import GeometryWriter
 from symaware_cli.recording.manifest import manifest
 from symaware_cli.recording.recorder import Recorder
 from symaware_cli.recording.writer import LogWriter
@@ -18,6 +20,9 @@ from symaware_cli.runtime.simulation import Simulation
 from symaware_cli.runtime.summary import Summary
 from symaware_cli.scenario.build import Built, build
 from symaware_cli.scenario.catalogue import versions
+
+if TYPE_CHECKING:
+    from symaware_cli.scenario.place import Place
 
 #: The attachment that a log is run again from.
 RESOLVED = "resolved.yaml"
@@ -77,35 +82,53 @@ def execute(
     log: Path | None,
     on_progress: Callable[[int], None] | None = None,
     timeout: float | None = None,
+    place: Place | None = None,
 ) -> Summary:
-    """Run a scenario.
+    """Run a scenario, or one process's share of it.
 
     Args:
         built: What to run; it cannot be run twice.
         log: Where to record it, or None for nowhere.
         on_progress: Called now and then with simulated time in nanoseconds.
         timeout: Wall time after which the run is ended [s].
+        place: Where this process stands among those that share the run; None where it is alone.
 
     Raises:
         LogError: The log cannot be written.
+        DistributionError: This process cannot have that place.
+        TransportError: The others cannot be reached from there.
     """
     with ExitStack() as stack:
         stack.enter_context(built.simulation.environment)
-        recorder = None
+        recorder = company = share = None
+        terms, omit = replace(built.terms, timeout=timeout), built.document.recording.omit
+        if place is not None:
+            # Imported for those who need it: the code for frames is slow to load.
+            from symaware_cli.scenario import distribution
+
+            company = distribution.company(built, place)
+            stack.callback(company.port.close)
+            share = distribution.part(place, company)
+            if place.role == "member":
+                # The host has the world, and says when the run is over.
+                omit, terms = [*omit, "world"], replace(terms, until=None)
         if log is not None:
             writer = stack.enter_context(LogWriter(log))
-            _attach(writer, built)
+            notes = _attach(writer, built, share)
             recorder = Recorder(
                 writer,
                 built.simulation.environment,
                 built.simulation.groups,
                 interval=nanoseconds(built.document.recording.interval),
-                omit=built.document.recording.omit,
+                omit=omit,
                 quantities=_series_quantities(built.simulation),
                 events=built.document.recording.events,
                 messages=built.document.recording.messages,
+                own=None if share is None else frozenset(share["agents"]),
             )
-        return run(built.simulation, built.steps, recorder, on_progress, replace(built.terms, timeout=timeout))
+            for note in notes:
+                recorder.event(Event("geometry-reduced", "environment", 0, Level.WARNING, note))
+        return run(built.simulation, built.steps, recorder, on_progress, terms, company)
 
 
 def _series_quantities(simulation: Simulation) -> dict[str, dict[str, Sequence[Quantity]]]:
@@ -116,8 +139,8 @@ def _series_quantities(simulation: Simulation) -> dict[str, dict[str, Sequence[Q
     return quantities
 
 
-def _attach(writer: LogWriter, built: Built) -> None:
-    """Put into the log all that it takes to understand it, and to run it again."""
+def _attach(writer: LogWriter, built: Built, part: Mapping[str, Any] | None) -> Sequence[str]:
+    """Put into the log all that it takes to understand it, and to run it again; return what was left out."""
     document = built.document
     writer.attach(
         "manifest.json",
@@ -131,10 +154,15 @@ def _attach(writer: LogWriter, built: Built) -> None:
             groups=built.simulation.groups,
             uses=built.uses,
             indexed={name: agents.count is not None for name, agents in document.agents.items()},
+            part=part,
         ),
     )
     for name, content in built.files.items():
         media_type = _MEDIA_TYPES.get(PurePosixPath(name).suffix, "application/octet-stream")
         writer.attach(f"scenario/{name}", media_type, content)
     writer.attach(RESOLVED, "application/yaml", built.resolved)
+    geometry = GeometryWriter(built.simulation.environment, built.files)
+    for name, (media_type, content) in geometry.attachments.items():
+        writer.attach(name, media_type, content)
     writer.attach("versions.json", "application/json", json.dumps(versions(), indent=1).encode())
+    return geometry.notes

@@ -14,6 +14,7 @@ _USES = {
     "environment": ("EnvironmentUse",),
     "model": ("ModelUse",),
     "topology": ("TopologyUse", "TopologyChange"),
+    "transport": ("TransportUse",),
 }
 
 

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from symaware_cli.recording.sensing import MEASUREMENT, sensors
 from symaware_cli.viewing.cast import Cast
 from symaware_cli.viewing.detail import Detail
+from symaware_cli.viewing.drawing.curves import reading_paths
 from symaware_cli.viewing.palette import BACKGROUND
 from symaware_cli.viewing.stage import TIMELINE
 
@@ -21,16 +23,22 @@ Array = NDArray[np.float64]
 
 #: The tangent of half the angle that the eye of Rerun's 3-D view sees from top to bottom.
 _HALF_VIEW = 0.52
+#: Where the eye looks from aslant, of length 1.
+_ASLANT = np.array([0.4, 0.66, -0.63]) / np.linalg.norm([0.4, 0.66, -0.63])
 #: Width to height of the main view in a window of usual size.
 _ASPECT = 1.15
 #: The same of the view in an agent's tab.
 _NEAR_ASPECT = 1.9
 #: How far around itself an agent's tab shows at most [m].
 _NEAR = 12.0
+#: The same for those of whom more is known than their outline, in multiples of what they extend to.
+_CLOSE = 5.0
 #: How long a message is to be seen [s].
 _MESSAGE = 0.3
 #: How many cameras have a view each.
 _CAMERAS = 4
+#: How many views of curves stand two in a row; more stand three.
+_CURVES = 4
 #: Legends of more curves than this would hide the curves.
 _LEGEND = 6
 
@@ -43,11 +51,13 @@ class Content:
         low: The lower corner of where everything is (3,) [m].
         high: The upper corner (3,) [m].
         topics: Of all channels with messages.
+        units: Of the columns of each topic, where the log tells.
     """
 
     low: Array
     high: Array
     topics: frozenset[str]
+    units: Mapping[str, Sequence[str]]
 
 
 def blueprint(cast: Cast, detail: Detail, content: Content) -> rrb.Blueprint:
@@ -77,12 +87,14 @@ def _spatial(
 
     middle, size = 0.5 * (content.low + content.high), np.maximum(content.high - content.low, 1.0)
     if follow:
-        reach = cast.troupes[cast.place[follow][0]].perception_range or np.inf
+        troupe = cast.troupes[cast.place[follow][0]]
+        # Who looks like something is to be seen.
+        reach = min(troupe.perception_range or np.inf, _CLOSE * troupe.extent if troupe.figure else _NEAR)
         # Whoever stands at one side sees as far as the other.
-        size = np.minimum(2.0 * size, 2.0 * min(reach, _NEAR))
+        size = np.minimum(2.0 * size, 2.0 * reach)
     if cast.is_spatial:
-        distance = (0.7 if follow else 1.1) * float(np.linalg.norm(size))
-        position, up = middle + distance * np.array([-0.45, -0.75, 0.5]), (0.0, 0.0, 1.0)
+        distance = _distance(size, _NEAR_ASPECT if follow else _ASPECT)
+        position, up = middle - distance * _ASLANT, (0.0, 0.0, 1.0)
     else:
         distance = 0.5 * 1.12 * max(float(size[1]), float(size[0]) / (_NEAR_ASPECT if follow else _ASPECT)) / _HALF_VIEW
         position, up = middle + np.array([0.0, 0.0, distance]), (0.0, 1.0, 0.0)
@@ -111,13 +123,28 @@ def _spatial(
     )
 
 
+def _distance(size: Array, aspect: float) -> float:
+    """How far from the middle of a box of a size (3,) the eye is that sees all of it from aslant [m]."""
+    aside = np.cross(_ASLANT, (0.0, 0.0, 1.0))
+    aside /= np.linalg.norm(aside)
+    above = np.cross(aside, _ASLANT)
+    corners = 0.5 * size * [(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]
+    away = np.maximum(np.abs(corners @ above), np.abs(corners @ aside) / aspect) / _HALF_VIEW
+    return 1.05 * float(np.max(away - corners @ _ASLANT))
+
+
 def _agent(cast: Cast, detail: Detail, content: Content, agent: str) -> rrb.Vertical:
     """The tab of an agent: the world as it believes it to be, and all it is aware of as curves."""
     import rerun.blueprint as rrb
 
     group, _ = cast.place[agent]
     bodies = [f"+ world/agents/{name}/{part}" for name in cast.troupes for part in ("body", "heading", "label")]
-    contents = ["+ world/scenery/**", f"+ world/agents/{group}/goal", f"+ minds/{group}/uncertainty", *bodies]
+    contents = [
+        *(f"+ world/{part}" for part in ("ground", "figures/**", "scenery/**")),
+        f"+ world/agents/{group}/goal",
+        f"+ minds/{group}/uncertainty",
+        *bodies,
+    ]
     contents += [f"+ minds/{group}/samples", "+ world/messages", "+ world/contacts", f"+ as/{agent}/**"]
     view = _spatial(cast, detail, content, f"as {agent} believes", contents, follow=agent)
     curves = [
@@ -130,7 +157,14 @@ def _agent(cast: Cast, detail: Detail, content: Content, agent: str) -> rrb.Vert
         )
         if f"/agents/{group}/{topic}" in content.topics
     ]
-    return rrb.Vertical(view, rrb.Grid(*curves, grid_columns=2), row_shares=[3, 2], name=agent)
+    for sensor, topic in sensors(sorted(content.topics), group, MEASUREMENT).items():
+        units = content.units.get(topic, [""])
+        for path, columns in reading_paths(agent, sensor, units).items():
+            unit = units[columns[0]]
+            name = f"{sensor} of {agent} [{unit}]" if unit not in ("", "1") else f"{sensor} of {agent}"
+            curves.append(_curves(name, [f"+ {path}"]))
+    across = 2 if len(curves) <= _CURVES else 3
+    return rrb.Vertical(view, rrb.Grid(*curves, grid_columns=across), row_shares=[3, 2], name=agent)
 
 
 def _overviews(cast: Cast, detail: Detail, content: Content) -> Iterable[Any]:
@@ -160,7 +194,7 @@ def _cameras(cast: Cast, detail: Detail, content: Content) -> list[rrb.Spatial2D
     return [
         rrb.Spatial2DView(
             origin=f"cameras/{agent}/{sensor}/colour",
-            name=agent,
+            name=f"{sensor} of {agent}",
             background=rrb.Background(color=BACKGROUND, kind=rrb.BackgroundKind.SolidColor),
         )
         for agent, sensor in cameras[:_CAMERAS]

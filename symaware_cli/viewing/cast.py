@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from symaware_cli.core import Shape, WorldError
-from symaware_cli.environments import asset
+from symaware_cli.core import Shape
+from symaware_cli.core.rotation import about, attitude, attitude_columns, rotated
 from symaware_cli.recording.error import LogError
+from symaware_cli.recording.geometry import geometry_of
 from symaware_cli.recording.reader import Log
+from symaware_cli.recording.schema import GEOMETRY
+from symaware_cli.viewing.figure import Figure
 from symaware_cli.viewing.palette import agent_colours
 
 Array = NDArray[np.float64]
@@ -37,6 +38,8 @@ class Troupe:
         heading: Where the heading stands in the state; None if it has none.
         whereabouts: The topic that says where they are: in truth or, if that was left out, as they believe.
         perception_range: How far they see [m]; None if that is not limited or not known.
+        height: At which height those are whose position is one in a plane [m].
+        figure: What their bodies consist of, if more than their outline is known.
     """
 
     name: str
@@ -49,15 +52,30 @@ class Troupe:
     heading: int | None
     whereabouts: str
     perception_range: float | None = None
+    height: float = 0.0
+    figure: Figure | None = None
 
     @property
     def radius(self) -> float:
         """The radius of the smallest circle around the body; 0 for a point [m]."""
         return self.shape.radius if self.shape else 0.0
 
+    @property
+    def extent(self) -> float:
+        """The radius of a circle around the middle of all that is seen of the body; 0 for a point [m]."""
+        return self.figure.radius if self.figure else self.radius
+
     def positions(self, states: Array) -> Array:
-        """Pick the positions in space out of states; (..., nx) to (..., 3), where a plane lies at height 0 [m]."""
-        return in_space(states[..., list(self.position)])
+        """Pick the positions in space out of states; (..., nx) to (..., 3) [m]."""
+        return in_space(states[..., list(self.position)], self.height)
+
+    def orientations(self, states: Array) -> Array:
+        """Pick how bodies are turned out of states; (..., nx) to quaternions x, y, z, w (..., 4)."""
+        columns = attitude_columns([name for name, _ in self.state])
+        if columns:
+            return attitude(*(states[..., column] for column in columns))
+        headings = self.headings(states)
+        return about((0.0, 0.0, 1.0), np.zeros(states.shape[:-1]) if headings is None else headings)
 
     def headings(self, states: Array) -> Array | None:
         """Pick the headings out of states; (..., nx) to (...) [rad]; None if the state has none."""
@@ -75,6 +93,7 @@ class Prop:
         heading: Where its x axis points at the beginning [rad].
         moves: Whether it may leave that, which /world/<name>/state tells.
         stands: Whether its position is where it stands, as without a height of its own; otherwise it is its middle.
+        figure: What it consists of, if more than its outline is known.
     """
 
     name: str
@@ -83,6 +102,20 @@ class Prop:
     heading: float
     moves: bool
     stands: bool = False
+    figure: Figure | None = None
+
+    @property
+    def corners(self) -> Array:
+        """The corners of boxes around it, at the beginning; (m, 3) [m]."""
+        if self.figure is None:
+            sides = self.shape.radius * np.array([[-1.0, -1.0], [1.0, 1.0]])
+            return in_space(self.position[:2] + sides)
+        own = self.figure.corners
+        return self.position + rotated(about((0.0, 0.0, 1.0), np.full(len(own), self.heading)), own)
+
+    def positions(self, values: Array) -> Array:
+        """Pick the positions in space out of what /world/<name>/state says; (..., columns) to (..., 3) [m]."""
+        return in_space(values[..., :-1], float(self.position[2]))
 
 
 @dataclass(frozen=True)
@@ -96,7 +129,9 @@ class Cast:
         props: By name.
         roster: Who can be known of, in the order of `Awareness.entities`.
         duration: How long the run was to be [s].
-        assets: The meshes that shapes name, by the name that they have there, as far as they are to be had.
+        surfaces: The files of the meshes that figures consist of, by the name that they have there.
+        has_space: Whether the world is one of space, however its agents move in it.
+        ground: The height of the plane that carries what falls [m]; None where there is none.
     """
 
     name: str
@@ -105,7 +140,9 @@ class Cast:
     props: Mapping[str, Prop]
     roster: tuple[str, ...]
     duration: float
-    assets: Mapping[str, bytes] = field(default_factory=dict)
+    surfaces: Mapping[str, bytes] = field(default_factory=dict)
+    has_space: bool = False
+    ground: float | None = None
 
     @property
     def agent_count(self) -> int:
@@ -114,8 +151,8 @@ class Cast:
 
     @property
     def is_spatial(self) -> bool:
-        """Whether anybody moves in space, or all keep to a plane."""
-        return any(len(troupe.position) == 3 for troupe in self.troupes.values())
+        """Whether there is a third dimension, or all keep to a plane that has none."""
+        return self.has_space or any(len(troupe.position) == 3 for troupe in self.troupes.values())
 
     @cached_property
     def place(self) -> Mapping[str, tuple[str, int]]:
@@ -144,79 +181,76 @@ def cast_of(log: Log) -> Cast:
         groups = manifest["groups"]
         colours = agent_colours([len(group["agents"]) for group in groups.values()])
         ranges = _perception_ranges(log)
+        geometry = geometry_of(log.attachments)
+        figures = [Figure(number, each, log.attachments) for number, each in enumerate(geometry.articulations)]
+        of = {name: figures[place] for name, place in geometry.bodies.items()}
+        heights = geometry.heights
         return Cast(
             name=manifest["name"],
             seed=manifest["seed"],
             troupes={
-                name: _troupe(name, group, colour, _whereabouts(name, log), ranges.get(name))
+                name: _troupe(
+                    name,
+                    group,
+                    colours=colour,
+                    whereabouts=_whereabouts(name, log),
+                    perception_range=ranges.get(name),
+                    height=heights.get(name, 0.0),
+                    figure=of.get(name),
+                )
                 for (name, group), colour in zip(groups.items(), colours, strict=True)
             },
-            props={name: _prop(name, entity) for name, entity in manifest["entities"].items()},
+            props={
+                name: _prop(name, entity, heights.get(name, 0.0), of.get(name))
+                for name, entity in manifest["entities"].items()
+            },
             roster=tuple(manifest["roster"]),
             duration=manifest["steps"] * manifest["time_step"] / 1e9,
-            assets=_assets(log),
+            surfaces={name: log.attachments[name] for figure in figures for name in figure.surfaces},
+            has_space=GEOMETRY in log.attachments,
+            ground=geometry.ground,
         )
     except (KeyError, TypeError, ValueError, AttributeError, ValidationError) as error:
         raise LogError(f"the manifest in {log.path} is damaged") from error
 
 
-def in_space(positions: Array) -> Array:
-    """Add the height 0 to positions in a plane; (..., 2 or 3) to (..., 3)."""
+def in_space(positions: Array, height: float = 0.0) -> Array:
+    """Add a height to positions in a plane; (..., 2 or 3) to (..., 3)."""
     if positions.shape[-1] == 3:
         return positions
-    return np.concatenate([positions, np.zeros((*positions.shape[:-1], 1))], axis=-1)
+    return np.concatenate([positions, np.full((*positions.shape[:-1], 1), height)], axis=-1)
 
 
-def _troupe(
-    name: str, group: Mapping[str, Any], colours: NDArray[np.uint8], whereabouts: str, perception_range: float | None
-) -> Troupe:
+def _troupe(name: str, group: Mapping[str, Any], **more: Any) -> Troupe:
     model, shape = group["model"], group["entity"].get("shape")
     return Troupe(
         name=name,
         agents=tuple(group["agents"]),
-        colours=colours,
         shape=Shape.model_validate(shape) if shape else None,
         state=tuple((quantity, unit) for quantity, unit in model["state"]),
         control_input=tuple((quantity, unit) for quantity, unit in model["control_input"]),
         position=tuple(model["position"]),
         heading=model["heading"],
-        whereabouts=whereabouts,
-        perception_range=perception_range,
+        **more,
     )
 
 
-def _prop(name: str, entity: Mapping[str, Any]) -> Prop:
+def _prop(name: str, entity: Mapping[str, Any], height: float, figure: Figure | None) -> Prop:
     return Prop(
         name=name,
         shape=Shape.model_validate(entity["shape"]),
-        position=in_space(np.array(entity["position"], float)),
+        position=in_space(np.array(entity["position"], float), height),
         heading=float(entity["heading"]),
         moves=bool(entity.get("moves") or entity.get("path")),
         # What is free tells the height of its middle as it moves.
         stands=len(entity["position"]) == 2 and bool(entity.get("path") or not entity.get("moves")),
+        figure=figure,
     )
 
 
 def _whereabouts(name: str, log: Log) -> str:
     truth, belief = f"/world/{name}/state", f"/agents/{name}/state"
     return belief if truth not in log.channels and belief in log.channels else truth
-
-
-def _assets(log: Log) -> dict[str, bytes]:
-    """The meshes of the log, and of pybullet_data where that is installed."""
-    entities = log.manifest["entities"].values()
-    shapes = [entity["shape"] for entity in entities]
-    files = [shape["mesh"]["file"] for shape in shapes if shape.get("mesh")]
-    found = {}
-    for file in files:
-        content = log.attachments.get(f"scenario/{file}")
-        if content is None:
-            try:
-                content = asset.find(file, Path(os.devnull)).read_bytes()
-            except (WorldError, OSError):
-                continue
-        found[file] = content
-    return found
 
 
 def _perception_ranges(log: Log) -> dict[str, float]:

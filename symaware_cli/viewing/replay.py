@@ -16,6 +16,7 @@ from symaware_cli.viewing.drawing.base import Drawing
 from symaware_cli.viewing.drawing.bodies import Bodies, Trails
 from symaware_cli.viewing.drawing.contacts import Contacts
 from symaware_cli.viewing.drawing.curves import Awareness, Risks, Separation
+from symaware_cli.viewing.drawing.figures import Figures
 from symaware_cli.viewing.drawing.goals import Goals
 from symaware_cli.viewing.drawing.journal import Events, Knowledge
 from symaware_cli.viewing.drawing.messages import Messages
@@ -56,6 +57,7 @@ class Replay:
         given = (cast, detail, stage)
         self._drawings: tuple[Drawing, ...] = (
             Scenery(*given),
+            Figures(*given),
             Goals(*given),
             Bodies(*given),
             Trails(*given),
@@ -81,7 +83,8 @@ class Replay:
         counts = {
             f"/{root}/{troupe.name}/{field}": len(troupe.agents)
             for troupe in self._cast.troupes.values()
-            for root, field in (("world", "state"), *(("agents", field) for field in _FIELDS))
+            for root, fields in (("world", _TRUTHS), ("agents", _FIELDS))
+            for field in fields
         }
         return Gathering(counts)
 
@@ -144,6 +147,7 @@ In the tab of an agent, rings stand where it believes others to be, fainter the 
         self._stage.static("about", rr.TextDocument(text, media_type="text/markdown"))
 
 
+_TRUTHS = ("state", "pose", "joints")
 _FIELDS = ("state", "control", "intent", "uncertainty", "risk")
 
 
@@ -159,8 +163,7 @@ def content_of(log: Log, cast: Cast, start: int | None = None, end: int | None =
     topics = frozenset(topic for topic, channel in log.channels.items() if channel.count)
     first = start if start is not None else log.start_time or 0
     last = min(end, log.end_time or 0) if end is not None else log.end_time or 0
-    corners = [prop.position + side * prop.shape.radius for prop in cast.props.values() for side in (-1.0, 1.0)]
-    corners = [np.array([x, y, 0.0]) for x, y, _ in corners]
+    corners = [corner for prop in cast.props.values() for corner in prop.corners]
     troupes = {troupe.whereabouts: troupe for troupe in cast.troupes.values()}
     for moment in np.linspace(first, last, _SOUNDINGS).astype(np.int64).tolist():
         for message in _sounding(log, troupes, moment, last):
@@ -171,7 +174,7 @@ def content_of(log: Log, cast: Cast, start: int | None = None, end: int | None =
                 margin = troupe.radius + 0.5
                 corners += [places.min(axis=0) - margin, places.max(axis=0) + margin]
     known = [corner for corner in corners if np.isfinite(corner).all()] or [np.full(3, -5.0), np.full(3, 5.0)]
-    return Content(np.min(known, axis=0), np.max(known, axis=0), topics)
+    return Content(np.min(known, axis=0), np.max(known, axis=0), topics, names_of(log, "units"))
 
 
 def _sounding(log: Log, topics: Collection[str], moment: int, last: int) -> list[LogMessage]:

@@ -56,18 +56,20 @@ class Stage:
         columns = self._rr.Points3D.columns(positions=_flat(positions), colors=_packed(colours))
         self._send(path, times, columns.partition(_each(positions)))
 
-    def boxes(self, path: str, times: Times, centres: Array, headings: Array, colours: Colours) -> None:
+    def boxes(self, path: str, times: Times, centres: Array, orientations: Array, colours: Colours) -> None:
         """Draw boxes, whose half sizes are put up as static.
 
         Args:
             path: The Rerun entity.
             times: (k,) [ns].
             centres: (k, n, 3) [m].
-            headings: (k, n) [rad].
+            orientations: (k, n, 4) quaternions x, y, z, w.
             colours: (k, n, 3).
         """
         columns = self._rr.Boxes3D.columns(
-            centers=_flat(centres), quaternions=turned(headings).reshape(-1, 4), colors=_packed(colours)
+            centers=_flat(centres),
+            quaternions=orientations.reshape(-1, 4).astype(np.float32),
+            colors=_packed(colours),
         )
         self._send(path, times, columns.partition(_each(centres)))
 
@@ -113,6 +115,19 @@ class Stage:
         columns = self._rr.LineStrips3D.columns(strips=lines, colors=_packed(colours))
         self._send(path, times, columns.partition(counts))
 
+    def segments(self, path: str, times: Times, ends: Array, colours: Colours) -> None:
+        """Draw straight pieces of line.
+
+        Args:
+            path: The Rerun entity.
+            times: (k,) [ns].
+            ends: (k, m, 2, 3) [m].
+            colours: (m, 3) or (k, m, 3).
+        """
+        count = ends.shape[0] * ends.shape[1]
+        shades = np.broadcast_to(colours, (*ends.shape[:2], 3)).reshape(-1, 3)
+        self.strips(path, times, ends.reshape(-1, 3), np.full(count, 2), _each(ends), shades)
+
     def ellipsoids(
         self,
         path: str,
@@ -143,7 +158,7 @@ class Stage:
         self._send(path, times, columns.partition(counts))
 
     def rings(self, path: str, times: Times, centres: Array, radii: Array, counts: ArrayLike, colours: Colours) -> None:
-        """Draw level circles, whose other features are put up as static: cylinders without a height.
+        """Draw level circles, whose other features are put up as static: cylinders, by their length high.
 
         Args:
             path: The Rerun entity.
@@ -170,6 +185,20 @@ class Stage:
         quaternions = None if headings is None else turned(headings)
         columns = self._rr.Transform3D.columns(translation=_flat(positions), quaternion=quaternions)
         self._send(path, times, columns)
+
+    def instances(self, path: str, times: Times, positions: Array, orientations: Array) -> None:
+        """Draw what is put up at a path in several places.
+
+        Args:
+            path: The Rerun entity.
+            times: (k,) [ns].
+            positions: (k, n, 3) [m].
+            orientations: (k, n, 4) quaternions x, y, z, w.
+        """
+        columns = self._rr.InstancePoses3D.columns(
+            translations=_flat(positions), quaternions=orientations.reshape(-1, 4).astype(np.float32)
+        )
+        self._send(path, times, columns.partition(_each(positions)))
 
     def scalars(self, path: str, times: Times, values: Array) -> None:
         """Plot numbers over time; values (k, m), of which the m series were named by `series`.

@@ -9,7 +9,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from simulating import STEP, Team, simulation
 
-from symaware_cli import Obstacle
+from symaware_cli import Entity, Obstacle
 from symaware_cli.components.perception_range import RangePerception
 from symaware_cli.models.integrator import SingleIntegrator
 from symaware_cli.models.unicycle import Unicycle
@@ -405,6 +405,72 @@ def test_without_occlusion_walls_hide_nobody():
     ready = begun({"robot": Team(sense(range=9.0), count=2, state=[[-2, 0], [2, 0]])}, obstacles={"wall": wall})
     turn(ready)
     assert len(group_of(ready).awareness.tracks) == 2
+
+
+# --- in every world ---------------------------------------------------------------------------------------------------
+
+
+def world(use):
+    from symaware_cli.environments.kinematic import KinematicEnvironment
+    from symaware_cli.environments.planar import PymunkEnvironment
+    from symaware_cli.environments.spatial import PyBulletEnvironment
+
+    made = {"kinematic": KinematicEnvironment, "pymunk": PymunkEnvironment, "pybullet": PyBulletEnvironment}[use]
+    return made(made.Parameters(time_step=STEP / 1e9))
+
+
+every_world = pytest.mark.parametrize("use", ["kinematic", "pymunk", "pybullet"])
+
+BODY = Entity(shape={"cylinder": {"radius": 0.2, "height": 1.0}}, mass=1.0)
+
+
+@every_world
+def test_what_stands_between_two_hides_them_from_each_other_whatever_the_world(use):
+    things = {
+        "disc": {"shape": {"cylinder": {"radius": 0.5, "height": 2.0}}, "position": [0, 0]},
+        "box": {"shape": {"box": {"length": 1, "width": 1, "height": 2}}, "position": [0, 4], "heading": math.pi / 4},
+        "wall": {"shape": {"wall": {"points": [[-1, 8], [1, 8]]}}},
+    }
+    obstacles = {name: Obstacle.model_validate(each) for name, each in things.items()}
+    # Pairs to either side: through the thing, just within its edge, and just past it.
+    edges = {0.0: 0.5, 4.0: math.sqrt(0.5)}
+    pairs = [((-2.0, y + off), (2.0, y + off)) for y, edge in edges.items() for off in (0.0, edge - 0.01, edge + 0.01)]
+    pairs += [((x, 7.0), (x, 9.0)) for x in (0.0, 0.99, 1.2)]
+    team = Team(sense(range=20.0, occlusion=True), 2 * len(pairs), [*map(list, sum(pairs, ()))], entity=Entity())
+    ready = begun({"robot": team}, environment=world(use), obstacles=obstacles)
+    with ready.environment:
+        turn(ready)
+        seen = seen_by(group_of(ready))
+    visible = [(2 * number, 2 * number + 1) in seen for number in range(len(pairs))]
+    assert visible == [False, False, True] * 3
+
+
+@every_world
+def test_what_was_moved_hides_where_it_is_now(use):
+    """In the worlds of forces the bulldozer pushes the crate out of the way; elsewhere it goes by itself."""
+    crate = {"shape": {"box": {"length": 0.5, "width": 0.5, "height": 1.0}}}
+    if use == "kinematic":
+        crate |= {"path": {"times": [0, 2], "positions": [[0, 0], [0, 2]]}}
+    else:
+        crate |= {"position": [0, 0], "mass": 1.0}
+    watchers = Team(sense(range=9.0, occlusion=True), 2, [[-2, 0], [2, 0]], entity=BODY)
+    bulldozer = Team(count=1, state=[[0, -0.6]], entity=BODY)
+    obstacles = {"crate": Obstacle.model_validate(crate)}
+    ready = begun({"robot": watchers, "bulldozer": bulldozer}, environment=world(use), obstacles=obstacles)
+    with ready.environment:
+        turn(ready)
+        assert (0, 1) not in pairs_of(ready)
+        for _ in range(40):
+            group_of(ready, "bulldozer").control_input = [[0.0, 1.0]]
+            step(ready)
+        turn(ready)
+        assert (0, 1) in pairs_of(ready)
+
+
+def pairs_of(ready):
+    """Which watchers see each other."""
+    ids = ready.environment.roster.ids
+    return {(row, int(ids[other][-1])) for row, other in seen_by(group_of(ready)) if ids[other].startswith("robot")}
 
 
 # --- what does not go together ----------------------------------------------------------------------------------------

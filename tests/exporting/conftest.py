@@ -7,6 +7,7 @@ from pathlib import Path
 import pyarrow
 import pytest
 from pyarrow import parquet
+from sensing_log import write_sensing
 
 from symaware_cli.exporting.conversion import export_tables
 from symaware_cli.exporting.parquet import PARQUET
@@ -22,6 +23,12 @@ def noisy(scenarios, tmp_path_factory) -> Path:
     path = tmp_path_factory.mktemp("noisy") / "noisy.mcap"
     execute(build(scenarios / "noisy.yaml", ["run.duration=2"], None), path)
     return path
+
+
+@pytest.fixture(scope="session")
+def sensing(tmp_path_factory) -> Path:
+    """A log of all that sensors measure."""
+    return write_sensing(tmp_path_factory.mktemp("sensing") / "sensing.mcap")
 
 
 @pytest.fixture

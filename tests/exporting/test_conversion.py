@@ -141,6 +141,64 @@ def test_events_that_recur_have_a_row_each(tmp_path):
         assert {row["time"] for row in rows} == {"5e-09"}
 
 
+def test_every_ray_of_a_scan_has_a_row(sensing, table):
+    rows = table(sensing, "scan/robot/scan")
+    assert rows.column_names[:6] == ["time", "agent", "ray", "measured", "angle", "distance"]
+    scans = list(open_log(sensing).scans())
+    assert len(rows) == 180 * len(scans)
+    for number, scan in enumerate(scans):
+        own = rows.slice(180 * number, 180)
+        assert set(own["agent"].to_pylist()) == {scan.agent}
+        assert own["time"].to_pylist() == [scan.time / 1e9] * 180
+        assert own["measured"].to_pylist() == [scan.measured / 1e9] * 180
+        assert own["ray"].to_pylist() == list(range(180))
+        np.testing.assert_array_equal(own["angle"].to_numpy(), scan.angles)
+        np.testing.assert_array_equal(own["distance"].to_numpy(), scan.distances)
+        pose = [own[name][0].as_py() for name in ("x", "y", "z", "heading")]
+        assert pose == scan.pose.tolist()
+
+
+def test_what_sensors_measured_in_numbers_has_a_row_for_each_agent(sensing, tmp_path):
+    log = open_log(sensing)
+    export_tables(log, tmp_path / "tables", PARQUET, select(log, fields=["measurement"]))
+    for sensor in ("bumper", "inertia"):
+        rows = read(tmp_path / "tables" / "measurement" / "robot" / f"{sensor}.parquet")
+        series = log.series("robot.1", sensor)
+        assert rows.column_names[2:] == list(series.columns)
+        times, values = of(rows, "robot.1")
+        np.testing.assert_array_equal(times, series.times)
+        np.testing.assert_array_equal(values, series.values)
+    assert not (tmp_path / "tables" / "scan").exists()
+
+
+def test_images_are_in_parquet_and_beside_csv(sensing, tmp_path):
+    log = open_log(sensing)
+    chosen = select(log, fields=["image"], agents=["robot.1"])
+    images = list(log.images("robot.1"))
+    export_tables(log, tmp_path / "parquet", PARQUET, chosen)
+    rows = read(tmp_path / "parquet" / "image" / "robot" / "eye.parquet").to_pylist()
+    assert [(row["time"], row["kind"], row["image"]) for row in rows] == [
+        (image.time / 1e9, image.kind, image.data) for image in images
+    ]
+    assert {(row["agent"], row["width"], row["height"]) for row in rows} == {("robot.1", 32, 24)}
+    assert [row["encoding"] for row in rows[:3]] == ["rgb8", "16UC1", "16UC1"]
+    written = export_tables(log, tmp_path / "csv", CSV, chosen)
+    folder = tmp_path / "csv" / "image" / "robot"
+    texts = read_text(folder / "eye.csv")
+    assert [(folder / text["image"]).read_bytes() for text in texts] == [image.data for image in images]
+    assert len(list((folder / "eye").iterdir())) == len(images)
+    size = next(each.size for each in written if each.file == "image/robot/eye.csv")
+    assert size == sum(path.stat().st_size for path in folder.rglob("*.*"))
+
+
+def test_images_are_numbered_on_where_a_table_is_written_on(sensing, tmp_path, monkeypatch):
+    monkeypatch.setattr(conversion, "_HELD", 2000)
+    log = open_log(sensing)
+    export_tables(log, tmp_path / "csv", CSV, select(log, fields=["image"]))
+    texts = read_text(tmp_path / "csv" / "image" / "robot" / "eye.csv")
+    assert [text["image"] for text in texts] == [f"eye/{row:06}.png" for row in range(len(list(log.images())))]
+
+
 def test_units_and_what_the_log_is_are_in_the_metadata(noisy, tmp_path):
     export_tables(open_log(noisy), tmp_path / "tables", PARQUET)
     schema = parquet.read_schema(tmp_path / "tables" / "uncertainty" / "watcher.parquet")
@@ -307,6 +365,11 @@ def test_the_name_of_a_group_leads_nowhere_else(write, tmp_path):
         ("awareness", "Awareness", v1.Awareness(lengths=[1, 1, 9], entities=[0, 1], columns=[1], values=[1.0, 2.0])),
         ("knowledge", "Knowledge", v1.Knowledge(values=["{"])),
         ("knowledge", "Knowledge", v1.Knowledge(rows=[9], values=["{}"])),
+        ("scan/look", "Scan", v1.Scan(angles=[0.0, 1.0], distances=[1.0, 2.0, 3.0], poses=[0.0] * 12)),
+        ("scan/look", "Scan", v1.Scan(rows=[3], angles=[0.0], distances=[1.0], poses=[0.0] * 4)),
+        ("image/look", "Image", v1.Image(row=3, kind=1)),
+        ("image/look", "Image", v1.Image(row=1, kind=1, data=b"no PNG")),
+        ("measurement/look", "Rows", wire.encode_rows([[1.0, 2.0]], [0])),
     ],
 )
 def test_a_message_that_does_not_fit_is_told_with_its_topic(write, tmp_path, field, kind, data):

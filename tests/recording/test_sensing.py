@@ -1,6 +1,7 @@
 """What sensors measured is in the log, and can be read and seen again."""
 
 import io
+import json
 
 import numpy as np
 import pytest
@@ -9,39 +10,20 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from PIL import Image as Picture
 from rerun_files import saved
-from simulating import STEP, Team, simulate, simulation
+from sensing_log import STEPS, teams, world, write_sensing
+from simulating import STEP, simulation
 
-from symaware_cli import Entity, Obstacle, open_log
-from symaware_cli.components.perception_camera import Camera
-from symaware_cli.components.perception_lidar import Lidar
-from symaware_cli.environments.spatial import PyBulletEnvironment
-from symaware_cli.models.unicycle import Unicycle
+from symaware_cli import open_log
 from symaware_cli.recording import png
-
-STEPS = 3
-
-
-def teams():
-    components = {
-        "scan": lambda: Lidar(Lidar.Parameters(rays=180, range=5.0, noise=0.01, dropout=0.1)),
-        "eye": lambda: Camera(Camera.Parameters(width=32, height=24)),
-    }
-    disc = Entity(shape={"cylinder": {"radius": 0.2, "height": 1.0}})
-    states = [[0.0, 0.0, 0.0], [0.0, 2.0, 0.0]]
-    return {"robot": Team(components, 2, states, model=Unicycle(), entity=disc)}
-
-
-def world():
-    crate = {"shape": {"box": {"length": 1.0, "width": 1.0, "height": 1.0}}, "position": [3, 0]}
-    environment = PyBulletEnvironment(PyBulletEnvironment.Parameters(time_step=STEP / 1e9))
-    return {"environment": environment, "obstacles": {"crate": Obstacle.model_validate(crate)}}
+from symaware_cli.recording.error import UnknownNameError
+from symaware_cli.recording.sensing import SensorChannels
+from symaware_cli.recording.writer import LogWriter
+from symaware_cli.viewing.cast import cast_of
 
 
 @pytest.fixture(scope="module")
 def path(tmp_path_factory):
-    path = tmp_path_factory.mktemp("sensing") / "sensing.mcap"
-    simulate(teams(), STEPS, path, **world())
-    return path
+    return write_sensing(tmp_path_factory.mktemp("sensing") / "sensing.mcap")
 
 
 @pytest.fixture(scope="module")
@@ -85,33 +67,112 @@ def test_images_are_as_they_were_taken(path, readings):
     np.testing.assert_array_equal(logged[2].pixels, seen.segments)
 
 
+@pytest.mark.parametrize(("sensor", "width"), [("bumper", 2), ("inertia", 6)])
+def test_numbers_are_a_series_by_the_name_of_their_sensor(path, readings, sensor, width):
+    log = open_log(path)
+    together, alone = log.series("robot", sensor), log.series("robot.1", sensor)
+    assert together.times.tolist() == alone.times.tolist() == [0, STEP, 2 * STEP]
+    assert together.values.shape == (STEPS, 2, width)
+    assert list(zip(together.columns, together.units, strict=True)) == [*readings[sensor].quantities]
+    np.testing.assert_array_equal(together.values[0], readings[sensor].values)
+    np.testing.assert_array_equal(together.values[:, 1], alone.values)
+
+
+def test_a_missed_reading_is_not_a_number_where_it_was_missed(path):
+    values = open_log(path).series("robot", "inertia").values
+    missed = np.isnan(values)
+    assert 0 < missed.sum() < missed.size
+    assert (missed.all(axis=2) == missed.any(axis=2)).all()
+
+
+def test_readings_are_those_of_whom_one_asks_for_and_when(path):
+    log = open_log(path)
+    for read in (log.scans, log.images):
+        everybody = [(each.agent, each.time) for each in read()]
+        assert {agent for agent, _ in everybody} == {"robot.0", "robot.1"}
+        assert [(each.agent, each.time) for each in read("robot")] == everybody
+        own = [(agent, time) for agent, time in everybody if agent == "robot.1" and STEP <= time < 2 * STEP]
+        assert own == [(each.agent, each.time) for each in read("robot.1", STEP, 2 * STEP)]
+        assert own
+        with pytest.raises(UnknownNameError, match="knows no 'robott'"):
+            read("robott")
+
+
+def test_a_sensor_that_there_is_not_is_refused(path):
+    with pytest.raises(UnknownNameError, match=r"no field .inerita.; there are bumper") as refusal:
+        open_log(path).series("robot.0", "inerita")
+    assert "inertia" in refusal.value.known
+
+
+def test_where_agents_run_apart_each_part_of_the_log_has_its_own(tmp_path):
+    ready = simulation(teams(), **world())
+    writer = LogWriter(tmp_path / "part.mcap")
+    with ready.environment, writer:
+        ready.initialise()
+        for slot in ready.slots:
+            for component in slot.components:
+                component.compute_and_update()
+        (group,) = ready.groups
+        manifest = {"format": 1, "groups": {"robot": {"agents": list(group.ids)}}, "entities": {}, "roster": []}
+        writer.attach("manifest.json", "application/json", json.dumps(manifest).encode())
+        assert SensorChannels(writer, group, [1]).record(0) == 4
+        writer.finish({})
+    log = open_log(tmp_path / "part.mcap")
+    (scan,) = log.scans()
+    assert scan.agent == "robot.1"
+    np.testing.assert_array_equal(scan.pose, group.awareness.readings["scan"].poses[1])
+    assert [image.agent for image in log.images()] == ["robot.1"] * 3
+    felt = log.series("robot", "inertia").values[0]
+    np.testing.assert_array_equal(felt[1], group.awareness.readings["inertia"].values[1])
+    assert np.isnan(felt[0]).all()
+
+
 def test_equal_runs_have_equal_logs(path, tmp_path):
-    again = tmp_path / "again.mcap"
-    simulate(teams(), STEPS, again, **world())
+    again = write_sensing(tmp_path / "again.mcap")
 
     def sensed(path):
         log = open_log(path)
-        topics = [topic for topic in log.channels if "/scan/" in topic or "/image/" in topic]
+        topics = [topic for topic in log.channels if topic.count("/") == 4]
         return [(message.channel.topic, message.time, message.data) for message in log.messages(topics)]
 
     assert sensed(path) == sensed(again)
-    assert len(sensed(path)) >= STEPS
+    assert len({topic for topic, _, _ in sensed(path)}) == 4
 
 
 def test_a_replay_shows_points_and_images(path, tmp_path):
     log = open_log(path)
     recording = saved(log, tmp_path)
     scans = [scan for scan in log.scans() if scan.time == 0]
-    # Those whose agents keep to a plane are drawn in it.
-    points = np.concatenate([scan.points for scan in scans]) * [1, 1, 0]
+    # In a world of a plane they are drawn in it.
+    flat = [1, 1, float(cast_of(log).is_spatial)]
+    points = np.concatenate([scan.points for scan in scans]) * flat
     drawn = recording.values("/world/agents/robot/scan/scan", "Points3D:positions")[0]
     np.testing.assert_allclose(np.array(drawn), points, atol=1e-5)
     own = recording.values("/as/robot.1/scan/scan", "Points3D:positions")[0]
-    np.testing.assert_allclose(np.array(own), scans[1].points * [1, 1, 0], atol=1e-5)
+    np.testing.assert_allclose(np.array(own), scans[1].points * flat, atol=1e-5)
     image = next(image for image in log.images() if image.agent == "robot.1")
     (blob,) = recording.values("/cameras/robot.1/eye/colour", "EncodedImage:blob")[0]
     assert bytes(blob) == image.data
     assert "/world/agents/robot/camera/eye/robot.0" in recording.entities
+
+
+def test_a_replay_has_a_curve_for_each_column_and_apart_what_differs_in_unit(path, tmp_path):
+    recording = saved(open_log(path), tmp_path)
+    inertia = open_log(path).series("robot.1", "inertia").values
+    for number, columns in enumerate((slice(0, 3), slice(3, 6))):
+        drawn = recording.values(f"/curves/agents/robot.1/measurement/inertia/{number}", "Scalars:scalars")
+        np.testing.assert_array_equal(np.array(drawn), inertia[:, columns])
+    names = recording.static("/curves/agents/robot.1/measurement/inertia/0", "SeriesLines:names")
+    assert list(names) == ["acceleration_x", "acceleration_y", "acceleration_z"]
+    assert "/curves/agents/robot.0/measurement/bumper/1" in recording.entities
+
+
+def test_a_replay_from_the_middle_shows_no_scan_of_before(path, tmp_path):
+    log = open_log(path)
+    recording = saved(log, tmp_path, start=2 * STEP)
+    drawn = recording.values("/world/agents/robot/scan/scan", "Points3D:positions")
+    last = [scan for scan in log.scans() if scan.time == 2 * STEP]
+    assert [len(points) for points in drawn] == [sum(len(scan.points) for scan in last)]
 
 
 colours = arrays.arrays(np.uint8, st.tuples(st.integers(1, 9), st.integers(1, 9), st.just(3)))

@@ -8,7 +8,11 @@ import pytest
 from google.protobuf import descriptor_pool, message_factory
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from mcap.reader import make_reader
+from scipy.spatial.transform import Rotation
+from sensing_log import write_sensing
+from simulating import Team, simulate
 
+from symaware_cli.models.quadrotor import Quadrotor
 from symaware_cli.recording import symaware_v1_pb2 as v1
 from symaware_cli.recording import wire
 from symaware_cli.recording.error import LogError, OutputError
@@ -16,6 +20,7 @@ from symaware_cli.recording.reader import open_log
 from symaware_cli.recording.writer import LogWriter
 from symaware_cli.scenario.build import build
 from symaware_cli.scenario.execution import execute
+from symaware_cli.viewing.cast import cast_of
 from symaware_cli.viewing.foxglove import export_foxglove
 
 SECOND = 1_000_000_000
@@ -317,6 +322,15 @@ def test_entities_that_move_have_frames_as_well(write, tmp_path):
     assert "/tf_static" not in messages
 
 
+def test_who_tilts_has_a_frame_that_tilts(tmp_path):
+    state = [0.0, 0.0, 1.0, 0.3, -0.2, 0.7, *[0.0] * 6]
+    simulate({"drone": Team(count=1, state=[state], model=Quadrotor())}, 1, tmp_path / "tilt.mcap")
+    _, frames = exported(tmp_path / "tilt.mcap", tmp_path)["/tf/drone"][0]
+    (frame,) = frames.transforms
+    turned = Rotation.from_quat([getattr(frame.rotation, axis) for axis in "xyzw"])
+    np.testing.assert_allclose(turned.as_euler("ZYX"), [0.7, -0.2, 0.3], atol=1e-9)
+
+
 def test_where_the_truth_was_not_recorded_bodies_follow_the_belief(write, tmp_path):
     states = wire.encode_rows([[1.0, 2.0, 0.0], [4.0, 6.0, 0.0]])
     later = wire.encode_rows([[9.0, 2.0, 0.0]], [1])
@@ -339,3 +353,76 @@ def test_a_folder_that_is_missing_is_told_and_nothing_is_left(crossing, tmp_path
     with pytest.raises(OutputError, match="its folder does not exist"):
         export_foxglove(open_log(crossing), tmp_path / "nowhere" / "out.mcap")
     assert list(tmp_path.iterdir()) == []
+
+
+# --- sensors ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="session")
+def sensing(tmp_path_factory):
+    """A log of all that sensors measure, and the same for Foxglove."""
+    folder = tmp_path_factory.mktemp("sensing")
+    path = write_sensing(folder / "sensing.mcap")
+    return open_log(path), exported(path, folder)
+
+
+def test_a_scan_ends_where_its_rays_ended(sensing):
+    log, shown = sensing
+    for agent in ("robot.0", "robot.1"):
+        scans = list(log.scans(agent))
+        assert [time for time, _ in shown[f"/scan/{agent}/scan"]] == [scan.time for scan in scans]
+        for scan, (_, message) in zip(scans, shown[f"/scan/{agent}/scan"], strict=True):
+            ranges = np.array(message.ranges)
+            np.testing.assert_array_equal(ranges, scan.distances)
+            angles = np.linspace(message.start_angle, message.end_angle, len(ranges))
+            turned = message.pose.orientation
+            bearings = angles + 2.0 * np.arctan2(turned.z, turned.w)
+            met = np.isfinite(ranges)
+            places = np.stack([np.cos(bearings), np.sin(bearings)], axis=1)[met] * ranges[met, None]
+            places += [message.pose.position.x, message.pose.position.y]
+            np.testing.assert_allclose(places, scan.points[:, :2], atol=1e-6)
+            height = scan.pose[2] if cast_of(log).is_spatial else 0.0
+            assert (message.frame_id, message.pose.position.z) == ("world", height)
+
+
+def test_rays_that_are_not_spread_evenly_make_no_scan(write, tmp_path):
+    scan = v1.Scan(angles=[0.0, 0.1, 0.5], distances=[1.0] * 6, poses=[0.0] * 8, range=9.0)
+    assert "/scan/robot.0/look" not in exported(write((0, "/agents/robot/scan/look", "Scan", scan)), tmp_path)
+
+
+def test_images_are_shown_as_they_were_taken(sensing):
+    log, shown = sensing
+    colours = [image for image in log.images("robot.1") if image.kind == "COLOUR"]
+    depths = [image.pixels for image in log.images("robot.1") if image.kind == "DEPTH"]
+    assert [message.data for _, message in shown["/camera/robot.1/eye/colour"]] == [image.data for image in colours]
+    for (_, message), depth in zip(shown["/camera/robot.1/eye/depth"], depths, strict=True):
+        pixels = np.frombuffer(message.data, "<u2").reshape(message.height, message.step // 2)
+        np.testing.assert_array_equal(pixels == 0, np.isinf(depth))
+        np.testing.assert_allclose(pixels[pixels > 0] / 1e3, depth[pixels > 0], atol=1e-9)
+
+
+def test_the_lens_puts_what_a_camera_sees_where_it_stands(sensing):
+    """A pixel and its depth, through the lens and the frame of the camera, are a point on the front of the crate."""
+    log, shown = sensing
+    (_, frame), (_, lens) = shown["/tf/robot.0/eye"][0], shown["/camera/robot.0/eye/calibration"][0]
+    assert (frame.child_frame_id, frame.parent_frame_id) == (lens.frame_id, "world")
+    images = {image.kind: image.pixels for image in log.images("robot.0") if image.time == 0}
+    crate = images["SEGMENTS"] == 3
+    row, column = (int(each[0]) for each in np.nonzero(crate))  # its upper left corner
+    depth = images["DEPTH"][row, column]
+    seen = depth * np.linalg.solve(np.array(lens.K).reshape(3, 3), [column + 0.5, row + 0.5, 1.0])
+    turned = Rotation.from_quat([getattr(frame.rotation, axis) for axis in "xyzw"])
+    place = turned.apply(seen) + [getattr(frame.translation, axis) for axis in "xyz"]
+    # The crate is a cube of 1 m on the ground, 2.5 m ahead; a pixel is 0.12 m there.
+    np.testing.assert_allclose(place, [2.5, 0.5, 1.0], atol=0.13)
+
+
+def test_readings_can_be_plotted_by_name_and_agent(sensing):
+    log, shown = sensing
+    series = log.series("robot", "inertia")
+    for (time, message), instant, values in zip(
+        shown["/agents/robot/measurement/inertia"], series.times, series.values, strict=True
+    ):
+        assert time == instant
+        np.testing.assert_array_equal(message.acceleration_z, values[:, 2])
+    assert list(shown["/agents/robot/measurement/bumper"][0][1].touching) == [0.0, 0.0]

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from plot_logs import AIRCRAFT, YARD, log_of
+from sensing_log import write_sensing
 
 from symaware_cli import open_log
 from symaware_cli.recording import wire
@@ -198,3 +199,20 @@ def test_a_group_whose_states_are_lost_does_not_take_the_others_along(yard, tmp_
     assert separation.agents.pair.tolist() == [[0, 1], [0, 1]]
     assert speed.extreme() == (0.0, 0.0, "cart.0")
     plot(open_log(tmp_path / "part.mcap"), tmp_path / "part.png")
+
+
+def test_readings_are_series_by_the_name_of_their_sensor(tmp_path):
+    log = open_log(write_sensing(tmp_path / "sensing.mcap"))
+    shown = panels(log, series=("robot:inertia:rate_z", "robot.1:bumper"))
+    assert [(panel.name, panel.unit) for panel in shown.values()] == [
+        ("rate_z", "rad/s"),
+        ("touching", "1"),
+        ("impulse", "N s"),
+    ]
+    series = log.series("robot", "inertia")
+    at = held(series.times, series.column("rate_z"), shown["rate_z"].times)
+    np.testing.assert_array_equal(shown["rate_z"].values, at)
+    assert shown["touching"].stepwise
+    with pytest.raises(UnknownNameError, match="there is no field 'inerta'") as refusal:
+        panels(log, series=("robot:inerta",))
+    assert "inertia" in refusal.value.known

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.viewing.cast import Cast, in_space
+from symaware_cli.core.rotation import about
+from symaware_cli.viewing.cast import Cast, Prop, Troupe
 from symaware_cli.viewing.detail import Detail
 from symaware_cli.viewing.excerpt import Excerpt
 from symaware_cli.viewing.stage import Stage
@@ -22,12 +24,23 @@ class Drawing(ABC):
         cast: Who takes part.
         detail: How much to show.
         stage: Where to draw.
+        columns: The names of the columns of each topic.
+        units: Their units.
     """
 
-    def __init__(self, cast: Cast, detail: Detail, stage: Stage) -> None:
+    def __init__(
+        self,
+        cast: Cast,
+        detail: Detail,
+        stage: Stage,
+        columns: Mapping[str, Sequence[str]] | None = None,
+        units: Mapping[str, Sequence[str]] | None = None,
+    ) -> None:
         self.cast = cast
         self.detail = detail
         self.stage = stage
+        self.columns = columns or {}
+        self.units = units or {}
 
     def begin(self) -> None:  # noqa: B027 (not every drawing has something)
         """Put up what holds for all times."""
@@ -45,8 +58,29 @@ class Drawing(ABC):
             known = None if frames is None else troupe.positions(frames.at(times)[:, row])
         else:
             frames = excerpt.frames.get(f"/world/{who}/state")
-            known = None if frames is None else in_space(frames.at(times)[:, 0, :-1])
+            known = None if frames is None else self.cast.props[who].positions(frames.at(times)[:, 0])
         unknown = self.cast.props[who].position if who in self.cast.props else np.full(3, np.nan)
         if known is None:
             return np.broadcast_to(unknown, (len(times), 3))
         return np.where(np.isnan(known), unknown, known)
+
+    def postures(self, who: Troupe | Prop, times: NDArray[np.int64], excerpt: Excerpt) -> tuple[Array, Array]:
+        """Where the bodies of a group, or an entity, are at some instants of an excerpt, and how they are turned.
+
+        Returns:
+            Positions (k, n, 3) [m] and quaternions x, y, z, w (k, n, 4); NaN of agents where they are not known.
+        """
+        poses = excerpt.frames.get(f"/world/{who.name}/pose")
+        if poses is not None and poses.before.shape[1] == 7:
+            values = poses.at(times)
+            return values[..., :3], values[..., 3:]
+        if isinstance(who, Troupe):
+            frames = excerpt.frames.get(who.whereabouts)
+            count = len(times), len(who.agents)
+            states = np.full((*count, len(who.state)), np.nan) if frames is None else frames.at(times)
+            return who.positions(states), who.orientations(states)
+        frames = excerpt.frames.get(f"/world/{who.name}/state")
+        values = np.full((len(times), 1, 3), np.nan) if frames is None else frames.at(times)
+        known = np.isfinite(values[..., -1:])
+        headings = np.where(known[..., 0], values[..., -1], who.heading)
+        return np.where(known, who.positions(values), who.position), about((0.0, 0.0, 1.0), headings)

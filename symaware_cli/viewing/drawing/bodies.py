@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from symaware_cli.core.rotation import rotated
 from symaware_cli.viewing.cast import Cast, Troupe
 from symaware_cli.viewing.detail import FEW, Detail
 from symaware_cli.viewing.drawing.base import Drawing
 from symaware_cli.viewing.excerpt import Excerpt, Frames, Strips
-from symaware_cli.viewing.outline import outlines, placed
+from symaware_cli.viewing.outline import outlines
 from symaware_cli.viewing.palette import faded, tinted
 from symaware_cli.viewing.stage import Stage
 
@@ -35,23 +36,51 @@ class Bodies(Drawing):
         import rerun as rr
 
         for troupe in self.cast.troupes.values():
-            path, shape = f"world/agents/{troupe.name}", troupe.shape
-            if shape is not None and shape.box:
-                height = shape.box.height or min(shape.box.length, shape.box.width)
-                half = [0.5 * shape.box.length, 0.5 * shape.box.width, 0.5 * height if self.cast.is_spatial else 0.01]
-                self.stage.static(
-                    f"{path}/body", rr.Boxes3D.from_fields(half_sizes=[half] * len(troupe.agents), fill_mode="solid")
-                )
-            elif shape is None or not shape.polygon:
-                # Points without a size are so many pixels wide. What is round seen from above is a ball.
-                radii = [shape.radius] if shape else rr.Radius.ui_points([4.0])
-                self.stage.static(f"{path}/body", rr.Points3D.from_fields(radii=radii))
+            path = f"world/agents/{troupe.name}"
+            look = self._look(troupe)
+            if look is not None:
+                self.stage.static(f"{path}/body", look)
             self.stage.static(f"{path}/heading", rr.LineStrips3D.from_fields(radii=self._width(troupe, 0.12, 2.0)))
             named = self._named(troupe)
             labels = rr.Points3D.from_fields(
                 labels=[self._label(troupe, row) for row in named], show_labels=True, radii=rr.Radius.ui_points([0.0])
             )
             self.stage.static(f"{path}/label", labels)
+
+    def _look(self, troupe: Troupe) -> Any:
+        """What of the bodies does not change; None if nothing does."""
+        import rerun as rr
+
+        shape = troupe.shape
+        match self._kind(troupe):
+            case "ring":
+                thick = rr.Radius.ui_points([1.5])
+                return rr.Cylinders3D.from_fields(lengths=[0.0], line_radii=thick, fill_mode="majorwireframe")
+            case "cylinder":
+                assert shape
+                assert shape.cylinder
+                return rr.Cylinders3D.from_fields(lengths=[shape.cylinder.height], fill_mode="solid")
+            case "box":
+                assert shape
+                assert shape.box
+                height = 0.5 * shape.box.upright if self.cast.is_spatial else 0.01
+                half = [0.5 * shape.box.length, 0.5 * shape.box.width, height]
+                return rr.Boxes3D.from_fields(half_sizes=[half] * len(troupe.agents), fill_mode="solid")
+            case "ball":
+                # Points without a size are so many pixels wide.
+                return rr.Points3D.from_fields(radii=[shape.radius] if shape else rr.Radius.ui_points([4.0]))
+        return None
+
+    def _kind(self, troupe: Troupe) -> Literal["ring", "cylinder", "box", "outline", "ball"]:
+        """How bodies are drawn. A ring goes around those of whom more is known, to show who they are and their risk."""
+        shape = troupe.shape
+        if troupe.figure:
+            return "ring"
+        if shape and shape.box:
+            return "box"
+        if shape and shape.polygon:
+            return "outline"
+        return "cylinder" if shape and shape.cylinder and self.cast.is_spatial else "ball"
 
     def draw(self, excerpt: Excerpt) -> None:
         """Draw where everybody is."""
@@ -60,51 +89,62 @@ class Bodies(Drawing):
             times = frames.times if frames else np.empty(0, np.int64)
             shares = self._shares(troupe, times, excerpt.strips.get(f"/agents/{troupe.name}/risk"))
             if frames and len(times):
-                self._draw(troupe, frames, tinted(troupe.colours, shares))
+                positions, orientations = self.postures(troupe, times, excerpt)
+                self._draw(troupe, times, positions, orientations, tinted(troupe.colours, shares))
+                headings = troupe.headings(frames.values)
+                if headings is not None and troupe.radius and not troupe.figure and self.detail.minds:
+                    self._draw_headings(troupe, times, positions, headings)
 
-    def _draw(self, troupe: Troupe, frames: Frames, colours: Colours) -> None:
-        path, shape, times = f"world/agents/{troupe.name}", troupe.shape, frames.times
-        positions, headings = troupe.positions(frames.values), troupe.headings(frames.values)
-        still = np.zeros(positions.shape[:2]) if headings is None else headings
-        if shape is not None and shape.box:
-            self.stage.boxes(f"{path}/body", times, positions, still, colours)
-        elif shape is not None and shape.polygon:
-            corners = placed(_closed(outlines(shape)[0]), positions, still)
-            lengths = np.full(corners.shape[0] * corners.shape[1], corners.shape[2])
-            counts = [corners.shape[1]] * len(times)
-            self.stage.strips(f"{path}/body", times, corners.reshape(-1, 3), lengths, counts, colours.reshape(-1, 3))
-        else:
-            self.stage.points(f"{path}/body", times, positions, colours)
-        if headings is not None and troupe.radius and self.detail.minds:
-            self._draw_headings(troupe, times, positions, headings)
+    def _draw(
+        self, troupe: Troupe, times: NDArray[np.int64], positions: Array, orientations: Array, colours: Colours
+    ) -> None:
+        path, shape, count = f"world/agents/{troupe.name}", troupe.shape, positions.shape[1]
+        middles = positions
+        match self._kind(troupe):
+            case "ring":
+                assert troupe.figure
+                middles = positions + rotated(orientations, troupe.figure.middle)
+                self._draw_rings(f"{path}/body", times, middles, troupe.extent, colours)
+            case "cylinder":
+                assert shape
+                self._draw_rings(f"{path}/body", times, positions, shape.radius, colours)
+            case "box":
+                self.stage.boxes(f"{path}/body", times, positions, orientations, colours)
+            case "outline":
+                assert shape
+                outline = np.pad(_closed(outlines(shape)[0]), ((0, 0), (0, 1)))
+                corners = positions[..., None, :] + rotated(orientations[..., None, :], outline)
+                lengths = np.full(len(times) * count, len(outline))
+                counts = [count] * len(times)
+                flat = colours.reshape(-1, 3)
+                self.stage.strips(f"{path}/body", times, corners.reshape(-1, 3), lengths, counts, flat)
+            case "ball":
+                self.stage.points(f"{path}/body", times, positions, colours)
         named = self._named(troupe)
         if named:
             # Below the bodies as the view shows them, so that it hides none.
-            below = np.array([0.0, 0.0, -troupe.radius] if self.cast.is_spatial else [0.0, -troupe.radius, 0.0])
-            self.stage.points(
-                f"{path}/label",
-                times,
-                positions[:, named] + below,
-                np.broadcast_to(troupe.colours[named], (len(times), len(named), 3)),
-            )
+            below = np.array([0.0, 0.0, -troupe.extent] if self.cast.is_spatial else [0.0, -troupe.extent, 0.0])
+            shades = np.broadcast_to(troupe.colours[named], (len(times), len(named), 3))
+            self.stage.points(f"{path}/label", times, middles[:, named] + below, shades)
+
+    def _draw_rings(self, path: str, times: NDArray[np.int64], centres: Array, radius: float, colours: Colours) -> None:
+        count = centres.shape[1]
+        self.stage.rings(path, times, centres, np.full(len(times) * count, radius), [count] * len(times), colours)
 
     def _draw_headings(self, troupe: Troupe, times: NDArray[np.int64], positions: Array, headings: Array) -> None:
         """Draw a line from each rim outward, where somebody faces."""
         facing = np.stack([np.cos(headings), np.sin(headings), np.zeros_like(headings)], axis=-1)
         # Just above the body, which would hide it from above.
-        above = np.array([0.0, 0.0, 1.05 * troupe.radius])
+        above = np.array([0.0, 0.0, self._top(troupe) + 0.05 * troupe.radius])
         inner, outer = positions + above, positions + above + 1.5 * troupe.radius * facing
-        points = np.stack([inner, outer], axis=2)
-        count = points.shape[0] * points.shape[1]
-        colours = np.broadcast_to(_HEADING, (count, 3))
-        self.stage.strips(
-            f"world/agents/{troupe.name}/heading",
-            times,
-            points.reshape(-1, 3),
-            np.full(count, 2),
-            [points.shape[1]] * len(times),
-            colours,
-        )
+        self.stage.segments(f"world/agents/{troupe.name}/heading", times, np.stack([inner, outer], axis=2), _HEADING)
+
+    def _top(self, troupe: Troupe) -> float:
+        """How far bodies reach up [m]."""
+        shape = troupe.shape
+        if shape is None or not self.cast.is_spatial or not (shape.box or shape.cylinder):
+            return troupe.radius
+        return 0.5 * (shape.box.upright if shape.box else shape.cylinder.height if shape.cylinder else 0.0)
 
     def _named(self, troupe: Troupe) -> list[int]:
         """The rows of those who have a label."""
@@ -163,18 +203,9 @@ class Trails(Drawing):
             before = places[:1] if last is None else last[1][None]
             starts = np.concatenate([before, places[:-1]])
             self._last[troupe.name] = int(times[-1]), places[-1]
-            segments = np.stack([starts, places], axis=2)
-            count = segments.shape[0] * segments.shape[1]
-            fading = 0.45 if self.cast.agent_count <= FEW else 0.65
-            colours = np.broadcast_to(faded(troupe.colours, fading), (len(times), *troupe.colours.shape))
-            self.stage.strips(
-                f"world/agents/{troupe.name}/trail",
-                times,
-                segments.reshape(-1, 3),
-                np.full(count, 2),
-                [segments.shape[1]] * len(times),
-                colours.reshape(-1, 3),
-            )
+            shades = faded(troupe.colours, 0.45 if self.cast.agent_count <= FEW else 0.65)
+            ways = np.stack([starts, places], axis=2)
+            self.stage.segments(f"world/agents/{troupe.name}/trail", times, ways, shades)
 
 
 def _spaced(times: NDArray[np.int64], step: int, last: int | None) -> NDArray[np.intp]:

@@ -119,5 +119,5 @@ class Contacts(Drawing):
         return middle
 
     def _size(self, pair: Sequence[str]) -> float:
-        radii = [self.cast.troupes[self.cast.place[who][0]].radius for who in pair if who in self.cast.place]
+        radii = [self.cast.troupes[self.cast.place[who][0]].extent for who in pair if who in self.cast.place]
         return min(radii, default=0.0) or _POINT

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
+from symaware_cli.recording.sensing import MEASUREMENT, sensors
 from symaware_cli.viewing.cast import Cast, Troupe
 from symaware_cli.viewing.detail import Detail
 from symaware_cli.viewing.drawing.base import Drawing
-from symaware_cli.viewing.excerpt import Excerpt
+from symaware_cli.viewing.excerpt import Excerpt, Frames
 from symaware_cli.viewing.palette import AGENTS, CONTACT, RISK
 from symaware_cli.viewing.stage import Stage
 
@@ -77,27 +78,10 @@ class Separation(Drawing):
 
 
 class Awareness(Drawing):
-    """State, control input, uncertainty and risk of each agent in focus, with names and units."""
+    """State, control input, uncertainty, risk and readings of each agent in focus, with names and units."""
 
-    def __init__(
-        self,
-        cast: Cast,
-        detail: Detail,
-        stage: Stage,
-        columns: Mapping[str, Sequence[str]],
-        units: Mapping[str, Sequence[str]],
-    ) -> None:
-        """Look up who is in focus.
-
-        Args:
-            cast: Who takes part.
-            detail: How much to show.
-            stage: Where to draw.
-            columns: The names of the columns of each topic.
-            units: Their units.
-        """
-        super().__init__(cast, detail, stage)
-        self._columns, self._units = columns, units
+    def begin(self) -> None:
+        """Nothing is named yet."""
         self._named: set[str] = set()
 
     def draw(self, excerpt: Excerpt) -> None:
@@ -113,22 +97,57 @@ class Awareness(Drawing):
                 strips = excerpt.strips.get(f"/agents/{group}/{field}")
                 if strips is not None and strips.values.shape[1]:
                     self._curve(agent, troupe, field, strips.times, strips.firsts[:, row])
+            for sensor, topic in sensors(excerpt.frames, group, MEASUREMENT).items():
+                self._readings(agent, topic, sensor, excerpt.frames[topic], row)
 
     def _curve(self, agent: str, troupe: Troupe, field: str, times: NDArray[np.int64], values: Array) -> None:
-        topic = f"/agents/{troupe.name}/{field}"
-        names, units = list(self._columns.get(topic, ())), list(self._units.get(topic, ()))
-        if len(names) != values.shape[1]:
-            names, units = [f"{field} {number}" for number in range(values.shape[1])], []
+        names, units = self._quantities(f"/agents/{troupe.name}/{field}", field, values.shape[1])
         if field == "uncertainty":
             names, units, values = _deviations(troupe, names, units, values)
+        self._plot(f"curves/agents/{agent}/{field}", times, names, units, values)
+
+    def _readings(self, agent: str, topic: str, sensor: str, frames: Frames, row: int) -> None:
+        names, units = self._quantities(topic, sensor, frames.values.shape[2])
+        units = [unit for _, unit in _paired(names, units)]
+        for path, columns in reading_paths(agent, sensor, units).items():
+            # Each path has a view of its own, whose name says the unit.
+            self._plot(path, frames.times, [names[column] for column in columns], [], frames.values[:, row, columns])
+
+    def _quantities(self, topic: str, field: str, width: int) -> tuple[list[str], list[str]]:
+        """The names and units of columns, as far as the log announces them."""
+        names, units = list(self.columns.get(topic, ())), list(self.units.get(topic, ()))
+        return (names, units) if len(names) == width else ([f"{field} {number}" for number in range(width)], [])
+
+    def _plot(
+        self, path: str, times: NDArray[np.int64], names: Sequence[str], units: Sequence[str], values: Array
+    ) -> None:
         if not names:
             return
-        path = f"curves/agents/{agent}/{field}"
         if path not in self._named:
             self._named.add(path)
             shown = [f"{name} [{unit}]" if unit not in ("", "1") else name for name, unit in _paired(names, units)]
             self.stage.series(path, shown, [AGENTS[number % len(AGENTS)] for number in range(len(shown))])
         self.stage.scalars(path, times, values)
+
+
+def reading_paths(agent: str, sensor: str, units: Sequence[str]) -> dict[str, list[int]]:
+    """Where the readings of a sensor are drawn: a path for each unit, as 10 m/s^2 would hide 0.1 rad/s.
+
+    Args:
+        agent: Whose.
+        sensor: Its name.
+        units: Of its columns.
+
+    Returns:
+        By path, which columns.
+    """
+    apart = list(dict.fromkeys(units))
+    return {
+        f"curves/agents/{agent}/{MEASUREMENT}/{sensor}/{number}": [
+            column for column, each in enumerate(units) if each == unit
+        ]
+        for number, unit in enumerate(apart)
+    }
 
 
 def _deviations(

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.viewing.cast import Cast, Troupe, in_space
-from symaware_cli.viewing.detail import Detail
+from symaware_cli.viewing.cast import Troupe, in_space
 from symaware_cli.viewing.drawing.base import Drawing
 from symaware_cli.viewing.excerpt import Excerpt, Strips
 from symaware_cli.viewing.palette import faded
@@ -30,25 +29,14 @@ _PIECES = 12
 class Intents(Drawing):
     """The ways that agents mean to go, fading with time."""
 
-    def __init__(self, cast: Cast, detail: Detail, stage: Stage, columns: Mapping[str, Sequence[str]]) -> None:
-        """Look up where positions stand in the intents.
-
-        Args:
-            cast: Who takes part.
-            detail: How much to show.
-            stage: Where to draw.
-            columns: The names of the columns of each topic.
-        """
-        super().__init__(cast, detail, stage)
-        self._places = {
-            troupe.name: position_columns(troupe, columns.get(f"/agents/{troupe.name}/intent", ()))
-            for troupe in cast.troupes.values()
-        }
-
     def begin(self) -> None:
-        """Put up how thick they are."""
+        """Put up how thick they are, and look up where positions stand."""
         import rerun as rr
 
+        self._places = {
+            troupe.name: position_columns(troupe, self.columns.get(f"/agents/{troupe.name}/intent", ()))
+            for troupe in self.cast.troupes.values()
+        }
         for troupe in self.cast.troupes.values():
             width = rr.LineStrips3D.from_fields(radii=rr.Radius.ui_points([1.5]))
             self.stage.static(f"minds/{troupe.name}/intent", width)
@@ -61,34 +49,21 @@ class Intents(Drawing):
                 continue
             rows = [row for row, id in enumerate(troupe.agents) if self.detail.minds or id in self.detail.focus]
             path = f"minds/{troupe.name}/intent"
-            fading(self.stage, path, troupe, strips, rows, self._columns(troupe, strips))
-
-    def _columns(self, troupe: Troupe, strips: Strips) -> list[int] | None:
-        return self._places[troupe.name] or unnamed_position(troupe, strips)
+            columns = self._places[troupe.name] or unnamed_position(troupe, strips)
+            fading(self.stage, path, troupe, strips, rows, columns)
 
 
 class Uncertainties(Drawing):
     """How far the truth may be from what agents believe of themselves, and what else they hold possible."""
 
-    def __init__(self, cast: Cast, detail: Detail, stage: Stage, columns: Mapping[str, Sequence[str]]) -> None:
-        """Look up what the uncertainties consist of.
-
-        Args:
-            cast: Who takes part.
-            detail: How much to show.
-            stage: Where to draw.
-            columns: The names of the columns of each topic.
-        """
-        super().__init__(cast, detail, stage)
-        named = {name: columns.get(f"/agents/{name}/uncertainty", ()) for name in cast.troupes}
-        self._covariance = {name: covariance_columns(cast.troupes[name], names) for name, names in named.items()}
-        self._samples = {name: sample_columns(cast.troupes[name], names) for name, names in named.items()}
-        self._believed: dict[str, Array] = {}
-
     def begin(self) -> None:
-        """Put up how thick the lines are."""
+        """Put up how thick the lines are, and look up what the uncertainties consist of."""
         import rerun as rr
 
+        troupes = self.cast.troupes
+        named = {name: self.columns.get(f"/agents/{name}/uncertainty", ()) for name in troupes}
+        self._covariance = {name: covariance_columns(troupes[name], names) for name, names in named.items()}
+        self._samples = {name: sample_columns(troupes[name], names) for name, names in named.items()}
         thin = rr.Radius.ui_points([0.75])
         for troupe in self.cast.troupes.values():
             self.stage.static(
@@ -143,7 +118,7 @@ class Uncertainties(Drawing):
                 length = int(strips.lengths[place, row])
                 series = strips.values[ends[place, row] - length : ends[place, row]]
                 if length > 1:
-                    ways = in_space(series[:, columns].swapaxes(0, 1))
+                    ways = in_space(series[:, columns].swapaxes(0, 1), troupe.height)
                     points.append(ways.reshape(-1, 3))
                     lengths += [length] * len(ways)
                     colours.append(np.broadcast_to(faded(troupe.colours[row], 0.5), (len(ways), 3)))
@@ -183,18 +158,10 @@ def fading(
     of_all = (
         strips.values.reshape(shape)[:, rows] if len(rows) < strips.lengths.shape[1] else strips.values.reshape(shape)
     )
-    points = in_space(of_all[:, :, chosen][..., list(columns)])
-    segments = np.stack([points[:, :, :-1], points[:, :, 1:]], axis=3)
+    points = in_space(of_all[:, :, chosen][..., list(columns)], troupe.height)
+    ends = np.stack([points[:, :, :-1], points[:, :, 1:]], axis=3)
     shades = faded(troupe.colours[list(rows)][:, None], _shares(len(chosen) - 1))
-    count = int(np.prod(segments.shape[:3]))
-    stage.strips(
-        path,
-        strips.times,
-        segments.reshape(-1, 3),
-        np.full(count, 2),
-        [segments.shape[1] * segments.shape[2]] * len(strips.times),
-        np.broadcast_to(shades, (len(strips.times), *shades.shape)).reshape(-1, 3),
-    )
+    stage.segments(path, strips.times, ends.reshape(len(ends), -1, 2, 3), shades.reshape(-1, 3))
 
 
 def _fading_ragged(
@@ -210,7 +177,7 @@ def _fading_ragged(
             if length < 2:
                 continue
             series = strips.values[ends[place, row] - length : ends[place, row]]
-            chosen = in_space(series[_pieces(length)][:, list(columns)])
+            chosen = in_space(series[_pieces(length)][:, list(columns)], troupe.height)
             points.append(np.stack([chosen[:-1], chosen[1:]], axis=1).reshape(-1, 3))
             colours.append(faded(troupe.colours[row], _shares(len(chosen) - 1)))
             count += len(chosen) - 1

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.viewing.beliefs import Beliefs, Reading
-from symaware_cli.viewing.cast import Cast, in_space
-from symaware_cli.viewing.detail import Detail
+from symaware_cli.viewing.cast import in_space
 from symaware_cli.viewing.drawing.base import Drawing
 from symaware_cli.viewing.drawing.minds import ellipsoids, fading, position_columns, unnamed_position
 from symaware_cli.viewing.excerpt import Excerpt
 from symaware_cli.viewing.outline import circle
 from symaware_cli.viewing.palette import SCENERY, faded
-from symaware_cli.viewing.stage import Stage
 
 Array = NDArray[np.float64]
 
@@ -31,17 +29,11 @@ _RING = 1.3
 class Others(Drawing):
     """The world as each agent in focus believes it to be, in a place of its own: as/<agent>."""
 
-    def __init__(self, cast: Cast, detail: Detail, stage: Stage, columns: Mapping[str, Sequence[str]]) -> None:
-        """Look up who is in focus.
+    def begin(self) -> None:
+        """Look up who is in focus; put up how far they see, and how thick lines are."""
+        import rerun as rr
 
-        Args:
-            cast: Who takes part.
-            detail: How much to show.
-            stage: Where to draw.
-            columns: The names of the columns of each topic.
-        """
-        super().__init__(cast, detail, stage)
-        self._columns = columns
+        cast, detail = self.cast, self.detail
         self._focus: dict[str, list[tuple[str, int]]] = {}
         for agent in detail.focus:
             group, row = cast.place[agent]
@@ -51,11 +43,7 @@ class Others(Drawing):
         #: Of each in the roster.
         self._colours = np.array([colour for colour, _ in looks], np.uint8).reshape(-1, 3)
         self._radii = np.array([radius for _, radius in looks])
-
-    def begin(self) -> None:
-        """Put up how far they see, and how thick lines are."""
-        import rerun as rr
-
+        self._heights = np.array([self._height(name) for name in cast.roster])
         thin, thick = rr.Radius.ui_points([1.0]), rr.Radius.ui_points([1.75])
         ghosts = rr.Cylinders3D.from_fields(lengths=[0.0], line_radii=thick, fill_mode="majorwireframe")
         doubts = rr.Ellipsoids3D.from_fields(line_radii=thin, fill_mode="majorwireframe")
@@ -65,6 +53,8 @@ class Others(Drawing):
                 self.stage.static(f"as/{agent}/others", ghosts)
                 self.stage.static(f"as/{agent}/doubts", doubts)
                 self.stage.static(f"as/{agent}/intent", rr.LineStrips3D.from_fields(radii=thick))
+                # An eye follows only what there is something of.
+                self.stage.static(f"as/{agent}/place", rr.Points3D([[0.0, 0.0, 0.0]], radii=rr.Radius.ui_points([0.0])))
                 if reach:
                     colour = faded(np.array([180, 180, 190], np.uint8), 0.5)
                     ring = rr.LineStrips3D([in_space(circle(reach, corners=96))], colors=[colour], radii=thin)
@@ -82,7 +72,7 @@ class Others(Drawing):
                     # What stands here moves along, and so does the eye that looks at it.
                     self.stage.poses(f"as/{agent}/place", frames.times, places)
                 if strips is not None:
-                    names = self._columns.get(f"/agents/{group}/intent", ())
+                    names = self.columns.get(f"/agents/{group}/intent", ())
                     columns = position_columns(troupe, names) or unnamed_position(troupe, strips)
                     fading(self.stage, f"as/{agent}/intent", troupe, strips, [row], columns)
             entries = excerpt.entries.get(f"/agents/{group}/awareness")
@@ -93,7 +83,8 @@ class Others(Drawing):
 
     def _draw(self, agent: str, row: int, beliefs: Beliefs) -> None:
         times, counts, mine = beliefs.of(row)
-        who, places = beliefs.who[mine], beliefs.places[mine]
+        who = beliefs.who[mine]
+        places = beliefs.places[mine] + self._heights[who, None] * np.array([0.0, 0.0, 1.0])
         colours, ages = self._colours[who], beliefs.ages[mine]
         if ages.any():
             colours = faded(colours, _LOSS * (1.0 - 0.5 ** (ages / _FADING)))
@@ -109,4 +100,8 @@ class Others(Drawing):
             return SCENERY, self.cast.props[name].shape.radius
         group, row = self.cast.place[name]
         troupe = self.cast.troupes[group]
-        return troupe.colours[row].tolist(), troupe.radius or _POINT
+        return troupe.colours[row].tolist(), troupe.extent or _POINT
+
+    def _height(self, name: str) -> float:
+        """At which height somebody is whose position is one in a plane [m]."""
+        return self.cast.troupes[self.cast.place[name][0]].height if name in self.cast.place else 0.0

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from symaware_cli.core import Mesh
-from symaware_cli.viewing.cast import Cast, Prop, in_space
+from symaware_cli.viewing.cast import Cast, Prop
 from symaware_cli.viewing.detail import Detail
 from symaware_cli.viewing.drawing.base import Drawing
 from symaware_cli.viewing.excerpt import Excerpt
@@ -23,16 +22,15 @@ class Scenery(Drawing):
     def __init__(self, cast: Cast, detail: Detail, stage: Stage) -> None:
         super().__init__(cast, detail, stage)
         self._placed = False
+        #: Those of which no more is known than their outline.
+        self._props = [prop for prop in cast.props.values() if prop.figure is None]
 
     def begin(self) -> None:
         """Put up what they look like."""
         import rerun as rr
 
-        for prop in self.cast.props.values():
+        for prop in self._props:
             path = _path(prop)
-            if prop.shape.mesh and prop.shape.mesh.file in self.cast.assets:
-                self._put_up_mesh(path, prop.shape.mesh, prop)
-                continue
             low, high = self._extent(prop)
             for number, outline in enumerate(outlines(prop.shape)):
                 vertices, triangles = mesh(outline, low, high)
@@ -43,14 +41,14 @@ class Scenery(Drawing):
 
     def draw(self, excerpt: Excerpt) -> None:
         """Put them where they are at the beginning, and move those that move."""
-        for prop in self.cast.props.values():
+        for prop in self._props:
             frames = excerpt.frames.get(f"/world/{prop.name}/state")
             if not self._placed and (frames is None or excerpt.start not in frames.times[:1]):
                 position, heading = prop.position[None], np.array([prop.heading])
                 self.stage.poses(_path(prop), np.array([excerpt.start]), position, heading)
             if frames is not None:
                 values = frames.values[:, 0]
-                self.stage.poses(_path(prop), frames.times, in_space(values[:, :-1]), values[:, -1])
+                self.stage.poses(_path(prop), frames.times, prop.positions(values), values[:, -1])
         self._placed = True
 
     def _extent(self, prop: Prop) -> tuple[float, float]:
@@ -63,17 +61,6 @@ class Scenery(Drawing):
         elif prop.shape.cylinder:
             height = prop.shape.cylinder.height
         return (0.0, height) if prop.stands else (-0.5 * height, 0.5 * height)
-
-    def _put_up_mesh(self, path: str, shape: Mesh, prop: Prop) -> None:
-        """Show the surface that a file describes."""
-        import rerun as rr
-
-        surface = rr.Asset3D(
-            contents=self.cast.assets[shape.file],
-            media_type="model/stl" if shape.file.lower().endswith(".stl") else "model/obj",
-            albedo_factor=_shade(prop.moves),
-        )
-        self.stage.static(f"{path}/0", surface, rr.Transform3D(scale=shape.scale))
 
 
 def _path(prop: Prop) -> str:

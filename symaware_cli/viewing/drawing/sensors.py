@@ -6,11 +6,12 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from symaware_cli.recording import png
 from symaware_cli.recording import symaware_v1_pb2 as v1
 from symaware_cli.recording.error import LogError
-from symaware_cli.recording.sensing import LoggedScan, hits, scans
+from symaware_cli.recording.sensing import IMAGE, SCAN, LoggedScan, hits, scans, sensors
 from symaware_cli.viewing.cast import Cast, Troupe
 from symaware_cli.viewing.detail import Detail
 from symaware_cli.viewing.drawing.base import Drawing
@@ -31,7 +32,7 @@ class Scans(Drawing):
 
     def draw(self, excerpt: Excerpt) -> None:
         """Draw the points of each scan from when it became known until the next."""
-        for troupe, sensor, entries in _sensed(self.cast.troupes.values(), excerpt, "scan"):
+        for troupe, sensor, entries in _sensed(self.cast.troupes.values(), excerpt, SCAN):
             try:
                 found = [scan for time, message in entries for scan in scans(time, message, sensor, troupe.agents)]
             except ValueError as error:
@@ -74,7 +75,7 @@ class Images(Drawing):
 
     def draw(self, excerpt: Excerpt) -> None:
         """Show each image from when it became known until the next."""
-        for troupe, sensor, entries in _sensed(self.cast.troupes.values(), excerpt, "image"):
+        for troupe, sensor, entries in _sensed(self.cast.troupes.values(), excerpt, IMAGE):
             for row, agent in enumerate(troupe.agents):
                 for kind, word in ((v1.Image.COLOUR, "colour"), (v1.Image.DEPTH, "depth")):
                     own = [(time, image) for time, image in entries if image.row == row and image.kind == kind]
@@ -111,16 +112,30 @@ class Images(Drawing):
         self.stage.strips(path, times, corners.reshape(-1, 3), np.tile([5, 5], count), [2] * count, colours)
 
 
-def _pyramid(image: Any) -> Array:
-    """Two lines of five points, which together are the edges that leave a camera and the rim of its image; (10, 3)."""
-    position, target = np.array(image.position), np.array(image.target)
-    ahead = target - position
+def line_of_sight(position: ArrayLike, target: ArrayLike) -> Array:
+    """How a level camera stands in the world, that looks from one point to another.
+
+    Args:
+        position: (3,) [m].
+        target: (3,) [m].
+
+    Returns:
+        Its directions to the right, upwards and ahead, of length 1; (3, 3).
+    """
+    ahead = np.asarray(target, float) - np.asarray(position, float)
     ahead /= max(float(np.linalg.norm(ahead)), 1e-9)
+    # Who looks straight up or down has no horizon.
     upwards = np.array([1.0, 0.0, 0.0]) if abs(ahead[2]) > 1 - 1e-9 else np.array([0.0, 0.0, 1.0])
     aside = np.cross(ahead, upwards)
     aside /= np.linalg.norm(aside)
-    above = np.cross(aside, ahead)
-    width, height = (int.from_bytes(image.data[start : start + 4], "big") for start in (16, 20))  # PNG's header
+    return np.stack([aside, np.cross(aside, ahead), ahead])
+
+
+def _pyramid(image: Any) -> Array:
+    """Two lines of five points, which together are the edges that leave a camera and the rim of its image; (10, 3)."""
+    position = np.array(image.position)
+    aside, above, ahead = line_of_sight(position, image.target)
+    width, height = png.size(image.data)
     half = np.tan(0.5 * image.field_of_view) * _PYRAMID
     wide = half * width / max(height, 1)
     rim = [
@@ -133,10 +148,8 @@ def _pyramid(image: Any) -> Array:
 def _sensed(troupes: Any, excerpt: Excerpt, word: str) -> Iterator[tuple[Troupe, str, list[tuple[int, Any]]]]:
     """The readings of one kind in an excerpt, by group and sensor."""
     for troupe in troupes:
-        root = f"/agents/{troupe.name}/{word}/"
-        for topic, entries in excerpt.entries.items():
-            if topic.startswith(root):
-                yield troupe, topic.removeprefix(root), entries
+        for sensor, topic in sensors(excerpt.entries, troupe.name, word).items():
+            yield troupe, sensor, excerpt.entries[topic]
 
 
 def _index(times: Times) -> Any:

@@ -115,6 +115,11 @@ def quaternion(parts: Iterable[float]) -> Quaternion:
     return Quaternion(x=x, y=y, z=z, w=w)
 
 
+def pose(position: Iterable[float], turned: Iterable[float] = _UPRIGHT) -> Pose:
+    """A position and a quaternion, x, y, z, w."""
+    return Pose(position=vector(position), orientation=quaternion(turned))
+
+
 def line(points: Array, shade: Color, thickness: float, *, pairs: bool = False) -> LinePrimitive:
     """A line through points (m, 3) [m], or one for each pair of them, so many pixels thick."""
     return LinePrimitive(
@@ -131,7 +136,7 @@ def ellipsoid(centre: Array, half_sizes: Array, turned: Array, shade: Color) -> 
     """An ellipsoid, of half sizes (3,) [m]."""
     # What is flat would have no surface to be lit.
     size = np.maximum(2.0 * half_sizes, 0.01)
-    return SpherePrimitive(pose=_pose(centre.tolist(), turned.tolist()), size=vector(size.tolist()), color=shade)
+    return SpherePrimitive(pose=pose(centre.tolist(), turned.tolist()), size=vector(size.tolist()), color=shade)
 
 
 def body(troupe: Troupe, row: int, tint: NDArray[np.uint8], time: int) -> SceneEntity:
@@ -153,7 +158,7 @@ def body(troupe: Troupe, row: int, tint: NDArray[np.uint8], time: int) -> SceneE
         made.triangles.extend(_prisms(shape, -0.5 * height, 0.5 * height, shade))
     if troupe.heading is not None:
         arrow = ArrowPrimitive(
-            pose=_pose((0.0, 0.0, 0.5 * height)),
+            pose=pose((0.0, 0.0, 0.5 * height)),
             shaft_length=radius,
             shaft_diameter=0.16 * radius,
             head_length=0.5 * radius,
@@ -170,7 +175,7 @@ def label(troupe: Troupe, row: int, time: int) -> SceneEntity:
     radius = troupe.radius or 0.5 * _POINT
     made.texts.append(
         TextPrimitive(
-            pose=_pose((0.0, 0.0, 2.0 * radius)),
+            pose=pose((0.0, 0.0, 2.0 * radius)),
             billboard=True,
             font_size=12.0,
             scale_invariant=True,
@@ -198,11 +203,7 @@ def _prisms(shape: Shape, low: float, high: float, shade: Color) -> Sequence[Tri
     ]
 
 
-def _pose(position: Iterable[float], turned: Iterable[float] = _UPRIGHT) -> Pose:
-    return Pose(position=vector(position), orientation=quaternion(turned))
-
-
-_ORIGIN = _pose((0.0, 0.0, 0.0))
+_ORIGIN = pose((0.0, 0.0, 0.0))
 
 
 def _points(points: Array) -> list[Point3]:

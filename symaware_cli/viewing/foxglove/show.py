@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 
 from symaware_cli.recording import journal, wire
 from symaware_cli.recording.index import ChannelInfo
+from symaware_cli.recording.sensing import IMAGE, MEASUREMENT, SCAN, sensors
 from symaware_cli.viewing.cast import Cast, Prop, Troupe, in_space
 from symaware_cli.viewing.detail import MANY
 from symaware_cli.viewing.drawing.goals import crosses, known_ways
@@ -24,6 +26,7 @@ from symaware_cli.viewing.drawing.minds import covariance_columns, ellipsoids, p
 from symaware_cli.viewing.foxglove import entities
 from symaware_cli.viewing.foxglove.entities import WORLD, Layer, colour, entity
 from symaware_cli.viewing.foxglove.output import Columns, Output
+from symaware_cli.viewing.foxglove.sensors import Camera, Lidar
 from symaware_cli.viewing.palette import CONTACT, GOAL, tinted
 from symaware_cli.viewing.stage import turned
 
@@ -69,6 +72,10 @@ class Show:
         for troupe in cast.troupes.values():
             shown = _Troupe(troupe, channels, output, start, crowd=cast.agent_count > MANY, places=self._places)
             self._takers |= shown.takers
+            for sensor, topic in sensors(channels, troupe.name, SCAN).items():
+                self._takers[topic] = Lidar(sensor, troupe.agents, output, spatial=cast.is_spatial).take
+            for sensor, topic in sensors(channels, troupe.name, IMAGE).items():
+                self._takers[topic] = Camera(sensor, troupe.agents, output).take
         for prop in cast.props.values():
             self._takers[f"/world/{prop.name}/state"] = _Mover(prop, output).take
         self._contacts = Layer(output, "/contacts")
@@ -104,7 +111,7 @@ class Show:
             positions = np.stack([prop.position for prop in still])
             headings = np.array([prop.heading for prop in still])
             names = [prop.name for prop in still]
-            self._output.write("/tf_static", start, _transforms(start, names, positions, headings))
+            self._output.write("/tf_static", start, _transforms(start, names, positions, turned(headings)))
 
     def _event(self, time: int, message: Any) -> None:
         event = journal.event(time, message)
@@ -159,7 +166,8 @@ class _Mover:
     def take(self, time: int, message: wire.Rows) -> None:
         """Move it."""
         topic = f"/tf/{self._name}"
-        transforms = _transforms(time, [self._name], in_space(message.values[:, :-1]), message.values[:, -1])
+        rotations = turned(message.values[:, -1])
+        transforms = _transforms(time, [self._name], in_space(message.values[:, :-1]), rotations)
         self._output.write(topic, time, transforms)
 
 
@@ -220,6 +228,11 @@ class _Troupe:
             f"{self._agents}/uncertainty": self._uncertainty,
             f"{self._agents}/knowledge": self._knowledge,
         }
+        for topic in sensors(channels, troupe.name, MEASUREMENT).values():
+            self.takers[topic] = partial(self._measurement, topic)
+
+    def _measurement(self, topic: str, time: int, message: wire.Rows) -> None:
+        self._plot(topic, time, self._update(topic, message.rows, message.values))
 
     def _world(self, time: int, message: wire.Rows) -> None:
         topic = f"/world/{self._troupe.name}/state"
@@ -304,10 +317,10 @@ class _Troupe:
     def _move(self, time: int, states: Array) -> None:
         """Move the bodies to where they are, and draw on the trails."""
         troupe = self._troupe
-        positions, headings = troupe.positions(states), troupe.headings(states)
+        positions = troupe.positions(states)
         self._places[troupe.name] = positions
-        still = np.zeros(len(positions)) if headings is None else headings
-        self._output.write(f"/tf/{troupe.name}", time, _transforms(time, troupe.agents, positions, still))
+        transforms = _transforms(time, troupe.agents, positions, troupe.orientations(states))
+        self._output.write(f"/tf/{troupe.name}", time, transforms)
         if time >= self._trail_due:
             self._trail_due = time + self._trail_step
             self._trail.append(positions)
@@ -367,10 +380,9 @@ class _Troupe:
         return [(f"value_{place}", "") for place in range(width)]
 
 
-def _transforms(time: int, names: Sequence[str], positions: Array, headings: Array) -> FrameTransforms:
-    """Where everything is; (n, 3) [m] and (n,) [rad]. Who is nowhere yet is left out."""
-    rotations = turned(headings).astype(float)
-    known = np.isfinite(positions).all(axis=1) & np.isfinite(headings)
+def _transforms(time: int, names: Sequence[str], positions: Array, rotations: NDArray[np.floating]) -> FrameTransforms:
+    """Where everything is, (n, 3) [m], and how it is turned, (n, 4) x, y, z, w. Who is nowhere yet is left out."""
+    known = np.isfinite(positions).all(axis=1) & np.isfinite(rotations).all(axis=1)
     return FrameTransforms(
         transforms=[
             FrameTransform(

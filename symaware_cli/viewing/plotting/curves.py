@@ -22,7 +22,8 @@ Array = NDArray[np.float64]
 #: [ns] Speed is taken from positions this much before and after, so that noise of each step does not drown it.
 _AROUND = 250_000_000
 
-_TOPICS = {"world": "/world/{}/state", "control_requested": "/agents/{}/control"}
+#: What changes gradually; all else, such as inputs and readings, stands until the next value.
+_GRADUAL = ("state", "world", "intent", "uncertainty")
 
 
 @dataclass(frozen=True)
@@ -113,7 +114,7 @@ def named(log: Log, cast: Cast, chosen: Chosen, names: Sequence[SeriesName], win
 
     Raises:
         LogError: The log has no values of one.
-        UnknownNameError: It has no such agent, group, entity or column.
+        UnknownNameError: It has no such agent, group, entity, field or column.
     """
     single = [name.owner for name in names if name.owner in cast.place and name.owner not in cast.troupes]
     alone = Chosen.of(cast, single) if single else chosen
@@ -165,8 +166,12 @@ def _picked(
 def _columns(
     log: Log, owner: str, field: str, rows: NDArray[np.intp], lines: tuple[Line, ...], window: Window
 ) -> list[Curves]:
-    """One for each column of a field that has values in the window; none where it was not recorded."""
-    series = series_of(log, owner, field, _TOPICS.get(field, f"/agents/{{}}/{field}").format(owner))
+    """One for each column of a field that has values in the window; none where it was not recorded.
+
+    Raises:
+        UnknownNameError: There is no such field.
+    """
+    series = series_of(log, owner, field, log.series_topic(owner, field))
     if series is None or series.times[0] > window.end:
         return []
     # A value holds until the next, so the window begins with the last one before it, and ends with the last one in it.
@@ -176,7 +181,7 @@ def _columns(
     count = values.shape[2]
     names = series.columns or ((field,) if count == 1 else tuple(f"{field} {number}" for number in range(count)))
     units = series.units or ("",) * count
-    stepwise = field in ("control", "control_requested", "risk")
+    stepwise = field not in _GRADUAL
     return [
         Curves(name, unit, times, values[:, :, number], lines, stepwise)
         for number, (name, unit) in enumerate(zip(names, units, strict=False))

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from symaware_cli.core import nanoseconds, seconds
 from symaware_cli.recording.error import LogError, UnknownNameError
-from symaware_cli.recording.reader import FIELDS, Log
+from symaware_cli.recording.reader import Log
 
 #: The panels that can be asked for by name, in the order in which they are drawn.
 PANELS = ("trajectories", "separation", "risk", "speed", "altitude", "control")
@@ -28,7 +28,7 @@ class SeriesName:
 
     Attributes:
         owner: A group, an agent or an entity.
-        field: One of the fields of `Log.series`.
+        field: One of the fields of `Log.series`, or a sensor.
         column: The name of a column, or its number; None for every column.
     """
 
@@ -42,16 +42,11 @@ class SeriesName:
 
         Raises:
             LogError: It is not of that form.
-            UnknownNameError: There is no such field.
         """
         parts = text.split(":")
         if len(parts) not in (2, 3) or not all(parts):
             raise LogError(f"a series is called NAME:FIELD or NAME:FIELD:COLUMN, such as robot.0:state:x, not {text!r}")
-        owner, field_name, *column = parts
-        if field_name not in FIELDS:
-            message = f"there is no field {field_name!r} of series; there are {', '.join(FIELDS)}"
-            raise UnknownNameError(message, field_name, FIELDS)
-        return cls(owner, field_name, *column)
+        return cls(*parts)
 
     def __str__(self) -> str:
         return ":".join(part for part in (self.owner, self.field, self.column) if part is not None)

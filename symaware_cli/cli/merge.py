@@ -1,0 +1,102 @@
+"""``symaware merge``."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from symaware_cli.cli.progress import progress
+from symaware_cli.cli.terminal import DATA_LOST, INTERRUPTED, Json, print_json, size_in_words, trouble_shown
+
+if TYPE_CHECKING:
+    from symaware_cli.recording.merging import Merged
+    from symaware_cli.recording.part import Part
+
+
+def merge(
+    paths: Annotated[
+        list[Path], typer.Argument(help="The logs of the host and of the members, in any order.", metavar="LOG")
+    ],
+    output: Annotated[
+        Path,
+        typer.Option("--output", "-o", help="The log of the whole run; replaced if it exists."),
+    ],
+    as_json: Json = False,
+) -> None:
+    """Join the logs of the processes that shared a run into one."""
+    # Whoever ends it finds nothing half-written either.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        with trouble_shown(as_json):
+            from symaware_cli.recording.merging import merge as write
+            from symaware_cli.recording.part import open_parts
+
+            parts = open_parts(paths)
+            start = min((part.log.start_time or 0 for part in parts), default=0)
+            end = max((part.log.end_time or 0 for part in parts), default=0)
+            shown = sys.stderr.isatty() and not as_json
+            with progress(output.name, start, end, shown) as on_progress:
+                merged = write(parts, output, on_progress)
+    except KeyboardInterrupt:
+        raise typer.Exit(INTERRUPTED) from None
+    lost = [part for part in parts if part.log.damage and part.log.damage.lost]
+    if as_json:
+        print_json(_plain(parts, merged, lost))
+    else:
+        typer.echo(_text(parts, merged))
+        for part in lost:
+            typer.echo(f"symaware: {part.log.path}: {part.log.damage}", err=True)
+    raise typer.Exit(DATA_LOST if lost else 0)
+
+
+def _plain(parts: Sequence[Part], merged: Merged, lost: Sequence[Part]) -> dict[str, Any]:
+    """Lay out what was merged for scripts; times in seconds."""
+    return {
+        "log": str(merged.path),
+        "size": merged.size,
+        "messages": merged.messages,
+        "repeated": merged.repeated,
+        "start": _seconds(merged.start_time),
+        "end": _seconds(merged.end_time),
+        "lost": bool(lost),
+        "parts": [
+            {
+                "log": str(part.log.path),
+                "name": part.name,
+                "host": part.host,
+                "agents": list(part.agents),
+                "start": _seconds(part.log.start_time),
+                "end": _seconds(part.log.end_time),
+                "damage": str(part.log.damage) if part.log.damage else None,
+            }
+            for part in parts
+        ],
+    }
+
+
+def _text(parts: Sequence[Part], merged: Merged) -> str:
+    once = f"; {merged.repeated:,} that stand in several parts are written once" if merged.repeated else ""
+    names = ["(whole)" if part.whole else part.name for part in parts]
+    width = max(map(len, ["part", *names]))
+    lines = [
+        f"{merged.path}: {merged.messages:,} messages, {size_in_words(merged.size)}{once}",
+        "",
+        f"  {'part':<{width}} {'agents':>7} {'from [s]':>10} {'until [s]':>10}  log",
+    ]
+    for name, part in zip(names, parts, strict=True):
+        start, end = (_number(time) for time in (part.log.start_time, part.log.end_time))
+        lines.append(f"  {name:<{width}} {len(part.agents):>7,} {start:>10} {end:>10}  {part.log.path}")
+    return "\n".join(lines)
+
+
+def _seconds(time: int | None) -> float | None:
+    return None if time is None else time / 1e9
+
+
+def _number(time: int | None) -> str:
+    return "-" if time is None else f"{time / 1e9:.9g}"

@@ -1,0 +1,56 @@
+"""Rotations as unit quaternions (x, y, z, w), many at once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+
+def about(axis: ArrayLike, angles: ArrayLike) -> Array:
+    """Turn about an axis (3,) of length 1 by angles (...) [rad]; returns (..., 4)."""
+    half = 0.5 * np.asarray(angles, float)[..., None]
+    return np.concatenate([np.sin(half) * np.asarray(axis, float), np.cos(half)], axis=-1)
+
+
+def attitude(roll: ArrayLike, pitch: ArrayLike, yaw: ArrayLike) -> Array:
+    """Turn by a yaw about z, then by a pitch about the new y, then by a roll about the new x [rad].
+
+    The same as about the fixed axes x, y and z, one after the other, as in the ``rpy`` of URDF. (...) to (..., 4).
+    """
+    turned = composed(about((0.0, 0.0, 1.0), yaw), about((0.0, 1.0, 0.0), pitch))
+    return composed(turned, about((1.0, 0.0, 0.0), roll))
+
+
+def attitude_columns(names: Sequence[str]) -> tuple[int, int, int] | None:
+    """Where a state with these elements has its attitude: roll, pitch and yaw; None if it has none."""
+    known = list(names)
+    if not {"roll", "pitch", "yaw"} <= set(known):
+        return None
+    return known.index("roll"), known.index("pitch"), known.index("yaw")
+
+
+def composed(outer: ArrayLike, inner: ArrayLike) -> Array:
+    """Turn by one rotation in the frame that another has turned already; (..., 4) both."""
+    a, b = np.moveaxis(np.asarray(outer, float), -1, 0), np.moveaxis(np.asarray(inner, float), -1, 0)
+    return np.stack(
+        [
+            a[3] * b[0] + a[0] * b[3] + a[1] * b[2] - a[2] * b[1],
+            a[3] * b[1] + a[1] * b[3] + a[2] * b[0] - a[0] * b[2],
+            a[3] * b[2] + a[2] * b[3] + a[0] * b[1] - a[1] * b[0],
+            a[3] * b[3] - a[0] * b[0] - a[1] * b[1] - a[2] * b[2],
+        ],
+        axis=-1,
+    )
+
+
+def rotated(orientations: ArrayLike, vectors: ArrayLike) -> Array:
+    """Turn vectors (..., 3) by rotations (..., 4)."""
+    turns, vectors = np.asarray(orientations, float), np.asarray(vectors, float)
+    axis, scalar = turns[..., :3], turns[..., 3:]
+    twice = 2.0 * np.cross(axis, vectors)
+    turned: Array = vectors + scalar * twice + np.cross(axis, twice)
+    return turned

@@ -1,0 +1,99 @@
+"""Collisions in the spatial world: who meets whom, and what PyBullet finds of it."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any
+
+from symaware_cli.environments.bullet import engine
+from symaware_cli.environments.touch import Pair, TouchLedger, pair
+
+#: What collides with what: the group of each kind of body, and the groups that it meets. Rays are of the first.
+RAY, GROUND, FIXED, LED, FREE, UPRIGHT = (1 << number for number in range(6))
+MEETS = {
+    GROUND: RAY | FREE,
+    FIXED: RAY | FREE | UPRIGHT,
+    LED: RAY | FREE | UPRIGHT,
+    FREE: RAY | GROUND | FIXED | LED | FREE | UPRIGHT,
+    UPRIGHT: RAY | FIXED | LED | FREE | UPRIGHT,
+}
+
+#: [m] A contact has ended when the gap is wider than this; wheels that roll hop by less.
+_GAP = 5e-3
+
+
+class Collisions:
+    """Tells a ledger what an engine finds of bodies that touch."""
+
+    def __init__(self, client: int, owner: Mapping[int, int], ledger: TouchLedger, ground: int, step_time: float):
+        """Take note of the world.
+
+        Args:
+            client: The engine's client.
+            owner: Whose each of the engine's bodies is, as in the ledger.
+            ledger: Who is told.
+            ground: The owner of the ground.
+            step_time: A physics step [s].
+        """
+        self._client = client
+        self._owner = owner
+        self._ledger = ledger
+        self._ground = ground
+        self._step_time = step_time
+        #: Which of the engine's bodies touch, and whose they are.
+        self._touching: dict[tuple[int, int], Pair] = {}
+
+    def start(self) -> None:
+        """Tell who overlaps before anything has moved."""
+        engine.performCollisionDetection(self._client)
+        found: dict[Pair, Any] = {}
+        for contact in engine.getContactPoints(physicsClientId=self._client):
+            bodies = self._owners(contact[1:3])
+            if bodies[1] == self._ground:
+                if contact[8] <= _GAP:
+                    self._touching[contact[1:3]] = bodies
+                    self._ledger.rest(bodies, _middle(contact))
+            elif bodies[0] != bodies[1] and contact[8] < -1e-9:
+                known = found.get(bodies)
+                if known is None or contact[8] < known[8]:
+                    found[bodies] = contact
+        for bodies in sorted(found):
+            self._ledger.start(bodies, _middle(found[bodies]), -found[bodies][8])
+
+    def update(self) -> Collection[tuple[int, int]]:
+        """Tell what the last physics step found, and return which of the engine's bodies pressed on each other."""
+        found = engine.getContactPoints(physicsClientId=self._client)
+        touching = self._touching
+        if not found and not touching:
+            return ()
+        met = {contact[1:3] for contact in found if contact[8] <= 0.0 or contact[9] > 0.0}
+        if met != touching.keys():
+            if not met <= touching.keys():
+                self._begin(met - touching.keys(), found)
+            near = {contact[1:3] for contact in found if contact[8] <= _GAP}
+            # After those that begin, so that who slides along a wall from part to part stays in contact.
+            for parts in [each for each in touching if each not in near]:
+                self._ledger.end(touching.pop(parts))
+        return met
+
+    def _begin(self, new: set[tuple[int, int]], found: Sequence[Any]) -> None:
+        """Tell who begins to touch, and how hard they pressed on each other in the last physics step."""
+        contacts: dict[Pair, list[Any]] = {}
+        for contact in found:
+            if contact[1:3] in new:
+                contacts.setdefault(self._owners(contact[1:3]), []).append(contact)
+        for bodies in sorted(contacts):
+            nearest = min(contacts[bodies], key=lambda contact: contact[8])
+            impulse = sum(contact[9] * self._step_time for contact in contacts[bodies])
+            for parts in dict.fromkeys(contact[1:3] for contact in contacts[bodies]):
+                self._touching[parts] = bodies
+                if bodies[0] != bodies[1]:
+                    self._ledger.begin(bodies, _middle(nearest), max(0.0, -nearest[8]), impulse)
+
+    def _owners(self, parts: tuple[int, int]) -> Pair:
+        """Whose two of the engine's bodies are."""
+        return pair(self._owner[parts[0]], self._owner[parts[1]])
+
+
+def _middle(contact: Any) -> tuple[float, ...]:
+    return tuple(0.5 * (one + other) for one, other in zip(contact[5], contact[6], strict=True))

@@ -1,0 +1,62 @@
+"""Likenesses: what the bodies that a spatial world makes of shapes look like."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+from pathlib import Path
+
+from symaware_cli.core import Shape, Wall, WorldError
+from symaware_cli.core.articulation import Articulation, Link, Visual
+from symaware_cli.core.rotation import about
+from symaware_cli.environments import asset
+from symaware_cli.environments.description import DescriptionError, articulation, material_colour
+
+
+def likeness(shape: Shape, folder: Path, height: float) -> Articulation:
+    """Describe the body of a shape, as `Solids` makes it.
+
+    Args:
+        shape: The shape.
+        folder: Where the files lie that a scenario names.
+        height: How high what has no height of its own is [m].
+
+    Raises:
+        WorldError: A file that it names is missing, or makes no sense.
+    """
+    if shape.urdf:
+        try:
+            return articulation(asset.find(shape.urdf.file, folder), shape.urdf.scale)
+        except DescriptionError as error:
+            raise WorldError(f"`{shape.urdf.file}` {error}") from error
+    return Articulation(name=shape.kind, links=(Link(name=shape.kind, visuals=tuple(_visuals(shape, folder, height))),))
+
+
+def _visuals(shape: Shape, folder: Path, height: float) -> Sequence[Visual]:
+    if shape.circle:
+        return [Visual(kind="sphere", size=(shape.circle.radius,))]
+    if shape.cylinder:
+        return [Visual(kind="cylinder", size=(shape.cylinder.radius, shape.cylinder.height))]
+    if shape.box:
+        return [Visual(kind="box", size=(shape.box.length, shape.box.width, shape.box.upright))]
+    if shape.polygon:
+        return [Visual(kind="prism", size=(height,), outline=shape.polygon.vertices)]
+    if shape.mesh:
+        file = asset.find(shape.mesh.file, folder)
+        return [Visual(kind="mesh", size=(shape.mesh.scale,) * 3, mesh=str(file), colour=material_colour(file))]
+    assert shape.wall
+    return _segments(shape.wall, height)
+
+
+def _segments(wall: Wall, height: float) -> list[Visual]:
+    """A wall's segments, and what rounds their ends."""
+    visuals = []
+    for (x, y), (to_x, to_y) in pairwise(wall.points):
+        size = (math.dist((x, y), (to_x, to_y)), wall.thickness, height)
+        turned = tuple(about((0.0, 0.0, 1.0), math.atan2(to_y - y, to_x - x)).tolist())
+        middle = (0.5 * (x + to_x), 0.5 * (y + to_y), 0.0)
+        visuals.append(Visual(kind="box", size=size, position=middle, orientation=turned))
+    half = 0.5 * wall.thickness
+    ends = dict.fromkeys(wall.points)
+    return visuals + [Visual(kind="cylinder", size=(half, height), position=(x, y, 0.0)) for x, y in ends]

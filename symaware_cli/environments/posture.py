@@ -1,0 +1,66 @@
+"""Postures: where bodies of PyBullet are in space, how they are turned, and how their joints stand."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symaware_cli.core.articulation import Articulation
+from symaware_cli.environments.bullet import engine
+
+Array = NDArray[np.float64]
+
+
+class Postures:
+    """Reads the postures of bodies when asked, a call or two for each; they cost nothing otherwise."""
+
+    def __init__(self, client: int) -> None:
+        """Take note of the world.
+
+        Args:
+            client: The engine's client.
+        """
+        self._client = client
+        #: From the centre of mass, which the engine tells, to the base; by body, None where that is the same.
+        self._bases: dict[int, tuple[Sequence[float], Sequence[float]] | None] = {}
+        #: The engine's numbers of the joints of a body.
+        self._joints: dict[int, Sequence[int]] = {}
+
+    def poses(self, bodies: Sequence[int]) -> Array:
+        """The positions [m] and quaternions (x, y, z, w) of the bases; shape (n, 7)."""
+        flat: list[float] = []
+        for body in bodies:
+            if body not in self._bases:
+                self._bases[body] = self._base(body)
+            position, orientation = engine.getBasePositionAndOrientation(body, self._client)
+            base = self._bases[body]
+            if base:
+                position, orientation = engine.multiplyTransforms(position, orientation, *base)
+            flat += position
+            flat += orientation
+        return np.array(flat).reshape(len(bodies), 7)
+
+    def joints(self, bodies: Sequence[int], articulation: Articulation) -> Array:
+        """The positions of the joints that move, in the order of an articulation [rad] or [m]; shape (n, joints)."""
+        flat: list[float] = []
+        for body in bodies:
+            if body not in self._joints:
+                self._joints[body] = self._numbers(body, articulation.joints)
+            flat += [state[0] for state in engine.getJointStates(body, self._joints[body], self._client)]
+        return np.array(flat).reshape(len(bodies), len(articulation.joints))
+
+    def _base(self, body: int) -> tuple[Sequence[float], Sequence[float]] | None:
+        position, orientation = engine.getDynamicsInfo(body, -1, self._client)[3:5]
+        if not any(position) and not any(orientation[:3]):
+            return None
+        base: tuple[Sequence[float], Sequence[float]] = engine.invertTransform(position, orientation)
+        return base
+
+    def _numbers(self, body: int, joints: Mapping[str, str]) -> list[int]:
+        names = {
+            engine.getJointInfo(body, number, self._client)[1].decode(): number
+            for number in range(engine.getNumJoints(body, self._client))
+        }
+        return [names[joint] for joint in joints]

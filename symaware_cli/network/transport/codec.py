@@ -1,0 +1,317 @@
+"""Frames as bytes, by schemas/symaware/v1/transport.proto."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import numpy as np
+from google.protobuf.message import EncodeError
+from numpy.typing import NDArray
+
+from symaware_cli.core import Contact, Delivery, Mailing, Message
+from symaware_cli.core.message import Indices
+from symaware_cli.network.transport import transport_pb2 as wire
+from symaware_cli.network.transport.frame import (
+    End,
+    Frame,
+    FrameError,
+    Hello,
+    Notice,
+    Post,
+    Refusal,
+    Report,
+    Step,
+    Welcome,
+)
+from symaware_cli.network.transport.value import (
+    array_from_wire,
+    array_to_wire,
+    entries_from_wire,
+    entries_to_wire,
+    parsed,
+    present,
+    text_to_wire,
+)
+
+
+def encode(frame: Frame) -> bytes:
+    """Encode a frame.
+
+    Raises:
+        TypeError: It holds something that cannot be sent; says of which type.
+    """
+    name, encoder = _ENCODERS[type(frame)]
+    try:
+        return wire.Frame(**{name: encoder(frame)}).SerializeToString()
+    except (ValueError, EncodeError) as error:
+        # Numbers out of the range of their fields, text that is no Unicode, more than 2 GiB.
+        raise TypeError(f"a {type(frame).__name__} cannot be sent: {error}") from error
+
+
+def decode(data: bytes) -> Frame:
+    """Decode a frame; its arrays are read-only.
+
+    Raises:
+        FrameError: These bytes are no frame.
+    """
+    message = parsed(wire.Frame, data)
+    kind = message.WhichOneof("content")
+    if kind is None:
+        raise FrameError("a frame is empty, or of a kind that is not known")
+    frame: Frame = _DECODERS[kind](getattr(message, kind))
+    return frame
+
+
+def _hello(frame: Hello) -> wire.Hello:
+    return wire.Hello(name=frame.name, scenario=frame.scenario, version=frame.version, agents=frame.agents)
+
+
+def _read_hello(message: wire.Hello) -> Hello:
+    return Hello(message.name, message.scenario, message.version, tuple(message.agents))
+
+
+def _welcome(frame: Welcome) -> wire.Welcome:
+    return wire.Welcome(step=frame.step, time=frame.time, pace=frame.pace, started=frame.started)
+
+
+def _read_welcome(message: wire.Welcome) -> Welcome:
+    return Welcome(message.step, message.time, message.pace, message.started)
+
+
+def _refusal(frame: Refusal) -> wire.Refusal:
+    return wire.Refusal(reason=frame.reason, final=frame.final)
+
+
+def _read_refusal(message: wire.Refusal) -> Refusal:
+    return Refusal(message.reason, message.final)
+
+
+def _notice(frame: Notice) -> wire.Notice:
+    return wire.Notice(
+        name=frame.name, source=frame.source, level=frame.level, text=frame.text, data=entries_to_wire(frame.data)
+    )
+
+
+def _read_notice(message: wire.Notice) -> Notice:
+    return Notice(message.name, message.source, message.level, message.text, entries_from_wire(message.data))
+
+
+def _end(frame: End) -> wire.End:
+    return wire.End(status=frame.status, reason=frame.reason, source=frame.source)
+
+
+def _read_end(message: wire.End) -> End:
+    return End(message.status, message.reason, message.source)
+
+
+def _step(frame: Step) -> wire.Step:
+    # Members are often told of parts of the same mailing, one for each time of arrival.
+    mailings = {id(each.mailing): each.mailing for each in frame.deliveries}
+    numbers = {identity: number for number, identity in enumerate(mailings)}
+    return wire.Step(
+        step=frame.step,
+        time=frame.time,
+        world=entries_to_wire({name: np.asarray(array, np.float64) for name, array in frame.world.items()}),
+        contacts=_serialised(_contact, frame.contacts),
+        letters=_serialised(_letter, frame.letters),
+        mailings=_serialised(_mailing, mailings.values()),
+        deliveries=[_delivery(each, numbers[id(each.mailing)]).SerializeToString() for each in frame.deliveries],
+        started=frame.started,
+    )
+
+
+def _read_step(message: wire.Step) -> Step:
+    mailings = [_read_mailing(parsed(wire.Mailing, data)) for data in message.mailings]
+    return Step(
+        message.step,
+        message.time,
+        _columns(message.world, np.float64),
+        tuple(_read_contact(parsed(wire.Contact, data)) for data in message.contacts),
+        tuple(_read_letter(parsed(wire.Letter, data)) for data in message.letters),
+        tuple(_read_delivery(parsed(wire.Delivery, data), mailings) for data in message.deliveries),
+        message.started,
+    )
+
+
+def _report(frame: Report) -> wire.Report:
+    inputs = [
+        wire.Input(group=text_to_wire(group), rows=_indices(rows), inputs=array_to_wire(np.asarray(values, np.float64)))
+        for group, (rows, values) in frame.inputs.items()
+    ]
+    return wire.Report(
+        step=frame.step,
+        inputs=[each.SerializeToString() for each in inputs],
+        posts=_serialised(_post, frame.posts),
+    )
+
+
+def _read_report(message: wire.Report) -> Report:
+    inputs: dict[str, tuple[Indices, NDArray[np.float64]]] = {}
+    for data in message.inputs:
+        part = parsed(wire.Input, data)
+        rows = _read_indices(present(part, "rows"))
+        values = array_from_wire(present(part, "inputs"), "f", dimensions=2).astype(np.float64, copy=False)
+        if part.group in inputs:
+            raise FrameError(f"the group {part.group!r} comes twice")
+        if len(values) != len(rows):
+            raise FrameError(f"{len(rows)} rows do not fit control inputs of shape {values.shape}")
+        inputs[part.group] = rows, values
+    posts = tuple(_read_post(parsed(wire.Post, data)) for data in message.posts)
+    return Report(message.step, inputs, posts)
+
+
+def _post(post: Post) -> wire.Post:
+    if isinstance(post.content, Mailing):
+        return wire.Post(mailing=_mailing(post.content), time=post.time)
+    return wire.Post(letter=_letter(post.content), time=post.time)
+
+
+def _read_post(message: wire.Post) -> Post:
+    kind = message.WhichOneof("content")
+    if kind is None:
+        raise FrameError("a post is empty, or of a kind that is not known")
+    content = _read_letter(message.letter) if kind == "letter" else _read_mailing(message.mailing)
+    return Post(content, message.time)
+
+
+def _contact(contact: Contact) -> wire.Contact:
+    return wire.Contact(
+        first=contact.first,
+        second=contact.second,
+        point=contact.point,
+        depth=contact.depth,
+        begins=contact.begins,
+        impulse=contact.impulse,
+    )
+
+
+def _read_contact(message: wire.Contact) -> Contact:
+    if not message.first or not message.second:
+        raise FrameError("a contact lacks a body")
+    return Contact(message.first, message.second, tuple(message.point), message.depth, message.begins, message.impulse)
+
+
+def _letter(letter: Message) -> wire.Letter:
+    return wire.Letter(
+        sender=letter.sender,
+        receiver=letter.receiver,
+        payload=entries_to_wire(letter.payload),
+        kind=letter.kind,
+        sequence=letter.sequence,
+        sent_time=letter.sent_time,
+    )
+
+
+def _read_letter(message: wire.Letter) -> Message:
+    if not message.sender or not message.receiver:
+        raise FrameError("a message lacks its sender or receiver")
+    return Message(
+        message.sender,
+        message.receiver,
+        entries_from_wire(message.payload),
+        message.kind,
+        message.sequence,
+        message.sent_time,
+    )
+
+
+def _mailing(mailing: Mailing) -> wire.Mailing:
+    return wire.Mailing(
+        senders=_indices(mailing.senders),
+        columns=entries_to_wire({name: np.asarray(column) for name, column in mailing.columns.items()}),
+        kind=mailing.kind,
+        receivers=None if mailing.receivers is None else _indices(mailing.receivers),
+    )
+
+
+def _read_mailing(message: wire.Mailing) -> Mailing:
+    senders = _read_indices(present(message, "senders"))
+    if (np.diff(senders) <= 0).any():
+        raise FrameError("the senders of a mailing do not ascend")
+    columns = _columns(message.columns)
+    for name, column in columns.items():
+        if column.shape[:1] != senders.shape:
+            raise FrameError(f"the column {name!r} of shape {column.shape} does not fit {len(senders)} senders")
+    receivers = _read_indices(message.receivers, len(senders)) if message.HasField("receivers") else None
+    return Mailing(senders, columns, message.kind, receivers)
+
+
+def _delivery(delivery: Delivery, mailing: int) -> wire.Delivery:
+    return wire.Delivery(
+        mailing=mailing,
+        rows=_indices(delivery.rows),
+        receivers=_indices(delivery.receivers),
+        sequences=_indices(delivery.sequences),
+        sent_time=delivery.sent_time,
+        due=_indices(delivery.due),
+    )
+
+
+def _read_delivery(message: wire.Delivery, mailings: list[Mailing]) -> Delivery:
+    if message.mailing >= len(mailings):
+        raise FrameError(f"there is no mailing {message.mailing}: there are {len(mailings)}")
+    mailing = mailings[message.mailing]
+    rows = _read_indices(present(message, "rows"))
+    if len(rows) and int(rows.max()) >= len(mailing.senders):
+        raise FrameError(f"a mailing of {len(mailing.senders)} senders has no row {rows.max()}")
+    receivers = _read_indices(present(message, "receivers"), len(rows))
+    sequences = _read_whole(present(message, "sequences"), len(rows))
+    return Delivery(
+        mailing, rows, receivers, sequences, message.sent_time, _read_whole(present(message, "due"), len(rows))
+    )
+
+
+def _indices(values: NDArray[Any]) -> wire.Array:
+    return array_to_wire(np.asarray(values, np.int64))
+
+
+def _read_whole(message: wire.Array, count: int | None = None) -> NDArray[np.int64]:
+    if message.type != wire.Array.INT64:
+        raise FrameError("what counts is not an array of 64-bit whole numbers")
+    values = array_from_wire(message, dimensions=1)
+    if count not in (None, len(values)):
+        raise FrameError(f"{len(values)} numbers stand where {count} belong")
+    return values
+
+
+def _read_indices(message: wire.Array, count: int | None = None) -> Indices:
+    values = _read_whole(message, count)
+    if len(values) and int(values.min()) < 0:
+        raise FrameError(f"an index is negative: {values.min()}")
+    return values.astype(np.intp, copy=False)
+
+
+def _columns(entries: Iterable[bytes], dtype: type[np.generic] | None = None) -> dict[str, NDArray[Any]]:
+    """Decode arrays by name, of one type or of any."""
+    columns: dict[str, NDArray[Any]] = {}
+    for name, value in entries_from_wire(entries).items():
+        if not isinstance(value, np.ndarray) or dtype not in (None, value.dtype.type):
+            raise FrameError(f"what stands under {name!r} is no array of the right type")
+        columns[name] = value
+    return columns
+
+
+def _serialised(encoder: Callable[[Any], Any], values: Iterable[Any]) -> list[bytes]:
+    return [encoder(value).SerializeToString() for value in values]
+
+
+_ENCODERS: dict[type, tuple[str, Callable[[Any], Any]]] = {
+    Hello: ("hello", _hello),
+    Welcome: ("welcome", _welcome),
+    Refusal: ("refusal", _refusal),
+    Step: ("step", _step),
+    Report: ("report", _report),
+    Notice: ("notice", _notice),
+    End: ("end", _end),
+}
+
+_DECODERS: dict[str, Callable[[Any], Frame]] = {
+    "hello": _read_hello,
+    "welcome": _read_welcome,
+    "refusal": _read_refusal,
+    "step": _read_step,
+    "report": _read_report,
+    "notice": _read_notice,
+    "end": _read_end,
+}

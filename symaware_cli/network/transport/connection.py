@@ -1,0 +1,217 @@
+"""Connections: conversations that a port holds, and what waits to be said in them."""
+
+from __future__ import annotations
+
+import time
+from abc import ABC, abstractmethod
+from collections import deque
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from symaware_cli.core import Happening
+from symaware_cli.network.transport.conversation import FAREWELL, FRAME, PING, PONG, Over
+
+if TYPE_CHECKING:
+    from symaware_cli.network.transport.port import LoopPort
+
+#: So many bytes are handed on at once, if there are as many.
+_BATCH = 2**18
+
+#: For so many of the longest frames there is room in each queue, however many frames that are.
+_FRAMES = 4
+
+#: How long the other end has to take what was sent before its connection is let go of [s].
+PARTING = 1.0
+
+
+class Connection(ABC):
+    """One connection of a port. Everything but `take` happens in the port's thread.
+
+    A subclass moves bytes: it calls `begin`, `hear`, `pump` and `lost`, and implements what is abstract.
+
+    Attributes:
+        peer: Its number.
+        conversation: What is said.
+        came: Whether the run was told of it.
+        parting: Whether this end lets go of it: nothing is heard any more, but what waits is sent.
+        gone: Whether it is over.
+        full: Whether too many frames wait for the run's thread.
+        held: Whether nothing more can be handed on now.
+    """
+
+    def __init__(self, port: LoopPort) -> None:
+        self._port = port
+        self.peer = port.number()
+        self.conversation = port.conversation()
+        self.came = self.parting = self.gone = self.full = self.held = False
+        self._limits = port.parameters.queue, _FRAMES * port.parameters.maximum_frame
+        self._waiting: deque[bytes] = deque()
+        self._waiting_bytes = 0
+        self._farewell: bytes | None = None
+        # Each of these is written by one thread only.
+        self._given = self._given_bytes = 0
+        self._taken = self._taken_bytes = 0
+
+    # What a subclass does.
+
+    @abstractmethod
+    def transmit(self, records: Sequence[bytes]) -> None:
+        """Hand records on; sets `held` if no more should follow for now, and calls `pump` when they may."""
+
+    @abstractmethod
+    def rest(self) -> None:
+        """Read nothing more until `resume`."""
+
+    @abstractmethod
+    def resume(self) -> None:
+        """Read on."""
+
+    @abstractmethod
+    def hang_up(self) -> None:
+        """Let go when the other end has taken what was handed on, within `PARTING`."""
+
+    @abstractmethod
+    def drop(self) -> None:
+        """Let go at once."""
+
+    # What a subclass tells.
+
+    def begin(self) -> None:
+        """Introduce this end."""
+        self.transmit([self.conversation.preamble])
+
+    def hear(self, record: bytes) -> None:
+        """Take a record that arrived whole."""
+        if self.gone or self.parting:
+            return
+        conversation, was_open = self.conversation, self.conversation.open
+        try:
+            frame = conversation.hear(record, time.monotonic())
+        except Over as over:
+            self.refuse(over)
+            return
+        if conversation.open and not was_open:
+            self._port.admit(self)
+        if frame is not None:
+            self._given += 1
+            self._given_bytes += len(frame)
+            self._port.deliver(Happening("frame", self.peer, frame), self)
+            if self._behind(1):
+                self.full = True
+                self.rest()
+                self.look_again()
+        if conversation.outgoing:
+            self.pump()
+
+    def tick(self, now: float) -> None:
+        """Look at the clock."""
+        if self.gone or self.parting:
+            return
+        if self.full:
+            # What is not read cannot be heard: the other end may well be alive.
+            self.conversation.notice(now)
+            self.look_again()
+        try:
+            self.conversation.tick(now)
+        except Over as over:
+            self.refuse(over)
+            return
+        self.pump()
+
+    def lost(self, reason: str) -> None:
+        """Take note that nothing carries this connection any more."""
+        # To a member it happens that the host goes before it has let it in; a host is told nothing by who only begins.
+        unfinished = self._port.is_host and self.conversation.heard and not self.conversation.open
+        self.refuse(Over(reason, "garbage" if unfinished else None))
+
+    def refuse(self, over: Over) -> None:
+        """End it, for what was heard or was not."""
+        if self.gone:
+            return
+        if over.rejection is not None:
+            self._port.reject(over.rejection)
+        # A member that was turned away must learn of it; a host need not know of strangers that left.
+        self._leave(str(over), told=self.came or (not self._port.is_host and over.rejection is not None))
+        self.drop()
+
+    # What the port asks for.
+
+    def send(self, frame: bytes) -> None:
+        """Send a frame as soon as those before it are sent."""
+        if self.gone or self.parting or not self.came:
+            return
+        self._waiting.append(frame)
+        self._waiting_bytes += len(frame)
+        self.pump()
+        count, size = self._limits
+        if len(self._waiting) > count or self._waiting_bytes > size:
+            self.refuse(Over("too many frames waited for it"))
+
+    def part(self, reason: str) -> None:
+        """Send what waits, say farewell and let go; for the run it is over now."""
+        if self.gone or self.parting:
+            return
+        if not self.conversation.open:
+            self.refuse(Over(reason))
+            return
+        self.parting = True
+        if self.came:
+            self._port.deliver(Happening("gone", self.peer, reason=reason), self)
+        self._farewell = reason.encode()[:512]
+        self._port.call_later(PARTING, self.drop)
+        if self.full:
+            self.full = False
+            self.resume()
+        self.pump()
+
+    def pump(self) -> None:
+        """Hand on as much as can be."""
+        if self.gone:
+            return
+        outgoing = self.conversation.outgoing
+        if self.held:
+            # Who does not read what it asked for need not be told; else the answers would pile up.
+            outgoing[:] = [each for each in outgoing if each[0] not in (PING, PONG)]
+            return
+        while (outgoing or self._waiting) and not self.held:
+            records = [self.conversation.record(*each) for each in outgoing]
+            outgoing.clear()
+            size = 0
+            while self._waiting and size < _BATCH:
+                frame = self._waiting.popleft()
+                self._waiting_bytes -= len(frame)
+                size += len(frame)
+                records.append(self.conversation.record(FRAME, frame))
+            self.transmit(records)
+        if self._farewell is not None and not self._waiting and not self.held:
+            self.transmit([self.conversation.record(FAREWELL, self._farewell)])
+            self._farewell = None
+            self._leave("", told=False)
+            self.hang_up()
+
+    def look_again(self) -> None:
+        """Read on if few enough frames wait by now."""
+        if self.full and not self.gone and not self._behind(2):
+            self.full = False
+            self.resume()
+
+    def _behind(self, part: int) -> bool:
+        """Whether as many frames wait for the run's thread as may, or one part of so many of them."""
+        count, size = self._limits
+        waiting, waiting_bytes = self._given - self._taken, self._given_bytes - self._taken_bytes
+        return waiting * part >= max(count, part) or waiting_bytes * part >= size
+
+    def _leave(self, reason: str, *, told: bool) -> None:
+        self.gone = True
+        self._waiting.clear()
+        self._port.leave(self)
+        if told and not self.parting:
+            self._port.deliver(Happening("gone", self.peer, reason=reason), self)
+
+    # The run's thread.
+
+    def take(self, frame: bytes) -> bool:
+        """Take note that the run has a frame; returns whether the port should `look_again`."""
+        self._taken += 1
+        self._taken_bytes += len(frame)
+        return self.full and not self._behind(2)

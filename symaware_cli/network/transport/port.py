@@ -1,0 +1,234 @@
+"""Ports whose connections live in an event loop, in a thread of their own."""
+
+from __future__ import annotations
+
+import asyncio
+import itertools
+import random
+import threading
+import time
+from abc import abstractmethod
+from collections import deque
+from collections.abc import Awaitable, Callable, Coroutine, Mapping
+from queue import Empty, SimpleQueue
+from types import MappingProxyType
+from typing import Any, get_args
+
+from symaware_cli.core import Happening, Port, TransportParameters
+from symaware_cli.core.transport import Rejection
+from symaware_cli.network.transport.connection import Connection
+from symaware_cli.network.transport.conversation import Conversation, Over
+
+#: The time before a member tries to connect again, at first [s].
+_FIRST_PAUSE = 0.05
+
+#: How often a port looks at the clock within the timeout.
+_TICKS = 16
+
+
+class LoopPort(Port):
+    """A port that keeps its connections in an event loop.
+
+    A subclass opens and closes what the connections are made of, in the loop's thread.
+
+    Attributes:
+        parameters: Those of the transport.
+        is_host: Whether others come here.
+    """
+
+    def __init__(self, host: bool, key: bytes | None, parameters: TransportParameters) -> None:
+        self.parameters = parameters
+        self.is_host = host
+        self._key = key
+        self._counts: dict[Rejection, int] = dict.fromkeys(get_args(Rejection), 0)
+        self.rejected: Mapping[Rejection, int] = MappingProxyType(self._counts)
+        self._numbers = itertools.count(1)
+        self._inbox: SimpleQueue[tuple[Happening, Connection | None]] = SimpleQueue()
+        self._outbox: deque[tuple[int, bytes]] = deque()
+        self._flushing = False
+        self._closed = False
+        self._strangers: dict[int, Connection] = {}
+        self._peers: dict[int, Connection] = {}
+        self._tasks: list[asyncio.Task[None]] = []
+        self._loop = asyncio.new_event_loop()
+        self._end = asyncio.Event()
+        self._thread = threading.Thread(target=self._run, name="symaware-transport", daemon=True)
+
+    # What a subclass does, in the loop's thread.
+
+    @abstractmethod
+    async def open(self) -> None:
+        """Begin to listen or to connect.
+
+        Raises:
+            TransportError: That cannot be.
+        """
+
+    @abstractmethod
+    async def shut(self) -> None:
+        """Let nobody in any more, and wait for the connections to part."""
+
+    # The run's thread.
+
+    def start(self) -> None:
+        """Open the port.
+
+        Raises:
+            TransportError: That cannot be.
+        """
+        self._thread.start()
+        try:
+            asyncio.run_coroutine_threadsafe(self.open(), self._loop).result()
+        except BaseException:
+            self.close()
+            raise
+
+    def send(self, peer: int, frame: bytes) -> None:
+        """Hand a frame to the port's thread."""
+        maximum = self.parameters.maximum_frame
+        if len(frame) > maximum:
+            raise ValueError(f"a frame of {len(frame)} bytes is longer than `maximum_frame`: {maximum}")
+        if self._closed:
+            return
+        self._outbox.append((peer, frame))
+        if not self._flushing:
+            self._flushing = True
+            self._loop.call_soon_threadsafe(self._flush)
+
+    def receive(self, timeout: float | None = None) -> Happening | None:
+        """Return what happened next."""
+        try:
+            happening, connection = self._inbox.get(not self._closed, timeout)
+        except Empty:
+            return None
+        if happening.kind == "frame" and connection is not None and connection.take(happening.frame):
+            self._later(connection.look_again)
+        return happening
+
+    def offset(self, peer: int) -> float:
+        """How far the clock of a peer is ahead [s]."""
+        connection = self._peers.get(peer)
+        return 0.0 if connection is None else connection.conversation.offset
+
+    def cut(self, peer: int, reason: str) -> None:
+        """Let go of a peer, in order."""
+        self._later(self._cut, peer, reason)
+
+    def close(self) -> None:
+        """End the port's thread, and all that it keeps."""
+        if self._closed:
+            return
+        self._later(self._end.set)
+        self._closed = True
+        if self._thread.is_alive():
+            self._thread.join()
+
+    def _later(self, call: Any, *arguments: Any) -> None:
+        if not self._closed:
+            self._loop.call_soon_threadsafe(call, *arguments)
+
+    # The loop's thread.
+
+    def number(self) -> int:
+        """A number that nobody had before."""
+        return next(self._numbers)
+
+    def conversation(self) -> Conversation:
+        """Begin a conversation."""
+        parameters = self.parameters
+        return Conversation(self.is_host, self._key, parameters.maximum_frame, parameters.timeout, time.monotonic())
+
+    def call_later(self, delay: float, call: Callable[[], None]) -> None:
+        """Call something in the loop's thread."""
+        self._loop.call_later(delay, call)
+
+    def enter(self, connection: Connection) -> None:
+        """Take in a connection that has not said anything yet; where there are too many, the oldest of them goes."""
+        self._strangers[connection.peer] = connection
+        if len(self._strangers) > self.parameters.members:
+            oldest = next(iter(self._strangers.values()))
+            oldest.refuse(Over(f"more than {self.parameters.members} connect at once", "crowded"))
+        connection.begin()
+
+    def admit(self, connection: Connection) -> None:
+        """Let somebody in who is known now, if there is room."""
+        del self._strangers[connection.peer]
+        if len(self._peers) >= self.parameters.members:
+            self.reject("crowded")
+            connection.part(f"the host takes no more than {self.parameters.members} members")
+            return
+        self._peers[connection.peer] = connection
+        connection.came = True
+        self.deliver(Happening("came", connection.peer), connection)
+
+    def leave(self, connection: Connection) -> None:
+        """Take note that a connection is over."""
+        self._strangers.pop(connection.peer, None)
+        self._peers.pop(connection.peer, None)
+
+    def deliver(self, happening: Happening, connection: Connection) -> None:
+        """Let the run's thread know."""
+        self._inbox.put((happening, connection))
+
+    def reject(self, rejection: Rejection) -> None:
+        """Count what was not taken."""
+        self._counts[rejection] += 1
+
+    async def keep_connected(self, connect: Callable[[], Awaitable[Connection | None]]) -> None:
+        """Connect, and again when the connection is over, until this end has let go of it.
+
+        Args:
+            connect: Makes a connection, and returns it when it is over; None if there was none.
+        """
+        pause, dice = _FIRST_PAUSE, random.Random()
+        while True:
+            connection = await connect()
+            if connection is not None and connection.parting:
+                return
+            if connection is not None and connection.came:
+                pause = _FIRST_PAUSE
+            # Those who lost the same host at the same instant must not all come back at the same instant.
+            await asyncio.sleep(pause * dice.uniform(0.5, 1.0))
+            pause = min(2 * pause, self.parameters.timeout)
+
+    def keep(self, work: Coroutine[Any, Any, None]) -> None:
+        """Let something go on until the port is closed."""
+        self._tasks.append(self._loop.create_task(work))
+
+    def _run(self) -> None:
+        asyncio.set_event_loop(self._loop)
+        try:
+            self._loop.run_until_complete(self._live())
+        finally:
+            self._loop.run_until_complete(self._loop.shutdown_asyncgens())
+            asyncio.set_event_loop(None)
+            self._loop.close()
+
+    async def _live(self) -> None:
+        self.keep(self._tick())
+        await self._end.wait()
+        for task in self._tasks:
+            task.cancel()
+        await asyncio.gather(*self._tasks, return_exceptions=True)
+        self._flush()
+        for connection in (*self._strangers.values(), *self._peers.values()):
+            connection.part(f"{'the host' if self.is_host else 'the member'} ended the connection")
+        await self.shut()
+
+    async def _tick(self) -> None:
+        while True:
+            await asyncio.sleep(self.parameters.timeout / _TICKS)
+            now = time.monotonic()
+            for connection in (*self._strangers.values(), *self._peers.values()):
+                connection.tick(now)
+
+    def _flush(self) -> None:
+        self._flushing = False
+        while self._outbox:
+            peer, frame = self._outbox.popleft()
+            if (connection := self._peers.get(peer)) is not None:
+                connection.send(frame)
+
+    def _cut(self, peer: int, reason: str) -> None:
+        if (connection := self._peers.get(peer)) is not None:
+            connection.part(reason)

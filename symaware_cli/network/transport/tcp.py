@@ -1,0 +1,194 @@
+"""The transport ``tcp``: one connection for each process, over IPv4 or IPv6."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+from collections.abc import Sequence
+from typing import cast
+
+from symaware_cli.core import Port, Transport, TransportError
+from symaware_cli.network.transport.address import address_of, numeric
+from symaware_cli.network.transport.connection import PARTING, Connection
+from symaware_cli.network.transport.conversation import PREAMBLE, Over, may_begin
+from symaware_cli.network.transport.port import LoopPort
+
+#: How long the number is that says how long a record is [bytes].
+_LENGTH = 4
+
+#: So much may be handed to the operating system before it has sent what came before [bytes].
+_AHEAD = 2**20
+
+
+class Tcp(Transport):
+    """TCP: the processes of a run on one machine, or on several in one network. Frames are sealed, but not secret."""
+
+    def listen(self, host: str, port: int, key: bytes | None = None) -> Port:
+        """Open a listening socket."""
+        return _opened(_HostPort(numeric(host), port, key, self))
+
+    def join(self, host: str, port: int, key: bytes | None = None) -> Port:
+        """Connect a socket, again and again."""
+        if not 0 < port < 2**16:
+            raise TransportError(f"nobody can listen at port {port}")
+        return _opened(_MemberPort(numeric(host), port, key, self))
+
+
+def _opened(port: LoopPort) -> Port:
+    port.start()
+    return port
+
+
+class _TcpPort(LoopPort):
+    """A port whose connections are sockets."""
+
+    def __init__(self, host: str, port: int, key: bytes | None, transport: Tcp, *, listens: bool) -> None:
+        super().__init__(listens, key, transport.parameters)
+        self._place = host, port
+        self.address = address_of(host, port)
+        #: Every connection whose socket is open.
+        self.sockets: set[_TcpConnection] = set()
+
+    async def shut(self) -> None:
+        if self.sockets:
+            await asyncio.wait([each.closed for each in self.sockets], timeout=PARTING)
+        left = list(self.sockets)
+        for connection in left:
+            connection.drop()
+        if left:
+            await asyncio.wait([each.closed for each in left])
+
+
+class _HostPort(_TcpPort):
+    def __init__(self, host: str, port: int, key: bytes | None, transport: Tcp) -> None:
+        super().__init__(host, port, key, transport, listens=True)
+        self._server: asyncio.Server | None = None
+
+    async def open(self) -> None:
+        try:
+            self._server = await asyncio.get_running_loop().create_server(lambda: _TcpConnection(self), *self._place)
+        except (OSError, OverflowError) as error:
+            reason = getattr(error, "strerror", None) or str(error)
+            raise TransportError(f"cannot listen at {self.address}: {reason}") from error
+        self.address = address_of(*self._server.sockets[0].getsockname()[:2])
+
+    async def shut(self) -> None:
+        if self._server is not None:
+            self._server.close()
+        await super().shut()
+
+
+class _MemberPort(_TcpPort):
+    def __init__(self, host: str, port: int, key: bytes | None, transport: Tcp) -> None:
+        super().__init__(host, port, key, transport, listens=False)
+
+    async def open(self) -> None:
+        self.keep(self.keep_connected(self._connect))
+
+    async def _connect(self) -> Connection | None:
+        try:
+            async with asyncio.timeout(self.parameters.timeout):
+                _, connection = await asyncio.get_running_loop().create_connection(
+                    lambda: _TcpConnection(self), *self._place
+                )
+        except OSError:  # nobody is there yet
+            return None
+        await asyncio.shield(connection.closed)
+        return connection
+
+
+class _TcpConnection(asyncio.Protocol, Connection):
+    """A connection that is a socket. Each record has its length before it; the preamble, which has one, has not."""
+
+    def __init__(self, port: _TcpPort) -> None:
+        Connection.__init__(self, port)
+        self._sockets = port.sockets
+        self._transport = cast("asyncio.Transport", None)
+        self._buffer = bytearray()
+        self.closed: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+
+    # What asyncio calls.
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        self._transport = cast("asyncio.Transport", transport)
+        self._transport.set_write_buffer_limits(_AHEAD)
+        self._transport.get_extra_info("socket").setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._sockets.add(self)
+        self._port.enter(self)
+
+    def data_received(self, data: bytes) -> None:
+        self.conversation.notice(asyncio.get_running_loop().time())
+        if self.gone or self.parting:
+            return
+        self._buffer += data
+        self._split()
+
+    def eof_received(self) -> bool:
+        self.lost(f"{self.conversation.other} closed the connection")
+        return False
+
+    def connection_lost(self, error: Exception | None) -> None:
+        self._sockets.discard(self)
+        self._buffer.clear()
+        self.lost(f"the connection to {self.conversation.other} was lost")
+        if not self.closed.done():
+            self.closed.set_result(None)
+
+    def pause_writing(self) -> None:
+        self.held = True
+
+    def resume_writing(self) -> None:
+        self.held = False
+        self.pump()
+
+    def _split(self) -> None:
+        """Take the records out of what arrived."""
+        buffer, position = self._buffer, 0
+        while not (self.gone or self.full or self.parting):
+            limit = self.conversation.limit
+            if limit == PREAMBLE:
+                start, length = position, PREAMBLE
+                # What is not for us shall not wait for as many bytes as we would send.
+                if not may_begin(bytes(buffer[:PREAMBLE])):
+                    length = min(len(buffer), PREAMBLE)
+            elif len(buffer) - position < _LENGTH:
+                break
+            else:
+                start = position + _LENGTH
+                length = int.from_bytes(buffer[position:start])
+                if length > limit:
+                    self.refuse(Over(f"{self.conversation.other} announced {length} bytes", "oversized"))
+                    break
+            if len(buffer) - start < length:
+                break
+            position = start + length
+            self.hear(bytes(memoryview(buffer)[start:position]))
+        del buffer[:position]
+
+    # What the connection asks for.
+
+    def transmit(self, records: Sequence[bytes]) -> None:
+        if self._transport.is_closing():
+            return
+        parts: list[bytes] = []
+        for record in records:
+            if record is not self.conversation.preamble:
+                parts.append(len(record).to_bytes(_LENGTH))
+            parts.append(record)
+        self._transport.write(b"".join(parts))
+
+    def rest(self) -> None:
+        self._transport.pause_reading()
+
+    def resume(self) -> None:
+        self._split()
+        if not self.full and not self._transport.is_closing():
+            self._transport.resume_reading()
+
+    def hang_up(self) -> None:
+        # If it was closed with something unread, the other end would be told of an error before it had read all.
+        if self._transport.can_write_eof() and not self._transport.is_closing():
+            self._transport.write_eof()
+
+    def drop(self) -> None:
+        self._transport.abort()

@@ -1,0 +1,311 @@
+"""Channels: what of a group, or of an obstacle, goes into the log at an instant, row by row that changed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symaware_cli.core import AgentGroup, AwarenessDatabase, Environment, Quantity, Tracks
+from symaware_cli.core.column import Column, SeriesColumn
+from symaware_cli.recording import symaware_v1_pb2 as v1
+from symaware_cli.recording import wire
+from symaware_cli.recording.sensing import SensorChannels
+from symaware_cli.recording.text import as_json
+from symaware_cli.recording.writer import LogWriter
+
+_POSE = {"columns": "x,y,z,qx,qy,qz,qw", "units": "m,m,m,1,1,1,1"}
+
+
+class MoverChannel:
+    """The channel of an obstacle that moves."""
+
+    def __init__(self, writer: LogWriter, environment: Environment, name: str) -> None:
+        """Open it.
+
+        Args:
+            writer: The log.
+            environment: The world, initialised.
+            name: The obstacle.
+        """
+        self._writer = writer
+        self._environment = environment
+        self._name = name
+        self._last: list[float] | None = None
+        columns = [*"xyz"[: len(environment.pose(name).position)], "heading"]
+        units = ["m"] * (len(columns) - 1) + ["rad"]
+        metadata = {"columns": ",".join(columns), "units": ",".join(units)}
+        self._channel = writer.channel(f"/world/{name}/state", "Rows", metadata)
+
+    def record(self, now: int) -> None:
+        """Record where the obstacle is, unless it rests."""
+        pose = self._environment.pose(self._name)
+        values = [*pose.position, pose.heading]
+        if values != self._last:
+            self._last = values
+            self._writer.add(self._channel, now, wire.encode_rows([values]))
+
+
+class PostureChannels:
+    """The channels of what else is true of bodies in space: how they are turned, and how their joints stand."""
+
+    def __init__(self, writer: LogWriter, environment: Environment, name: str) -> None:
+        """Open them, as far as there is something to say.
+
+        Args:
+            writer: The log.
+            environment: The world, initialised.
+            name: The group or the obstacle.
+        """
+        self._writer = writer
+        self._name = name
+        self._sources: list[tuple[int, Callable[[str], NDArray[np.float64] | None]]] = []
+        self._last: dict[int, NDArray[np.float64]] = {}
+        if environment.body_poses(name) is not None:
+            self._sources.append((writer.channel(f"/world/{name}/pose", "Rows", _POSE), environment.body_poses))
+        if environment.joint_positions(name) is not None:
+            joints = environment.articulations()[name].joints
+            metadata = {"columns": ",".join(joints), "units": ",".join(joints.values())}
+            channel = writer.channel(f"/world/{name}/joints", "Rows", metadata)
+            self._sources.append((channel, environment.joint_positions))
+
+    @property
+    def says_something(self) -> bool:
+        """Whether there is any channel."""
+        return bool(self._sources)
+
+    def record(self, now: int) -> None:
+        """Record the rows that changed."""
+        for channel, read in self._sources:
+            values, last = read(self._name), self._last.get(channel)
+            if values is None:
+                continue
+            self._last[channel] = values
+            rows = None if last is None else np.flatnonzero((values != last).any(axis=1))
+            if rows is None or len(rows) == len(values):
+                self._writer.add(channel, now, wire.encode_rows(values))
+            elif len(rows):
+                self._writer.add(channel, now, wire.encode_rows(values[rows], rows))
+
+
+class GroupChannels:
+    """The channels of one group."""
+
+    def __init__(
+        self,
+        writer: LogWriter,
+        environment: Environment,
+        group: AgentGroup,
+        omit: Sequence[str],
+        quantities: Mapping[str, Sequence[Quantity]],
+        own: Sequence[int] | None = None,
+    ) -> None:
+        """Open them.
+
+        Args:
+            writer: The log.
+            environment: The world, initialised.
+            group: The group.
+            omit: Which kinds to leave out.
+            quantities: What the columns of its series are.
+            own: The rows that are recorded, ascending; None for all. The others run in another process.
+        """
+        self._own = None if own is None or len(own) == len(group) else list(own)
+        self._writer = writer
+        self._environment = environment
+        self._group = group
+        self._omit = frozenset(omit)
+        self._count = len(group)
+        self._last_truth: Any = None
+        self._last_tracks: Any = None
+        self._last_world: Any = None
+        states = _columns(group.model.state)
+        inputs = _columns(group.model.control_input)
+        series = {kind: _columns(columns) for kind, columns in quantities.items()}
+        topics = {
+            "world": (f"/world/{group.name}/state", "Rows", states),
+            "state": (f"/agents/{group.name}/state", "Rows", states),
+            "control": (f"/agents/{group.name}/control", "Control", inputs),
+            "intent": (f"/agents/{group.name}/intent", "SeriesRows", series.get("intent", {})),
+            "uncertainty": (f"/agents/{group.name}/uncertainty", "SeriesRows", series.get("uncertainty", {})),
+            "risk": (f"/agents/{group.name}/risk", "SeriesRows", series.get("risk", {})),
+            "awareness": (f"/agents/{group.name}/awareness", "Awareness", {}),
+            "knowledge": (f"/agents/{group.name}/knowledge", "Knowledge", {}),
+        }
+        self._channels = {kind: writer.channel(*topic) for kind, topic in topics.items() if kind not in self._omit}
+        self._postures = PostureChannels(writer, environment, group.name) if "world" in self._channels else None
+        self._sensors = SensorChannels(writer, group, self._own) if "sensors" not in self._omit else None
+        #: Series and the like are read only where their channel is open.
+        self._series = [
+            (self._channels[kind], column)
+            for kind, column in (
+                ("intent", group.awareness.intent),
+                ("uncertainty", group.awareness.uncertainty),
+                ("risk", group.awareness.risk),
+            )
+            if kind in self._channels
+        ]
+
+    def record(self, now: int) -> int:
+        """Record the rows that changed and return how many there were, of all kinds but the world's."""
+        writer, channels, awareness = self._writer, self._channels, self._group.awareness
+        updates = 0
+        if "world" in channels:
+            truth = self._environment.state(self._group)
+            if truth is not self._last_truth:
+                self._last_truth = truth
+                writer.add(channels["world"], now, wire.encode_rows(truth))
+                if self._postures:
+                    self._postures.record(now)
+        if "state" in channels:
+            updates += self._record_column(now, channels["state"], awareness.state_column)
+        for channel, column in self._series:
+            updates += self._record_series(now, channel, column)
+        if "awareness" in channels:
+            updates += self._record_awareness(now, channels["awareness"])
+        if "control" in channels:
+            updates += self._record_control(now, channels["control"])
+        if "knowledge" in channels:
+            updates += self._record_knowledge(now, channels["knowledge"])
+        if self._sensors and awareness.readings:
+            updates += self._sensors.record(now)
+        return updates
+
+    def _changes(self, column: Column | SeriesColumn) -> list[int] | None:
+        """The rows of a column that changed and are recorded; None for all of them."""
+        rows = column.take_changes()
+        if self._own is None:
+            return rows
+        return list(self._own) if rows is None else sorted({*rows} & {*self._own})
+
+    def _record_column(self, now: int, channel: int, column: Column) -> int:
+        rows = self._changes(column)
+        if rows is None:
+            self._writer.add(channel, now, wire.encode_rows(column.values))
+            return self._count
+        if rows:
+            self._writer.add(channel, now, wire.encode_rows(column.values[rows], rows))
+        return len(rows)
+
+    def _record_control(self, now: int, channel: int) -> int:
+        column = self._group.control_column
+        rows = self._changes(column)
+        if rows is not None and not rows:
+            return 0
+        requested = column.values
+        limited = self._group.model.limit(requested)
+        applied = None if limited is requested or np.array_equal(limited, requested) else limited
+        if rows is not None:
+            requested = requested[rows]
+            applied = None if applied is None else applied[rows]
+        self._writer.add(channel, now, wire.encode_control(requested, applied, rows))
+        return self._count if rows is None else len(rows)
+
+    def _record_series(self, now: int, channel: int, column: SeriesColumn) -> int:
+        rows = self._changes(column)
+        if rows is not None and not rows:
+            return 0
+        shared = column.shared
+        if rows is None and shared:
+            self._writer.add(channel, now, wire.encode_series(*shared))
+            return self._count
+        chosen = range(self._count) if rows is None else rows
+        series = [column.row(row) for row in chosen]
+        width = max(each.values.shape[1] for each in series)
+        lengths = [len(each) for each in series]
+        times = np.concatenate([each.times for each in series])
+        parts = [each.values for each in series if len(each)]
+        values = np.concatenate(parts) if parts else np.empty((0, width))
+        self._writer.add(channel, now, wire.encode_series(times, values, lengths, rows))
+        return len(series)
+
+    def _record_awareness(self, now: int, channel: int) -> int:
+        awareness = self._group.awareness
+        changed, tracks, world = awareness.others_changed, awareness.tracks, awareness.world
+        if not changed and tracks is not None:
+            return self._record_tracks(now, channel, tracks)
+        if not changed and world is not None and world.time == now:
+            self._last_world = world
+            self._writer.add(channel, now, wire.WHOLE_WORLD)
+            return self._count
+        if not changed and world is not self._last_world:
+            # The world as it was: /world at this instant does not tell it.
+            changed = set(range(self._count))
+        self._last_world = world
+        if changed:
+            awareness.others_changed = set()
+        if self._own is not None:
+            changed = changed & {*self._own}
+        if not changed:
+            return 0
+        databases = [agent.awareness_database for agent in self._group.agents]
+        if all(each.world is not None and each.world.time == now and not each.others for each in databases):
+            self._writer.add(channel, now, wire.WHOLE_WORLD)
+            return self._count
+        return self._record_databases(now, channel, sorted(changed), databases)
+
+    def _record_tracks(self, now: int, channel: int, tracks: Tracks) -> int:
+        """Record what the group's perception believes of others, for all agents at once."""
+        if tracks is self._last_tracks:
+            return 0
+        self._last_tracks = tracks
+        lengths = np.diff(tracks.pointers)
+        if self._own is not None:
+            lengths, tracks = lengths[self._own], tracks.select(np.isin(tracks.observers, self._own))
+        values = np.concatenate([tracks.positions, tracks.velocities], axis=1)
+        encoded = wire.encode_awareness(
+            lengths,
+            tracks.others,
+            [values.shape[1]],
+            values,
+            covariances=() if tracks.covariances is None else tracks.covariances,
+            ages=tracks.ages if tracks.ages.any() else (),
+            rows=self._own,
+        )
+        self._writer.add(channel, now, encoded)
+        return len(lengths)
+
+    def _record_databases(
+        self, now: int, channel: int, rows: Sequence[int], databases: Sequence[AwarenessDatabase]
+    ) -> int:
+        """Record what the components of single agents know of others."""
+        roster = self._environment.roster
+        lengths, entities, columns, values = [], [], [], [np.empty(0)]
+        for row in rows:
+            database = databases[row]
+            others = [id for id in database if id != self._group.ids[row] and id in roster]
+            lengths.append(len(others))
+            for id in others:
+                state = database[id].state
+                entities.append(roster.index(id))
+                columns.append(len(state))
+                values.append(state)
+        self._writer.add(channel, now, wire.encode_awareness(lengths, entities, columns, np.concatenate(values), rows))
+        return len(rows)
+
+    def _record_knowledge(self, now: int, channel: int) -> int:
+        if not self._group.knowledge_news:
+            return 0
+        rows = sorted(self._group.knowledge_news)
+        self._group.knowledge_news.clear()
+        if self._own is not None:
+            rows = [row for row in rows if row in self._own]
+            if not rows:
+                return 0
+        record = v1.Knowledge(
+            rows=[] if len(rows) == self._count else rows,
+            values=[as_json(self._group.knowledge[row]) for row in rows],
+        )
+        for row in rows:
+            self._group.knowledge[row].changed = False
+        self._writer.add(channel, now, record.SerializeToString(deterministic=True))
+        return len(rows)
+
+
+def _columns(quantities: Sequence[Quantity]) -> dict[str, str]:
+    return {
+        "columns": ",".join(quantity.name for quantity in quantities),
+        "units": ",".join(quantity.unit for quantity in quantities),
+    }

@@ -1,0 +1,176 @@
+"""The geometry of a log: what bodies consist of and look like, each kind of body and each mesh once."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+import numpy as np
+
+from symaware_cli.core import Environment
+from symaware_cli.core.articulation import Articulation, Link, Visual
+from symaware_cli.core.rotation import rotated
+from symaware_cli.recording.error import LogError
+from symaware_cli.recording.schema import GEOMETRY
+from symaware_cli.recording.surface import MEDIA_TYPES, bounds
+
+#: [bytes] No mesh is larger, nor all of them together; of others the log has the box around them.
+LARGEST = 16 << 20
+LARGEST_TOGETHER = 64 << 20
+
+
+@dataclass
+class Geometry:
+    """What the bodies of a world of space look like.
+
+    Attributes:
+        articulations: Each kind of body once; meshes are named by their attachments.
+        bodies: By group and entity its place in these.
+        heights: At which height [m] those stand, groups and entities, whose position is one in a plane.
+        ground: The height of the plane that carries what falls [m]; None where there is none.
+    """
+
+    articulations: list[Articulation] = field(default_factory=list)
+    bodies: dict[str, int] = field(default_factory=dict)
+    heights: dict[str, float] = field(default_factory=dict)
+    ground: float | None = None
+
+    def of(self, name: str) -> Articulation | None:
+        """What a body of a group, or an entity, looks like; None if its shape says so."""
+        return self.articulations[self.bodies[name]] if name in self.bodies else None
+
+
+class GeometryWriter:
+    """Puts the geometry of a world together for a log.
+
+    Attributes:
+        attachments: Media type and content by name, in the order in which they are to be written.
+        notes: What was left out, in words.
+    """
+
+    def __init__(self, environment: Environment, files: Mapping[str, bytes]) -> None:
+        """Collect it; nothing of worlds in a plane.
+
+        Args:
+            environment: The world, initialised.
+            files: What the log has of the scenario's folder anyway, by path relative to that.
+        """
+        self.attachments: dict[str, tuple[str, bytes]] = {}
+        self.notes: list[str] = []
+        self._files, self._folder = files, environment.folder
+        self._total = 0
+        #: By path of a mesh its attachment, or how to do without.
+        self._known: dict[str, Visual | str | None] = {}
+        described = environment.articulations()
+        if not described and environment.ground is None:
+            return
+        geometry = Geometry(ground=environment.ground)
+        places: dict[Articulation, int] = {}
+        for name in sorted(described):
+            articulation = described[name]
+            if articulation not in places:
+                places[articulation] = len(places)
+                geometry.articulations.append(self._written(articulation))
+            geometry.bodies[name] = places[articulation]
+        for group in environment.groups:
+            if len(group.model.position) == 2:
+                geometry.heights[group.name] = float(environment.body_positions(group.ids[:1])[0, 2])
+        for name in environment.obstacles:
+            if len(environment.pose(name).position) == 2:
+                geometry.heights[name] = float(environment.body_positions([name])[0, 2])
+        self.attachments = {GEOMETRY: ("application/json", _serialised(geometry)), **self.attachments}
+
+    def _written(self, articulation: Articulation) -> Articulation:
+        return articulation.model_copy(update={"links": tuple(map(self._link, articulation.links))})
+
+    def _link(self, link: Link) -> Link:
+        visuals = [self._visual(visual) if visual.kind == "mesh" else visual for visual in link.visuals]
+        return link.model_copy(update={"visuals": tuple(visual for visual in visuals if visual)})
+
+    def _visual(self, visual: Visual) -> Visual | None:
+        """A mesh by the name of its attachment; the box around it if it has none, nothing if that is not known."""
+        if visual.mesh not in self._known:
+            self._known[visual.mesh] = self._take(Path(visual.mesh))
+        known = self._known[visual.mesh]
+        if isinstance(known, str):
+            return visual.model_copy(update={"mesh": known})
+        if known is None:
+            return None
+        scale = np.array(visual.size)
+        middle = visual.position + rotated(visual.orientation, scale * known.position)
+        size = tuple((np.abs(scale) * known.size).tolist())
+        changed: dict[str, Any] = {"kind": "box", "size": size, "mesh": "", "position": tuple(middle.tolist())}
+        return visual.model_copy(update=changed)
+
+    def _take(self, path: Path) -> Visual | str | None:
+        """Attach a mesh."""
+        own = self._of_scenario(path)
+        if own is None and not path.is_file():
+            self.notes.append(f"the mesh {path.name} is not there, so the log does not have it")
+            return None
+        data = self._files[own] if own else path.read_bytes()
+        suffix = path.suffix.lower()
+        if suffix not in MEDIA_TYPES:
+            why = f"viewers know no {suffix or 'such'} files"
+        elif own:
+            return f"scenario/{own}"
+        elif len(data) > LARGEST or self._total + len(data) > LARGEST_TOGETHER:
+            why = f"it has {len(data) / (1 << 20):.1f} MiB"
+        else:
+            self._total += len(data)
+            name, number = f"geometry/{path.name}", 1
+            while name in self.attachments:
+                number += 1
+                name = f"geometry/{path.stem}-{number}{path.suffix}"
+            self.attachments[name] = (MEDIA_TYPES[suffix], data)
+            return name
+        box = bounds(data, suffix)
+        stands = "is left out" if box is None else "is drawn as the box around it"
+        self.notes.append(f"the mesh {path.name} {stands}: {why}")
+        if box is None:
+            return None
+        low, high = box
+        return Visual(kind="box", size=tuple((high - low).tolist()), position=tuple((0.5 * (low + high)).tolist()))
+
+    def _of_scenario(self, path: Path) -> str | None:
+        """The path of a file relative to the scenario's folder, if the log has it from there."""
+        for folder in (self._folder, self._folder.resolve()):
+            if path.is_relative_to(folder) and (inner := str(PurePosixPath(path.relative_to(folder)))) in self._files:
+                return inner
+        return None
+
+
+def geometry_of(attachments: Mapping[str, bytes]) -> Geometry:
+    """Read the geometry out of the attachments of a log.
+
+    Raises:
+        LogError: It is damaged.
+    """
+    if GEOMETRY not in attachments:
+        return Geometry()
+    try:
+        content = json.loads(attachments[GEOMETRY])
+        geometry = Geometry(
+            articulations=[Articulation.model_validate(each) for each in content["articulations"]],
+            bodies={str(name): int(place) for name, place in content["bodies"].items()},
+            heights={str(name): float(height) for name, height in content["heights"].items()},
+            ground=None if content["ground"] is None else float(content["ground"]),
+        )
+        if any(not 0 <= place < len(geometry.articulations) for place in geometry.bodies.values()):
+            raise ValueError("it names bodies that it does not describe")
+    except (KeyError, TypeError, AttributeError, ValueError) as error:
+        raise LogError(f"{GEOMETRY} in the log is damaged") from error
+    return geometry
+
+
+def _serialised(geometry: Geometry) -> bytes:
+    content = {
+        "ground": geometry.ground,
+        "bodies": geometry.bodies,
+        "heights": geometry.heights,
+        "articulations": [each.model_dump(mode="json", exclude_defaults=True) for each in geometry.articulations],
+    }
+    return json.dumps(content, separators=(",", ":")).encode()

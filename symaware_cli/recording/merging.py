@@ -1,0 +1,219 @@
+"""One log out of the parts that the processes of one run have written."""
+
+import heapq
+import json
+import os
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import asdict, dataclass
+from hashlib import blake2b
+from pathlib import Path
+from typing import Any
+
+from symaware_cli.recording.error import LogError, OutputError
+from symaware_cli.recording.index import ChannelInfo
+from symaware_cli.recording.message import LogMessage
+from symaware_cli.recording.output import whole_file
+from symaware_cli.recording.part import Part
+from symaware_cli.recording.recovery import Damage
+from symaware_cli.recording.schema import MANIFEST, MESSAGES, RECOVERY, TIMING, json_values
+from symaware_cli.recording.writer import LogWriter
+
+_PROGRESS = 256
+"""Messages between two reports of progress."""
+
+_NAMES = {message.DESCRIPTOR.full_name: name for name, message in MESSAGES.items()}
+"""What `LogWriter.channel` calls a message, by its full name."""
+
+
+@dataclass(frozen=True, slots=True)
+class Merged:
+    """What became of the parts.
+
+    Attributes:
+        path: The log of the whole run.
+        size: Its size, bytes.
+        messages: How many it holds.
+        repeated: Messages left out because they stand in several parts.
+        start_time: Simulated time of the first message, ns; None without messages.
+        end_time: Simulated time of the last message, ns; None without messages.
+    """
+
+    path: Path
+    size: int
+    messages: int
+    repeated: int
+    start_time: int | None
+    end_time: int | None
+
+
+def merge(
+    parts: Sequence[Part], path: str | os.PathLike[str], on_progress: Callable[[int], None] | None = None
+) -> Merged:
+    """Join the parts of a run into one log, as a single process would have written it.
+
+    Messages are ordered by time, then by part, and numbered anew. What several parts tell alike, such as an event that
+    everybody was told of, is written once. Memory holds a chunk of each part, and a digest of each message of one
+    instant that might stand in several.
+
+    Args:
+        parts: What `open_parts` returned; what is damaged in them is left out, and their damage tells of it afterwards.
+        path: The new log; what is there is replaced once the new one is complete.
+        on_progress: Is told now and then which simulated time was reached [ns].
+
+    Raises:
+        LogError: A part cannot be read any more, holds what is not ours, or contradicts another.
+        OutputError: The new log cannot be written; then nothing is left behind.
+    """
+    path = Path(path)
+    with whole_file(path, *(part.log.path for part in parts)) as partial:
+        try:
+            with LogWriter(partial) as writer:
+                start, end, repeated = _write(writer, parts, on_progress)
+        except OutputError as error:
+            # Then `whole_file` says so, of the file that was asked for.
+            raise error.__cause__ or error from None
+    return Merged(path, writer.size, writer.messages, repeated, start, end)
+
+
+def _write(
+    writer: LogWriter, parts: Sequence[Part], on_progress: Callable[[int], None] | None
+) -> tuple[int | None, int | None, int]:
+    """Write the log, and return its first and last time, and how many messages were left out."""
+    _attach(writer, parts)
+    channels = _open_channels(writer, parts)
+    once, start, end, repeated = _Once(parts), None, None, 0
+    for number, (time, rank, message) in enumerate(heapq.merge(*map(_stream, range(len(parts)), parts))):
+        if on_progress and number % _PROGRESS == 0:
+            on_progress(time)
+        if once.is_new(rank, message):
+            writer.add(channels[message.channel.topic], time, message.data)
+            start, end = time if start is None else start, time
+        else:
+            repeated += 1
+    writer.flush()
+    _describe_end(writer, parts)
+    writer.close()
+    return start, end, repeated
+
+
+def _attach(writer: LogWriter, parts: Sequence[Part]) -> None:
+    """Write the attachments of the host, and such as only others have (or have whole)."""
+    written: set[str] = set()
+    for part in parts:
+        for name in dict.fromkeys(place.name for place in part.log.index.attachments):
+            if name in written:
+                continue
+            for record in part.log.attachment_records(name):
+                content = _manifest(parts) if name == MANIFEST and not part.whole else record.data
+                writer.attach(name, record.media_type, content)
+                written.add(name)
+
+
+def _manifest(parts: Sequence[Part]) -> bytes:
+    content = {key: value for key, value in parts[0].log.manifest.items() if key != "part"}
+    return json.dumps({**content, "parts": [part.describe() for part in parts]}, indent=1).encode()
+
+
+def _open_channels(writer: LogWriter, parts: Sequence[Part]) -> dict[str, int]:
+    """Open the channels of all parts, the host's first, and return their numbers by topic."""
+    numbers = {TIMING: writer.timing}
+    known: dict[str, tuple[ChannelInfo, Path]] = {}
+    for part in parts:
+        for channel in part.log.index.channels.values():
+            info, path = part.log.channels[channel.topic], part.log.path
+            if info.schema not in _NAMES or info.encoding != "protobuf":
+                raise LogError(f"the messages on {info.topic} ({info.schema or 'no schema'}) in {path} are not ours")
+            first, first_path = known.setdefault(info.topic, (info, path))
+            if (first.schema, first.metadata) != (info.schema, info.metadata):
+                what = "columns" if first.schema == info.schema else "messages"
+                raise LogError(f"the {what} of {info.topic} are not the same in {first_path} and {path}")
+            if info.topic not in numbers:
+                numbers[info.topic] = writer.channel(info.topic, _NAMES[info.schema], info.metadata)
+    return numbers
+
+
+def _stream(rank: int, part: Part) -> Iterator[tuple[int, int, LogMessage]]:
+    """Read the messages of a part with their time and the place of the part, which decide on the order."""
+    last = 0
+    for message in part.log.messages(part.log.channels.keys() - (set() if part.host else {TIMING})):
+        if message.time < last:
+            raise LogError(f"the messages in {part.log.path} do not stand in the order of time")
+        last = message.time
+        yield last, rank, message
+
+
+class _Once:
+    """Finds what several parts tell: of n equal messages of one instant in one and m in another, max(n, m) stay."""
+
+    def __init__(self, parts: Iterable[Part]) -> None:
+        topics = Counter(topic for part in parts for topic in part.log.channels)
+        self._shared = {topic for topic, count in topics.items() if count > 1}
+        self._place = (0, 0)
+        self._written: Counter[tuple[str, bytes]] = Counter()
+        self._own: Counter[tuple[str, bytes]] = Counter()
+
+    def is_new(self, rank: int, message: LogMessage) -> bool:
+        """Whether a message, the next in order, is yet to be written.
+
+        Args:
+            rank: The place of its part.
+            message: It.
+        """
+        topic = message.channel.topic
+        if topic not in self._shared:
+            return True
+        if self._place != (message.time, rank):
+            if self._place[0] != message.time:
+                self._written.clear()
+            self._own.clear()
+            self._place = message.time, rank
+        key = topic, blake2b(message.data, digest_size=16).digest()
+        self._own[key] += 1
+        if self._own[key] <= self._written[key]:
+            return False
+        self._written[key] = self._own[key]
+        return True
+
+
+def _describe_end(writer: LogWriter, parts: Sequence[Part]) -> None:
+    """Write the metadata of the host, and what is lost of any part."""
+    for part in parts:
+        # These may turn out to be damaged once their JSON is read.
+        _ = part.log.recovery, part.log.outcome
+    for record in parts[0].log.metadata_records():
+        if record.name != RECOVERY:
+            writer.metadata(record.name, record.metadata)
+    lost = _losses(parts)
+    if lost:
+        writer.metadata(RECOVERY, json_values(lost))
+
+
+def _losses(parts: Sequence[Part]) -> dict[str, Any] | None:
+    """What is missing of the parts, now or since they were recovered themselves; None if nothing is."""
+    damages = [(part, part.log.damage) for part in parts if part.log.damage]
+    told = [(part.log.path.name, str(damage), damage.lost) for part, damage in damages]
+    for part in parts:
+        earlier: Any = part.log.recovery
+        while isinstance(earlier, dict):
+            told.append((str(earlier.get("log")), str(earlier.get("text")), bool(earlier.get("lost"))))
+            earlier = earlier.get("earlier")
+    if not told:
+        return None
+    total = Damage(
+        end_missing=parts[0].end_missing,
+        summary_missing=any(damage.summary_missing for _, damage in damages),
+        unread_bytes=sum(damage.unread_bytes for _, damage in damages),
+        chunks_skipped=sum(damage.chunks_skipped for _, damage in damages),
+        attachments_skipped=sum(damage.attachments_skipped for _, damage in damages),
+        bytes_skipped=sum(damage.bytes_skipped for _, damage in damages),
+        gaps=[gap for _, damage in damages for gap in damage.gaps],
+        last_time=max((time for part in parts if (time := part.log.end_time) is not None), default=None),
+    )
+    text = told[0][1] if len(told) == 1 else "; ".join(f"{name}: {text}" for name, text, _ in told)
+    return asdict(total) | {
+        "log": ", ".join(dict.fromkeys(name for name, _, _ in told)),
+        "text": text,
+        "lost": any(lost for _, _, lost in told),
+        "earlier": None,
+    }

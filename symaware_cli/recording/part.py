@@ -1,0 +1,151 @@
+"""The parts of a run that was spread over several processes, each of which wrote a log of its own."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any
+
+from symaware_cli.recording.error import LogError
+from symaware_cli.recording.reader import Log, open_log
+
+_RESOLVED = "resolved.yaml"
+_VERSIONS = "versions.json"
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """What one process recorded of a run.
+
+    Attributes:
+        log: Its log.
+        name: What the process was called; empty if the log is of a whole run.
+        host: Whether it was the host of the environment.
+        agents: The agents that ran there.
+        whole: Whether the log is of a whole run, and no part of anything.
+    """
+
+    log: Log
+    name: str
+    host: bool
+    agents: tuple[str, ...]
+    whole: bool
+
+    @property
+    def end_missing(self) -> bool:
+        """Whether the end was lost, as when the process was killed."""
+        return bool(self.log.damage and self.log.damage.end_missing)
+
+    def describe(self) -> dict[str, Any]:
+        """Describe it for the manifest of the log of the whole run; times in ns."""
+        return {
+            "name": self.name,
+            "host": self.host,
+            "agents": list(self.agents),
+            "start": self.log.start_time,
+            "end": self.log.end_time,
+            "end_missing": self.end_missing,
+        }
+
+
+def open_parts(paths: Iterable[str | os.PathLike[str]]) -> list[Part]:
+    """Open the logs of the processes of one run.
+
+    A process that died and came back has left several, each from later on.
+
+    Args:
+        paths: The files, in any order. A single one may be the log of a whole run.
+
+    Returns:
+        The parts: the host's, and then by name, and by the time at which they begin.
+
+    Raises:
+        LogError: One of them cannot be read or is no part, or they are not of one run: the scenario, the seed or the
+            version differs, the host's part is missing or there are two, or an agent ran in two at a time.
+    """
+    parts = sorted((_part(open_log(path)) for path in paths), key=_order)
+    for one, other in combinations(parts, 2):
+        if one.log.path.samefile(other.log.path):
+            raise LogError(f"{one.log.path} is named twice: name each part once")
+    _require_host(parts)
+    for other in parts[1:]:
+        _require_one_run(parts[0].log, other.log)
+    for one, other in combinations(parts, 2):
+        _require_one_place(one, other)
+    return parts
+
+
+def _part(log: Log) -> Part:
+    if not log.manifest:
+        why = "was not written by SymAware" if log.foreign else "broke off before it says whose part it is"
+        raise LogError(f"{log.path} {why}: leave it out")
+    if "part" not in log.manifest:
+        everybody = tuple(agent for agents in log.agents.values() for agent in agents)
+        return Part(log, "", host=True, agents=everybody, whole=True)
+    match log.manifest["part"]:
+        case {"name": str(name), "host": bool(host), "agents": [*agents]} if all(isinstance(id, str) for id in agents):
+            return Part(log, name, host, tuple(agents), whole=False)
+    raise LogError(f"the manifest in {log.path} is damaged: it does not say whose part this is")
+
+
+def _order(part: Part) -> tuple[bool, str, int, str]:
+    start = part.log.start_time
+    return not part.host, part.name, -1 if start is None else start, str(part.log.path)
+
+
+def _require_host(parts: Sequence[Part]) -> None:
+    whole = next((part for part in parts if part.whole), None)
+    if whole and len(parts) > 1:
+        raise LogError(f"{whole.log.path} is the log of a whole run and no part of one: leave it out")
+    hosts = [part.log.path for part in parts if part.host]
+    if not hosts:
+        raise LogError(f"the host's part is missing: name it beside {parts[0].log.path}, which is a member's")
+    if len(hosts) > 1:
+        raise LogError(f"{hosts[0]} and {hosts[1]} are both a host's part: leave out that of another run")
+
+
+def _require_one_run(log: Log, other: Log) -> None:
+    def differ(what: str) -> LogError:
+        return LogError(f"{log.path} and {other.path} are not of one run: {what}")
+
+    for key, what in (("name", "scenarios are called"), ("seed", "seeds are")):
+        first, second = (each.manifest.get(key) for each in (log, other))
+        if first != second:
+            raise differ(f"their {what} {first} and {second}")
+    # What was lost from a damaged log cannot differ.
+    written = [_attachment(each, _RESOLVED) for each in (log, other)]
+    if None not in written and written[0] != written[1]:
+        raise differ(f"their scenarios ({_RESOLVED}) differ")
+    first, second = (_version(each) for each in (log, other))
+    if first and second and first != second:
+        raise differ(f"SymAware {first} and {second} wrote them")
+    if log.agents != other.agents or log.manifest.get("roster") != other.manifest.get("roster"):
+        raise differ("their manifests do not name the same agents and entities")
+
+
+def _require_one_place(one: Part, other: Part) -> None:
+    """An agent runs in one process at a time; it may move on when that died."""
+    spans = [(part.log.start_time, part.log.end_time) for part in (one, other)]
+    start, end = (max(span[0] or 0 for span in spans), min(span[1] or 0 for span in spans))
+    agent = next((agent for agent in one.agents if agent in other.agents), None)
+    if agent is not None and start < end:
+        raise LogError(
+            f"{agent} is in both {one.log.path} and {other.log.path} from {start / 1e9:.9g} s to {end / 1e9:.9g} s: "
+            "leave out the one that is not of this run"
+        )
+
+
+def _attachment(log: Log, name: str) -> bytes | None:
+    """An attachment, read alone, as others may be large; None if there is none, or it is damaged."""
+    return next((record.data for record in log.attachment_records(name)), None)
+
+
+def _version(log: Log) -> str | None:
+    try:
+        version = json.loads(_attachment(log, _VERSIONS) or b"{}").get("symaware-cli")
+    except (ValueError, AttributeError, RecursionError):
+        return None
+    return str(version) if version else None

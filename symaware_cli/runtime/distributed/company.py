@@ -1,0 +1,167 @@
+"""What a process of a run that is spread over several does beside what every run does."""
+
+from __future__ import annotations
+
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from symaware_cli.core import Event, Level
+from symaware_cli.core.message import Indices
+from symaware_cli.core.transport import Happening, Port
+from symaware_cli.network.transport.codec import encode
+from symaware_cli.network.transport.frame import Frame, Notice
+from symaware_cli.runtime.failure import RunError
+
+if TYPE_CHECKING:
+    from symaware_cli.core import AgentGroup
+    from symaware_cli.runtime.run import Run
+    from symaware_cli.runtime.simulation import Simulation
+
+#: So long a process waits at a time before it lets signals through [s].
+_BREATH = 0.2
+
+
+@dataclass(frozen=True, slots=True)
+class Identity:
+    """What a process says of itself to the others.
+
+    Attributes:
+        name: What to call it.
+        scenario: A digest of what it runs.
+        version: Of the package.
+        agents: The ids of those that it runs.
+    """
+
+    name: str
+    scenario: bytes
+    version: str
+    agents: tuple[str, ...]
+
+
+class Company(ABC):
+    """One of the processes of a run.
+
+    All of them build the whole scenario and go through the same instants; each lets only its own agents take turns.
+
+    Attributes:
+        identity: Which one.
+        port: Where the others are.
+    """
+
+    def __init__(self, identity: Identity, port: Port, patience: float) -> None:
+        """Prepare.
+
+        Args:
+            identity: Which process this is.
+            port: Where the others are; closed at the end.
+            patience: For how long to wait for others before the run begins [s].
+        """
+        self.identity = identity
+        self.port = port
+        self._patience = patience
+        self._run: Run
+        self._has_begun = False
+        self._news: list[tuple[Notice, bool]] = []
+
+    @property
+    def _simulation(self) -> Simulation:
+        return self._run.simulation
+
+    def begin(self, run: Run) -> None:
+        """Wait until the run can begin; components are initialised, and the clock may move on to when it goes on.
+
+        Raises:
+            RunError: It never can.
+            Interrupted: Somebody ended it.
+        """
+        self._run = run
+        self._has_begun = True
+        here = frozenset(self.identity.agents)
+        for activity in run.activities:
+            for row, id in enumerate(activity.slot.group.ids):
+                if id not in here:
+                    activity.hold(row)
+        self._meet()
+
+    @abstractmethod
+    def _meet(self) -> None:
+        """Find the others."""
+
+    def arrived(self) -> None:
+        """A step of the world is made, and its messages are delivered."""
+        self._publish()
+
+    @abstractmethod
+    def acted(self) -> None:
+        """All turns of an instant are taken."""
+
+    @abstractmethod
+    def step(self) -> str | None:
+        """Let the world make its step; return why the run is over, if it is."""
+
+    @abstractmethod
+    def end(self, status: str, reason: str, error: RunError | None) -> None:
+        """The run is over here."""
+
+    def _report(self, notice: Notice, *, recorded: bool = True) -> None:
+        """Let something be known here as soon as turns may follow from it.
+
+        Args:
+            notice: What happened.
+            recorded: Whether it goes into this part of the log.
+        """
+        self._news.append((notice, recorded))
+
+    def _publish(self) -> None:
+        """Fire the events of what was reported."""
+        simulation = self._simulation
+        news, self._news = self._news, []
+        for notice, recorded in news:
+            level = Level[notice.level] if notice.level in Level.__members__ else Level.INFO
+            subject = None if recorded else self
+            now, data = simulation.clock.now, dict(notice.data)
+            simulation.events.fire(Event(notice.name, notice.source, now, level, notice.text, data, subject))
+
+    def _wait(self, deadline: float | None = None) -> Happening | None:
+        """Wait for what happens next, with signals let through; None if a moment of the monotonic clock comes first."""
+        interruption = self._run.interruption
+        interruption.unshield(watched=False)
+        try:
+            while True:
+                breath = _BREATH if deadline is None else min(_BREATH, deadline - time.monotonic())
+                if breath <= 0.0:
+                    return self.port.receive(0.0)
+                happening = self.port.receive(breath)
+                if happening is not None:
+                    return happening
+        finally:
+            interruption.shield()
+
+    def _failure(self, source: str, problem: str) -> RunError:
+        """What ends the run here because of something that happened elsewhere."""
+        simulation = self._simulation
+        owner, _, name = source.removeprefix("agents.").rpartition(".")
+        slots = [slot for slot in simulation.slots if slot.name == name and owner in (slot.group.name, *slot.group.ids)]
+        plugin = slots[0].use if slots else "symaware"
+        return RunError(source or "run", plugin, simulation.clock.now, problem)
+
+    def _send(self, peer: int, frame: Frame) -> None:
+        self.port.send(peer, encode(frame))
+
+
+def rows_of(group: AgentGroup, ids: Iterable[str]) -> Indices:
+    """The rows of those agents that are of a group, ascending."""
+    wanted = frozenset(ids)
+    return np.array([row for row, id in enumerate(group.ids) if id in wanted], np.intp)
+
+
+def listed(ids: Iterable[str], most: int = 6) -> str:
+    """Name some agents, and say how many more there are."""
+    names = list(ids)
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more

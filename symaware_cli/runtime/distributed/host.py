@@ -1,0 +1,353 @@
+"""The host: the process in which the world is, and over which all messages go."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from symaware_cli.core import AgentGroup, Delivery, Level, Message
+from symaware_cli.core.column import Array
+from symaware_cli.core.message import Indices
+from symaware_cli.core.transport import Happening, Port
+from symaware_cli.network.exchange import UnknownReceiverError
+from symaware_cli.network.traffic import chosen
+from symaware_cli.network.transport.codec import decode
+from symaware_cli.network.transport.frame import (
+    End,
+    FrameError,
+    Hello,
+    Notice,
+    Post,
+    Refusal,
+    Report,
+    Step,
+    Welcome,
+)
+from symaware_cli.runtime.attendance import safe_input
+from symaware_cli.runtime.distributed.company import Company, Identity, listed, rows_of
+from symaware_cli.runtime.failure import RunError
+
+#: Wall time between two records of frames that were not taken [s].
+_TALLY_INTERVAL = 1.0
+
+
+@dataclass(slots=True)
+class _Member:
+    """A process that takes part.
+
+    Attributes:
+        peer: Its number at the port.
+        name: What it is called.
+        agents: Those that it runs.
+        rank: The place of the first of them in the roster, by which members are served.
+        reported: The last step that it reported on.
+        letters: What arrived for its agents and was not told yet.
+        deliveries: Likewise, in columns.
+    """
+
+    peer: int
+    name: str
+    agents: frozenset[str]
+    rank: int
+    reported: int = -1
+    letters: list[Message] = field(default_factory=list)
+    deliveries: list[Delivery] = field(default_factory=list)
+
+
+class Host(Company):
+    """Keeps the world, carries the messages, and knows who is there.
+
+    Without a pace it waits in each step for the reports of all members, so that the run is the same as in one process.
+    With one it waits for nobody: the world moves under the last control input of each agent.
+    """
+
+    def __init__(self, identity: Identity, port: Port, patience: float) -> None:
+        super().__init__(identity, port, patience)
+        self._members: dict[int, _Member] = {}
+        #: The latest control inputs of agents that run elsewhere: for each group its rows, and a row for each.
+        self._inputs: dict[str, tuple[AgentGroup, Indices, Array]] = {}
+        self._posts: list[tuple[int, Post]] = []
+        self._losses: Counter[str] = Counter()
+        self._was_there: set[str] = set()
+        self._rejected: dict[Any, int] = {}
+        self._tally_due = 0.0
+
+    def _meet(self) -> None:
+        simulation, here = self._simulation, frozenset(self.identity.agents)
+        away = [id for id in simulation.environment.roster.ids if id not in here]
+        self._away = frozenset(away)
+        simulation.exchange.forward(away, self._forward)
+        for group in simulation.groups:
+            rows = rows_of(group, away)
+            if len(rows):
+                self._inputs[group.name] = (group, rows, group.control_input[rows])
+        text = f"waits at {self.port.address} for {listed(away)}"
+        simulation.announce("waiting", "run", text, agents=away, address=self.port.address)
+        deadline = time.monotonic() + self._patience
+        while missing := self._missing:
+            happening = self._wait(deadline)
+            if happening is None:
+                problem = f"nobody came within {self._patience:g} s for {listed(missing)}"
+                raise self._failure("run", problem)
+            self._take(happening)
+
+    @property
+    def _missing(self) -> list[str]:
+        present = {id for member in self._members.values() for id in member.agents}
+        return [id for id in self._simulation.environment.roster.ids if id in self._away and id not in present]
+
+    @property
+    def _in_order(self) -> list[_Member]:
+        return sorted(self._members.values(), key=lambda member: member.rank)
+
+    def arrived(self) -> None:
+        """Tell everybody how the world is, and what arrived."""
+        super().arrived()
+        self._apply()
+        self._tell(self._run.done)
+
+    def _tell(self, step: int) -> None:
+        simulation, environment = self._simulation, self._simulation.environment
+        if not self._members:
+            return
+        world, contacts = environment.capture(), tuple(environment.contacts())
+        started = self._started
+        for member in self._in_order:
+            letters, deliveries = tuple(member.letters), tuple(member.deliveries)
+            member.letters.clear()
+            member.deliveries.clear()
+            frame = Step(step, simulation.clock.now, world, contacts, letters, deliveries, started)
+            self._send(member.peer, frame)
+
+    @property
+    def _started(self) -> float:
+        pacer = self._run.pacer
+        return float("nan") if pacer is None or pacer.started is None else pacer.started
+
+    def _forward(self, arrived: Message | Delivery) -> None:
+        """Keep what arrived for agents that run elsewhere until their process is told."""
+        if isinstance(arrived, Message):
+            for member in self._members.values():
+                if arrived.receiver in member.agents:
+                    member.letters.append(arrived)
+            return
+        ids = self._simulation.environment.roster.ids
+        for member in self._members.values():
+            mine = np.array([ids[receiver] in member.agents for receiver in arrived.receivers.tolist()], bool)
+            if mine.any():
+                member.deliveries.append(chosen(arrived, mine))
+
+    def acted(self) -> None:
+        """What the host's own agents did is known here already."""
+
+    def step(self) -> str | None:
+        """Collect what everybody did, and move the world."""
+        while (happening := self.port.receive(0.0)) is not None:
+            self._take(happening)
+        if self._run.pacer is None:
+            while any(member.reported < self._run.done for member in self._members.values()):
+                happening = self._wait()
+                if happening is not None:
+                    self._take(happening)
+        self._deliver_posts()
+        self._apply()
+        self._tally()
+        self._run.move_world()
+        return None
+
+    def _deliver_posts(self) -> None:
+        """Let what members said go on its way, in an order that does not depend on who was faster."""
+        exchange = self._simulation.exchange
+        posts, self._posts = sorted(self._posts, key=lambda each: (each[1].time, each[0])), []
+        for _, post in posts:
+            at = min(post.time, exchange.now)
+            if isinstance(post.content, Message):
+                exchange.send(post.content, at)
+            else:
+                exchange.post(post.content, at)
+
+    def _apply(self) -> None:
+        """Request what members want their agents to do."""
+        for group, rows, inputs in self._inputs.values():
+            if not np.array_equal(group.control_input[rows], inputs):
+                values = group.control_input.copy()
+                values[rows] = inputs
+                group.control_input = values
+
+    def _take(self, happening: Happening) -> None:
+        """Take note of what happened at the port."""
+        member = self._members.get(happening.peer)
+        if happening.kind == "gone":
+            if member:
+                self._lose(member, happening.reason)
+            return
+        if happening.kind == "came":
+            return
+        try:
+            frame = decode(happening.frame)
+            if isinstance(frame, Hello):
+                self._greet(happening.peer, frame)
+            elif member is None:
+                raise FrameError("somebody who is no member speaks")
+            elif isinstance(frame, Report):
+                self._hear(member, frame)
+            elif isinstance(frame, Notice):
+                # Its own part of the log has it.
+                self._report(frame, recorded=False)
+                self._pass_on(frame, member)
+            elif isinstance(frame, End):
+                self._part(member, frame)
+            else:
+                raise FrameError(f"a member does not say {type(frame).__name__}")
+        except (FrameError, UnknownReceiverError) as error:
+            self.port.cut(happening.peer, str(error))
+            text = f"what {member.name if member else 'a stranger'} said is not taken: {error}"
+            self._report(Notice("rejected", "run", "WARNING", text))
+            if member:
+                self._lose(member, str(error))
+
+    def _greet(self, peer: int, hello: Hello) -> None:
+        """Take a process in, or refuse it."""
+        refusal = self._objection(peer, hello)
+        if refusal:
+            self._send(peer, refusal)
+            self.port.cut(peer, refusal.reason)
+            return
+        run, roster = self._run, self._simulation.environment.roster
+        agents = frozenset(hello.agents)
+        rank = min(roster.index(id) for id in agents)
+        member = self._members[peer] = _Member(peer, hello.name, agents, rank, reported=run.done - 1)
+        # In the middle of a run it begins with the step that is made next.
+        member.reported = run.done if run.is_under_way else -1
+        pace = run.pacer.factor if run.pacer else 0.0
+        self._send(peer, Welcome(run.done, self._simulation.clock.now, pace, self._started))
+        again = bool(agents & self._was_there)
+        self._was_there |= agents
+        text = f"{hello.name} {'is back' if again else 'takes part'} and runs {listed(sorted(agents))}"
+        self._tell_all("rejoined" if again else "joined", member, text, Level.WARNING if again else Level.INFO)
+
+    def _objection(self, peer: int, hello: Hello) -> Refusal | None:
+        """What speaks against taking a process in."""
+        identity = self.identity
+        if peer in self._members:
+            return Refusal("it takes part already")
+        if hello.version != identity.version:
+            return Refusal(f"the host is SymAware {identity.version}, and this is {hello.version}")
+        if hello.scenario != identity.scenario:
+            return Refusal("the host runs another scenario: file, seed and --set must be the same")
+        strangers = sorted(set(hello.agents) - self._away)
+        if strangers or not hello.agents:
+            return Refusal(f"the host runs {listed(strangers)} itself" if strangers else "it has no agents")
+        for member in self._in_order:
+            taken = sorted(member.agents & set(hello.agents))
+            if taken:
+                return Refusal(f"{listed(taken)} run in {member.name}", final=False)
+        return None
+
+    def _hear(self, member: _Member, report: Report) -> None:
+        """Take what a member's agents did."""
+        for name, (rows, inputs) in report.inputs.items():
+            known = self._inputs.get(name)
+            if known is None or inputs.shape != (len(rows), known[2].shape[1]) or not np.isfinite(inputs).all():
+                raise FrameError(f"control inputs of `{name}` that cannot be")
+            group, own, latest = known
+            if not all(0 <= row < len(group) and group.ids[row] in member.agents for row in rows.tolist()):
+                raise FrameError(f"control inputs of agents of `{name}` that are not its own")
+            latest = latest.copy()
+            latest[np.searchsorted(own, rows)] = inputs
+            self._inputs[name] = (group, own, latest)
+        ids = self._simulation.environment.roster.ids
+        for post in report.posts:
+            content = post.content
+            senders = (
+                [content.sender]
+                if isinstance(content, Message)
+                else [ids[sender] if 0 <= sender < len(ids) else "" for sender in content.senders.tolist()]
+            )
+            if not member.agents.issuperset(senders):
+                raise FrameError("messages of agents that are not its own")
+            self._posts.append((member.rank, post))
+        member.reported = max(member.reported, report.step)
+
+    def _part(self, member: _Member, end: End) -> None:
+        """A member says that it is over."""
+        if end.status == "failed":
+            self._members.pop(member.peer)
+            raise self._failure(end.source, f"in {member.name}: {end.reason}")
+        self._lose(member, f"it was {end.status}" if end.status != "finished" else "it has finished")
+
+    def _lose(self, member: _Member, reason: str) -> None:
+        """A member is gone: do what the scenario says about a failure of the components of its agents.
+
+        Raises:
+            RunError: That ends the run.
+        """
+        if self._members.pop(member.peer, None) is None:
+            return
+        self.port.cut(member.peer, reason)
+        run = self._run
+        text = f"{member.name}, which runs {listed(sorted(member.agents))}, is gone: {reason}"
+        self._tell_all("lost", member, text, Level.WARNING)
+        if not run.is_under_way:
+            return
+        for activity in run.activities:
+            group, timing = activity.slot.group, activity.slot.timing
+            rows = rows_of(group, member.agents)
+            if not len(rows):
+                continue
+            self._losses[activity.slot.path] += 1
+            weary = timing.on_failure == "restart" and self._losses[activity.slot.path] > timing.tries
+            if timing.on_failure == "stop" or weary:
+                raise self._failure(activity.slot.path, text)
+            if timing.coast == "safe":
+                self._slow_down(group, rows)
+
+    def _slow_down(self, group: AgentGroup, rows: Indices) -> None:
+        """Let agents stop as far as they can."""
+        _, own, latest = self._inputs[group.name]
+        latest, state = latest.copy(), self._simulation.environment.state(group)
+        for row in rows.tolist():
+            place = int(np.searchsorted(own, row))
+            latest[place] = safe_input(group.model, latest[place : place + 1], state[row : row + 1])
+        self._inputs[group.name] = (group, own, latest)
+
+    def _tell_all(self, name: str, member: _Member, text: str, level: Level) -> None:
+        """Let everybody write down who came or went."""
+        data = {"process": member.name, "agents": sorted(member.agents)}
+        notice = Notice(name, f"processes.{member.name}", level.name, text, data)
+        self._report(notice)
+        self._pass_on(notice, member)
+
+    def _pass_on(self, notice: Notice, member: _Member) -> None:
+        """Tell all members but the one that something comes from, or is about."""
+        for other in self._in_order:
+            if other is not member:
+                self._send(other.peer, notice)
+
+    def _tally(self) -> None:
+        """Record how many frames were not taken, now and then."""
+        rejected = {str(why): count for why, count in self.port.rejected.items() if count}
+        now = time.monotonic()
+        if rejected != self._rejected and now >= self._tally_due:
+            self._tally_due = now + _TALLY_INTERVAL
+            new = {why: count - self._rejected.get(why, 0) for why, count in sorted(rejected.items())}
+            self._rejected = rejected
+            said = ", ".join(f"{count} {why}" for why, count in new.items() if count)
+            text = f"frames were not taken: {said}"
+            self._report(Notice("rejected", "run", "WARNING", text, {"total": dict(sorted(rejected.items()))}))
+
+    def end(self, status: str, reason: str, error: RunError | None) -> None:
+        """Tell everybody that the run is over, and how the world is then."""
+        if self._has_begun:
+            self._tally_due = 0.0
+            self._tally()
+            self._publish()
+            if status == "finished" and self._run.is_complete:
+                self._tell(self._run.done)
+        for member in self._in_order:
+            self._send(member.peer, End(status, reason, error.source if error else ""))
+        self.port.close()

@@ -1,0 +1,213 @@
+"""A member: a process that runs some agents in the world of a host."""
+
+from __future__ import annotations
+
+import math
+import time
+from typing import NoReturn
+
+from symaware_cli.core import Delivery, Event, Level, Mailing, Message
+from symaware_cli.core.transport import Port
+from symaware_cli.network.transport.codec import decode
+from symaware_cli.network.transport.frame import (
+    End,
+    Frame,
+    FrameError,
+    Hello,
+    Notice,
+    Post,
+    Refusal,
+    Report,
+    Step,
+    Welcome,
+)
+from symaware_cli.runtime.distributed.company import Company, Identity, rows_of
+from symaware_cli.runtime.failure import RunError
+from symaware_cli.runtime.interruption import Interrupted
+
+#: Wall time between two tries to be taken in where others still have the agents [s].
+_PAUSE = 0.2
+
+
+class Member(Company):
+    """Lets its agents perceive, and act in, a world that another process keeps.
+
+    It goes through the same instants as the host. Where it is late, or its connection was lost for a while, it makes up
+    for the steps that it missed one after the other, in the world as it is by then.
+    """
+
+    def __init__(self, identity: Identity, port: Port, patience: float, absence: float) -> None:
+        """Prepare.
+
+        Args:
+            identity: Which process this is.
+            port: Where the host is; closed at the end.
+            patience: For how long to wait for the host before the run begins [s].
+            absence: For how long the host may be gone while it lasts [s].
+        """
+        super().__init__(identity, port, patience)
+        self._absence = absence
+        self._peer: int | None = None
+        self._world: Step | None = None
+        self._over: End | None = None
+        self._posts: list[Post] = []
+        self._letters: list[Message] = []
+        self._deliveries: list[Delivery] = []
+        self._retry: float | None = None
+
+    def _meet(self) -> None:
+        simulation, run = self._simulation, self._run
+        here = self.identity.agents
+        names = [*here, *(group.name for group in simulation.groups if set(group.ids) <= set(here))]
+        self._own = tuple(f"agents.{name}." for name in names)
+        self._rows = [(group, rows) for group in simulation.groups if len(rows := rows_of(group, here))]
+        simulation.exchange.divert(self._post)
+        simulation.events.subscribe("*", self._on_event)
+        step = self._await(-1, time.monotonic() + self._patience, f"no host at {self.port.address} took us in")
+        if step is None:
+            self._blame_end()
+        run.join(step.step, step.time)
+        self._adopt(step)
+        text = f"{self.identity.name} takes part in the run of {self.port.address}"
+        simulation.announce("joined", "run", text, process=self.identity.name)
+
+    def _on_event(self, event: Event) -> None:
+        """Let the others know what our agents' components tell of; how a run ends is told in another way."""
+        if self._peer is None or event.subject is self or event.level is Level.ERROR:
+            return
+        if event.source.startswith(self._own):
+            self._send(self._peer, Notice(event.name, event.source, event.level.name, event.text, event.data))
+
+    def _post(self, content: Message | Mailing) -> None:
+        self._posts.append(Post(content, self._simulation.clock.now))
+
+    def arrived(self) -> None:
+        """Read what the host carried here."""
+        super().arrived()
+        letters, deliveries = self._letters, self._deliveries
+        self._letters, self._deliveries = [], []
+        self._simulation.exchange.arrive(letters, deliveries)
+
+    def acted(self) -> None:
+        """In real time the host shall know at once."""
+        if self._run.pacer is not None and (self._run.is_at_step or self._posts):
+            self._give_account(inputs=self._run.is_at_step)
+
+    def _give_account(self, inputs: bool) -> None:
+        if self._peer is None:
+            return
+        requested = {group.name: (rows, group.control_input[rows]) for group, rows in self._rows} if inputs else {}
+        posts, self._posts = tuple(self._posts), []
+        self._send(self._peer, Report(self._run.done, requested, posts))
+
+    def step(self) -> str | None:
+        """Report what was done, and wait for the world to have made its step."""
+        run = self._run
+        if run.pacer is None:
+            self._give_account(inputs=True)
+        step = self._await(run.done, None, "")
+        if step is None:
+            end = self._over
+            assert end is not None
+            if end.status == "finished":
+                return end.reason
+            self._blame_end()
+        self._adopt(step)
+        return None
+
+    def _adopt(self, step: Step) -> None:
+        run, simulation = self._run, self._simulation
+        if run.pacer is not None and not math.isnan(step.started) and self._peer is not None:
+            run.pacer.start_at(step.started - self.port.offset(self._peer))
+        try:
+            simulation.environment.adopt(step.time, step.world, step.contacts)
+        except ValueError as error:
+            raise self._failure("environment", str(error)) from error
+
+    def _await(self, beyond: int, deadline: float | None, problem: str) -> Step | None:
+        """Wait until the world has made more than so many steps; None if the run is over before.
+
+        Raises:
+            RunError: That takes too long.
+        """
+        while True:
+            happening = self.port.receive(0.0)
+            if happening is None:
+                # There is nothing newer to be had at once.
+                if self._world is not None and self._world.step > beyond:
+                    return self._world
+                if self._over is not None:
+                    return None
+                limit = deadline if self._retry is None else min(self._retry, deadline or self._retry)
+                happening = self._wait(limit)
+            if happening is None:
+                if self._retry is not None and time.monotonic() >= self._retry:
+                    self._retry = None
+                    if self._peer is not None:
+                        self._introduce(self._peer)
+                    continue
+                raise self._failure("run", problem)
+            if happening.kind == "came":
+                self._introduce(happening.peer)
+            elif happening.kind == "gone":
+                if happening.peer == self._peer:
+                    self._peer = None
+                if self._over is not None:
+                    continue
+                if deadline is None:
+                    deadline = time.monotonic() + self._absence
+                    text = f"the host at {self.port.address} is gone: {happening.reason}"
+                    self._report(Notice("lost", "processes.host", "WARNING", text))
+                    problem = f"{text}, and did not come back within {self._absence:g} s"
+                elif self._world is None:
+                    problem = f"the host at {self.port.address} does not take us in: {happening.reason}"
+                    raise self._failure("run", problem)
+            else:
+                try:
+                    frame = decode(happening.frame)
+                except FrameError as error:
+                    raise self._failure("run", f"the host says {error}") from error
+                if isinstance(frame, Step) and self._world is not None:
+                    deadline = None
+                self._take(frame)
+
+    def _introduce(self, peer: int) -> None:
+        identity = self.identity
+        self._peer = peer
+        self._send(peer, Hello(identity.name, identity.scenario, identity.version, identity.agents))
+
+    def _take(self, frame: Frame) -> None:
+        if isinstance(frame, Step):
+            self._world = frame
+            self._letters += frame.letters
+            self._deliveries += frame.deliveries
+        elif isinstance(frame, End):
+            self._over = frame
+        elif isinstance(frame, Notice):
+            # Of the host's own notices all parts of the log tell; what agents do is in the part of their process.
+            self._report(frame, recorded=frame.source.startswith("processes.") or frame.source == "run")
+        elif isinstance(frame, Refusal):
+            if frame.final:
+                problem = f"the host at {self.port.address} refuses: {frame.reason}"
+                raise self._failure("run", problem)
+            self._retry = time.monotonic() + _PAUSE
+        elif not isinstance(frame, Welcome):
+            problem = f"the host says {type(frame).__name__}, which is not for members"
+            raise self._failure("run", problem)
+
+    def _blame_end(self) -> NoReturn:
+        """The host's run has not ended well."""
+        end = self._over
+        assert end is not None
+        if end.status == "interrupted":
+            raise Interrupted("the end of the host's run")
+        said = "failed" if end.status == "failed" else "is over"
+        raise self._failure(end.source, f"the host {said}: {end.reason}")
+
+    def end(self, status: str, reason: str, error: RunError | None) -> None:
+        """Tell the host, unless it was the host that told us."""
+        if self._has_begun:
+            self._publish()
+        if self._peer is not None and self._over is None:
+            self._send(self._peer, End(status, reason, error.source if error else ""))
+        self.port.close()

@@ -1,0 +1,89 @@
+"""The supervision of a component: which agents it must leave alone, what disturbs it, and how long it takes."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from symaware_cli.core import AgentGroup, GroupComponent
+from symaware_cli.core.random import generator
+from symaware_cli.runtime.restraint import restrained
+from symaware_cli.runtime.timing import Duration
+
+if TYPE_CHECKING:
+    from symaware_cli.runtime.simulation import Simulation, Slot
+
+_NONE = nullcontext()
+
+#: Changes what was written, given the group and the believed states as they were before.
+Disturb = Callable[[AgentGroup, Any], None]
+
+
+class Supervision:
+    """What stands between the components of one slot and what they do.
+
+    Attributes:
+        off: Agents that take no part at present, with how many reasons there are for it.
+        disturbances: What is called after each turn.
+    """
+
+    def __init__(self, simulation: Simulation, slot: Slot) -> None:
+        self.off: Counter[int] = Counter()
+        self.disturbances: list[Disturb] = []
+        self._simulation = simulation
+        self._slot = slot
+        self._is_group = isinstance(slot.components[0], GroupComponent)
+        self._slowness: dict[int, Duration] = {}
+        self._chances: dict[int, np.random.Generator] = {}
+
+    @property
+    def interferes(self) -> bool:
+        """Whether a turn is anything but what the component makes of it."""
+        return bool(self.off or self.disturbances)
+
+    @property
+    def slows_down(self) -> bool:
+        """Whether some computations take another time than the scenario says for the component."""
+        return bool(self._slowness)
+
+    def release(self, agent: int) -> None:
+        """There is a reason less against an agent."""
+        self.off[agent] -= 1
+        if self.off[agent] <= 0:
+            del self.off[agent]
+
+    def slow_down(self, rows: Sequence[int], duration: Duration | None) -> None:
+        """Let computations of some components take a time; None for what the scenario says."""
+        for row in rows:
+            if duration is None:
+                self._slowness.pop(row, None)
+            else:
+                self._slowness[row] = duration
+
+    def latency(self, row: int) -> int:
+        """How long the present computation of a component takes, in nanoseconds."""
+        duration, random = self._slowness.get(row, self._slot.timing.latency), self._chances.get(row)
+        if random is None and duration.is_drawn:
+            path = self._slot.components[row].path
+            random = self._chances[row] = generator(self._simulation.seed, f"{path}/latency")
+        return duration.draw(random)
+
+    def watched(self) -> AbstractContextManager[None]:
+        """Put back what must not change of what is written, and let faults have their way with the rest."""
+        return self._watch() if self.interferes else _NONE
+
+    @contextmanager
+    def _watch(self) -> Iterator[None]:
+        group = self._slot.group
+        before = group.awareness.state if self.disturbances else None
+        # A component of the whole group speaks and writes for all its agents.
+        held = sorted(self.off) if self._is_group else ()
+        muted = [group.ids[row] for row in held]
+        with restrained(group, held), self._simulation.exchange.muted(muted):
+            yield
+        for disturbance in self.disturbances:
+            disturbance(group, before)

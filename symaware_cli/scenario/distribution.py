@@ -1,0 +1,101 @@
+"""From what a person says on the command line to one process of a run that is spread over several."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+from typing import Any
+
+from symaware_cli import __version__
+from symaware_cli.core import Transport
+from symaware_cli.network.transport.address import is_loopback, parse_address
+from symaware_cli.runtime.distributed.company import Company, Identity
+from symaware_cli.runtime.distributed.host import Host
+from symaware_cli.runtime.distributed.member import Member
+from symaware_cli.scenario.build import Built
+from symaware_cli.scenario.catalogue import Catalogue
+from symaware_cli.scenario.place import DistributionError, Place
+from symaware_cli.scenario.problem import nearest
+
+#: What carries frames where a scenario does not say.
+_DEFAULT = "tcp"
+
+#: A shorter key could be guessed.
+_LEAST_KEY = 16
+
+#: A member waits so many times the transport's `timeout` for a host that is gone.
+_ABSENCE = 5.0
+
+
+def company(built: Built, place: Place) -> Company:
+    """Take a place in a run that is spread over several processes; a host listens from now on.
+
+    Raises:
+        DistributionError: The place cannot be taken.
+        TransportError: The transport cannot listen there.
+    """
+    try:
+        host, port = parse_address(place.address)
+    except ValueError as error:
+        raise DistributionError(str(error)) from None
+    environment = built.simulation.environment
+    if not environment.is_shared:
+        use = built.simulation.environment_use
+        raise DistributionError(f"the world `{use}` cannot be followed by other processes")
+    agents = _chosen(built, place)
+    key = None if place.key is None else _key(place.key)
+    if key is None and not is_loopback(host):
+        reached = "listen at" if place.role == "host" else "join"
+        raise DistributionError(
+            f"to {reached} {host}, which is not this machine alone, all processes must share a key: --key-file FILE"
+        )
+    transport = _transport(built)
+    usual = "host" if place.role == "host" else "+".join(each.removeprefix("agents.") for each in place.only)
+    digest = hashlib.sha256(built.resolved).digest()
+    identity = Identity(place.name or usual, digest, __version__, agents)
+    if place.role == "host":
+        return Host(identity, transport.listen(host, port, key), place.patience)
+    absence = _ABSENCE * transport.parameters.timeout
+    return Member(identity, transport.join(host, port, key), place.patience, absence)
+
+
+def part(place: Place, company: Company) -> dict[str, Any]:
+    """What the manifest of a log says of the part of the run that it is of."""
+    identity = company.identity
+    return {"name": identity.name, "host": place.role == "host", "agents": list(identity.agents)}
+
+
+def _chosen(built: Built, place: Place) -> tuple[str, ...]:
+    """The ids of those that a process runs, in the order of the roster."""
+    roster = built.simulation.environment.roster
+    chosen: set[int] = set()
+    for pattern in place.only:
+        wanted = pattern.removeprefix("agents.")
+        try:
+            chosen.update(roster.matching(wanted))
+        except KeyError:
+            near = nearest(wanted, [*roster.groups, *roster.ids])
+            hint = f"; did you mean `agents.{near}`?" if near else ""
+            raise DistributionError(f"--only names `{pattern}`, and there is no such agent or group{hint}") from None
+    if place.role == "member" and not chosen:
+        raise DistributionError("a process that joins runs some of the agents; say which with --only")
+    if len(chosen) == len(roster):
+        raise DistributionError("--only leaves nobody for other processes; without it and them, one process runs all")
+    return tuple(roster.ids[index] for index in sorted(chosen))
+
+
+def _key(path: Path) -> bytes:
+    try:
+        key = path.read_bytes().strip()
+    except OSError as error:
+        raise DistributionError(f"the key cannot be read: {path}: {error.strerror}") from error
+    if len(key) < _LEAST_KEY:
+        raise DistributionError(f"the key in {path} has {len(key)} bytes; it needs at least {_LEAST_KEY}")
+    return key
+
+
+def _transport(built: Built) -> Transport:
+    if built.transport is not None:
+        return built.transport
+    transport: Transport = Catalogue().load("transport", _DEFAULT)()
+    return transport

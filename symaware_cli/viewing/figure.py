@@ -1,0 +1,127 @@
+"""Figures: bodies of links and joints, as the geometry of a log describes them, placed in space."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cached_property
+from pathlib import PurePosixPath
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symaware_cli.core.articulation import Articulation, Visual
+from symaware_cli.core.rotation import composed, rotated
+from symaware_cli.recording.surface import MEDIA_TYPES, bounds
+
+Array = NDArray[np.float64]
+
+_CORNERS = np.array([(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
+
+
+class Figure:
+    """What the bodies of one kind look like.
+
+    Attributes:
+        number: Its place among all figures of a log.
+        articulation: Its links and joints.
+        surfaces: The attachments that its meshes are.
+    """
+
+    def __init__(self, number: int, articulation: Articulation, attachments: Mapping[str, bytes]) -> None:
+        """Look up its meshes; those that the log does not have, nor viewers know, are left out.
+
+        Args:
+            number: Its place among all figures.
+            articulation: Its links and joints.
+            attachments: Those of the log.
+        """
+        self.number = number
+        self.articulation = articulation
+        #: A visual, and the link that it belongs to.
+        self.visuals = [
+            (visual, place)
+            for place, link in enumerate(articulation.links)
+            for visual in link.visuals
+            if visual.kind != "mesh" or (visual.mesh in attachments and media_type(visual))
+        ]
+        self.surfaces = tuple(dict.fromkeys(visual.mesh for visual, _ in self.visuals if visual.mesh))
+        self._attachments = attachments
+
+    @property
+    def name(self) -> str:
+        """What it is called; no two figures have the same."""
+        return f"{self.articulation.name}.{self.number}"
+
+    def places(self, positions: Array, orientations: Array, joints: Array | None) -> list[tuple[Array, Array]]:
+        """Where its visuals are.
+
+        Args:
+            positions: Where its base is, (..., 3) [m].
+            orientations: How that is turned, (..., 4).
+            joints: The positions of its joints, (..., joints); None for 0.
+
+        Returns:
+            For each of `visuals` positions (..., 3) [m] and orientations (..., 4).
+        """
+        inner, turned = self.articulation.frames(joints)
+        placed = []
+        for visual, place in self.visuals:
+            at = inner[..., place, :] + rotated(turned[..., place, :], visual.position)
+            orientation = composed(turned[..., place, :], visual.orientation)
+            placed.append((positions + rotated(orientations, at), composed(orientations, orientation)))
+        return placed
+
+    @cached_property
+    def corners(self) -> Array:
+        """The corners of the boxes around its visuals, all joints at 0, in the frame of its base; (m, 3) [m]."""
+        corners = [np.zeros((1, 3))]
+        origin, level = np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0])
+        for (visual, _), (position, orientation) in zip(self.visuals, self.places(origin, level, None), strict=True):
+            low, high = self._box(visual)
+            own = 0.5 * (low + high) + (high - low) * _CORNERS
+            corners.append(position + rotated(orientation, own))
+        return np.concatenate(corners[1:] or corners)
+
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """The box around all of it: lower and upper corner, (3,) each [m]."""
+        return self.corners.min(axis=0), self.corners.max(axis=0)
+
+    @property
+    def middle(self) -> Array:
+        """The middle of the bottom of that box, (3,) [m]."""
+        low, high = self.bounds
+        return np.array([*(0.5 * (low + high))[:2], low[2]])
+
+    @property
+    def radius(self) -> float:
+        """The radius of a circle around that middle, seen from above, that holds it [m]."""
+        low, high = self.bounds
+        return 0.5 * float(np.linalg.norm((high - low)[:2]))
+
+    def _box(self, visual: Visual) -> tuple[Array, Array]:
+        size = np.array(visual.size)
+        match visual.kind:
+            case "box":
+                half = 0.5 * size
+            case "sphere":
+                half = np.repeat(size, 3)
+            case "cylinder":
+                half = np.array([size[0], size[0], 0.5 * size[1]])
+            case "capsule":
+                half = np.array([size[0], size[0], 0.5 * size[1] + size[0]])
+            case "prism":
+                outline = np.array(visual.outline)
+                low, high = outline.min(axis=0), outline.max(axis=0)
+                return np.array([*low, -0.5 * size[0]]), np.array([*high, 0.5 * size[0]])
+            case "mesh":
+                suffix = PurePosixPath(visual.mesh).suffix
+                corners = bounds(self._attachments[visual.mesh], suffix) or (np.zeros(3), np.zeros(3))
+                scaled = np.sort(np.stack(corners) * size, axis=0)
+                return scaled[0], scaled[1]
+        return -half, half
+
+
+def media_type(visual: Visual) -> str | None:
+    """What kind of file a mesh is, for viewers; None if they know no such files."""
+    return MEDIA_TYPES.get(PurePosixPath(visual.mesh).suffix.lower())

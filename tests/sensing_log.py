@@ -1,0 +1,41 @@
+"""A short log in which everything was measured that sensors measure."""
+
+from pathlib import Path
+
+from simulating import STEP, Team, simulate
+
+from symaware_cli import Entity, Obstacle
+from symaware_cli.components.perception_camera import Camera
+from symaware_cli.components.perception_contact import ContactSensor
+from symaware_cli.components.perception_imu import InertialUnit
+from symaware_cli.components.perception_lidar import Lidar
+from symaware_cli.environments.spatial import PyBulletEnvironment
+from symaware_cli.models.unicycle import Unicycle
+
+STEPS = 3
+
+
+def teams():
+    """Two robots that stand: the second beside the first."""
+    components = {
+        "scan": lambda: Lidar(Lidar.Parameters(rays=180, range=5.0, noise=0.01, dropout=0.1)),
+        "eye": lambda: Camera(Camera.Parameters(width=32, height=24)),
+        "bumper": lambda: ContactSensor(ContactSensor.Parameters()),
+        "inertia": lambda: InertialUnit(InertialUnit.Parameters(acceleration_noise=0.1, dropout=0.3)),
+    }
+    disc = Entity(shape={"cylinder": {"radius": 0.2, "height": 1.0}})
+    states = [[0.0, 0.0, 0.0], [0.0, 2.0, 0.0]]
+    return {"robot": Team(components, 2, states, model=Unicycle(), entity=disc)}
+
+
+def world():
+    """A crate 3 m ahead of the first."""
+    crate = {"shape": {"box": {"length": 1.0, "width": 1.0, "height": 1.0}}, "position": [3, 0]}
+    environment = PyBulletEnvironment(PyBulletEnvironment.Parameters(time_step=STEP / 1e9))
+    return {"environment": environment, "obstacles": {"crate": Obstacle.model_validate(crate)}}
+
+
+def write_sensing(path: Path) -> Path:
+    """Write the log."""
+    simulate(teams(), STEPS, path, **world())
+    return path
