@@ -152,51 +152,6 @@ def main() -> None:
         (HERE / "RESULTS.md").write_text(text)
 
 
-def optimal_control(rounds: int) -> dict[str, dict[str, float]]:
-    """The figures of model predictive control by case, the best of each over the rounds."""
-    best: dict[str, dict[str, float]] = {}
-    for number in range(rounds):
-        for case in ("fatrop", "ipopt", "plain", "scenario"):
-            name = f"optimal control {case}"
-            print(f"\rround {number + 1} of {rounds}: {name:<30}", end="", file=sys.stderr, flush=True)
-            figures = measure([sys.executable, str(HERE / "optimal_control.py"), case])
-            known = best.setdefault(case, figures)
-            best[case] = {key: min(value, known[key]) for key, value in figures.items()}
-    return best
-
-
-def report_control(figures: dict[str, dict[str, float]]) -> str:
-    """Lay out the results of model predictive control."""
-    ours, plain, scenario = figures["fatrop"], figures["plain"], figures["scenario"]
-    keys = ("mean", "median", "worst", "whole")
-    names = {
-        "fatrop": "`symaware_cli.optimal_control` with FATROP",
-        "ipopt": "the same with IPOPT",
-        "plain": "plain CasADi (`Opti`) and IPOPT",
-    }
-    lines = [
-        "",
-        "Model predictive control of an aircraft: 30 steps ahead in 28 scenarios, 82 times along its way. The figures",
-        "are milliseconds of CPU time, of each time and of the whole way.",
-        "",
-        "| | mean | median | worst | whole |",
-        "|---|---:|---:|---:|---:|",
-        *(
-            f"| {what} | {' | '.join(f'{1e3 * figures[case][key]:.1f}' for key in keys)} |"
-            for case, what in names.items()
-        ),
-        "",
-        "| what | measured | target |",
-        "|---|---:|---:|",
-        f"| mean beside plain CasADi and IPOPT | {plain['mean'] / ours['mean']:.2g} x faster | >= 6 x |",
-        f"| worst step | {1e3 * ours['worst']:.0f} ms | < 100 ms |",
-        f"| the whole way | {ours['whole']:.2f} s | < 1.5 s |",
-        f"| plans of `scenarios/mpc.yaml` per CPU-second | {scenario['plans'] / scenario['whole']:.0f} | |",
-        "",
-    ]
-    return "\n".join(lines)
-
-
 def _processor() -> str:
     """What the machine calls its processor."""
     information = Path("/proc/cpuinfo")

@@ -13,20 +13,7 @@ from symaware_cli.core.component import (
     RiskEstimator,
     UncertaintyEstimator,
 )
-from symaware_cli.core.entity import (
-    Box,
-    Circle,
-    Cylinder,
-    Entity,
-    Mesh,
-    Obstacle,
-    Polygon,
-    Pose,
-    ScriptedPath,
-    Shape,
-    Urdf,
-    Wall,
-)
+from symaware_cli.core.entity import Entity, Obstacle, Pose, ScriptedPath
 from symaware_cli.core.environment import Environment, EnvironmentParameters, WorldError
 from symaware_cli.core.event import Event, EventBus, Level, SubscriberError, Subscription
 from symaware_cli.core.knowledge import KnowledgeDatabase
@@ -36,6 +23,7 @@ from symaware_cli.core.plugin import Parameters, Plugin
 from symaware_cli.core.reading import Frame, Image, Measurement, Reading, Scan
 from symaware_cli.core.scenery import Scenery
 from symaware_cli.core.series import TimeSeries
+from symaware_cli.core.shape import Box, Circle, Cylinder, Mesh, Polygon, Shape, Urdf, Wall
 from symaware_cli.core.time import Clock, nanoseconds, seconds
 from symaware_cli.core.topology import Links, Topology, TopologyError, TopologyParameters
 from symaware_cli.core.transport import Happening, Port, Transport, TransportError, TransportParameters

@@ -12,15 +12,14 @@ from pydantic import Field
 from symaware_cli.core import (
     AgentGroup,
     Contact,
-    Environment,
     EnvironmentParameters,
     Model,
     Obstacle,
-    Snapshot,
     WorldError,
     nanoseconds,
 )
 from symaware_cli.core.integration import euler, rk4
+from symaware_cli.environments.columns import ColumnEnvironment
 from symaware_cli.environments.contact import ContactDetector
 from symaware_cli.environments.noise import ProcessNoise
 from symaware_cli.environments.shared import adopted_groups, captured_groups
@@ -30,7 +29,7 @@ Array = NDArray[np.float64]
 _INTEGRATORS: Mapping[str, Callable[[Model, Array, Array, float], Array]] = {"exact": rk4, "rk4": rk4, "euler": euler}
 
 
-class KinematicEnvironment(Environment):
+class KinematicEnvironment(ColumnEnvironment):
     """Moves every group by its own model; bodies pass through each other, and their contacts are reported.
 
     Requested control inputs are saturated to what the model allows and held over the step. The model's process noise is
@@ -73,26 +72,18 @@ class KinematicEnvironment(Environment):
                     f"the model of `{group.name}` is a map over {own:g} s, and the environment steps by "
                     f"{self.time_step / 1e9:g} s: both need the same `time_step`"
                 )
-        self._number = {group.name: number for number, group in enumerate(self.groups)}
-        self._states = [group.initial_state for group in self.groups]
-        self._applied = [group.model.limit(group.control_input) for group in self.groups]
         self._noises = [self._noise(group, seed) for group in self.groups]
-        self._models = [group.model for group in self.groups]
-        self._time = 0
-        self._snapshot: Snapshot | None = None
         self._detector = ContactDetector(self.groups, self.scenery, self.proximity)
-        self._contacts: Sequence[Contact] | None = None
 
     def step(self) -> None:
         """Advance every group by its model under its saturated control input."""
-        for number, (group, noise) in enumerate(zip(self.groups, self._noises, strict=True)):
-            applied = group.model.limit(group.control_input)
-            state = self._advance(group.model, self._states[number], applied)
+        self._apply_inputs()
+        for number, (model, noise) in enumerate(zip(self._models, self._noises, strict=True)):
+            state = self._advance(model, self._states[number], self._applied[number])
             if noise:
                 state = state + noise.draw()
-            applied.flags.writeable = False
             state.flags.writeable = False
-            self._applied[number], self._states[number] = applied, state
+            self._states[number] = state
         self._time += self.time_step
         self._snapshot = self._contacts = None
 
@@ -129,20 +120,6 @@ class KinematicEnvironment(Environment):
         for _ in range(parts):
             state = _INTEGRATORS[integrator](model, state, control_input, step / parts)
         return state
-
-    def state(self, group: AgentGroup) -> Array:
-        """The true states of a group, read-only; shape (n, nx)."""
-        return self._states[self._number[group.name]]
-
-    def applied_input(self, group: AgentGroup) -> Array:
-        """The control inputs of the last step after saturation, read-only; shape (n, nu)."""
-        return self._applied[self._number[group.name]]
-
-    def snapshot(self) -> Snapshot:
-        """The whole world now."""
-        if self._snapshot is None:
-            self._snapshot = Snapshot(self._time, self.roster, self._models, self._states, self._applied)
-        return self._snapshot
 
     def contacts(self) -> Sequence[Contact]:
         """The contacts that began or ended with the last step."""

@@ -13,15 +13,14 @@ from pydantic import Field
 from symaware_cli.core import (
     AgentGroup,
     Contact,
-    Environment,
     EnvironmentParameters,
     Obstacle,
     Pose,
     Scenery,
-    Snapshot,
     WorldError,
     seconds,
 )
+from symaware_cli.environments.columns import ColumnEnvironment
 from symaware_cli.environments.drive import Drive
 from symaware_cli.environments.touch import TouchLedger
 
@@ -45,7 +44,7 @@ class Bodies:
         self.motion = motion
 
 
-class PhysicsEnvironment(Environment):
+class PhysicsEnvironment(ColumnEnvironment):
     """A world in which forces move bodies.
 
     A time step has a number of physics steps. In each the drive of an agent applies the force and the torque that bring
@@ -76,11 +75,6 @@ class PhysicsEnvironment(Environment):
         """
         super().initialise(groups, obstacles, seed)
         self.step_time = seconds(self.time_step) / self.parameters.substeps
-        self._time = 0
-        self._number = {group.name: number for number, group in enumerate(self.groups)}
-        self._states = [group.initial_state for group in self.groups]
-        self._applied = [group.model.limit(group.control_input) for group in self.groups]
-        self._snapshot: Snapshot | None = None
         for group in self.groups:
             if len(group.model.position) > self.dimensions:
                 raise WorldError(
@@ -93,7 +87,6 @@ class PhysicsEnvironment(Environment):
         self._moving = [name for name, obstacle in self.obstacles.items() if obstacle.path]
         self._free_rows = {name: row for row, name in enumerate(self._free)}
         self._touches = TouchLedger([*self.roster.ids, *self.obstacles, "ground"], len(self.roster))
-        self._contacts: Sequence[Contact] | None = None
         self._prepare()
         try:
             self._build()
@@ -176,10 +169,7 @@ class PhysicsEnvironment(Environment):
 
     def step(self) -> None:
         """Advance by one time step: so many physics steps under the saturated control inputs."""
-        for number, group in enumerate(self.groups):
-            applied = group.model.limit(group.control_input)
-            applied.flags.writeable = False
-            self._applied[number] = applied
+        self._apply_inputs()
         self._lay_out()
         settled = diverted = False
         at_once, substeps = not self._any_limits and self._retained == 1.0, self.parameters.substeps
@@ -245,21 +235,6 @@ class PhysicsEnvironment(Environment):
 
     def _read_others(self, velocities: Array) -> None:
         """Take over the states of groups without a drive, and put their velocities into those of all."""
-
-    def state(self, group: AgentGroup) -> Array:
-        """The true states of a group, read-only; shape (n, nx)."""
-        return self._states[self._number[group.name]]
-
-    def applied_input(self, group: AgentGroup) -> Array:
-        """The control inputs of the last step after saturation, read-only; shape (n, nu)."""
-        return self._applied[self._number[group.name]]
-
-    def snapshot(self) -> Snapshot:
-        """The whole world now; its velocities are those of the bodies."""
-        if self._snapshot is None:
-            models = [group.model for group in self.groups]
-            self._snapshot = Snapshot(self._time, self.roster, models, self._states, self._applied, self._velocities)
-        return self._snapshot
 
     @property
     def scenery(self) -> Scenery:

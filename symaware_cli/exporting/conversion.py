@@ -103,7 +103,7 @@ def _batches(
             del sizes[longest]
         now = message.time
         entries[message.channel.topic].append((now, message.decode()))
-        sizes[message.channel.topic] += len(message.data) + _OVERHEAD
+        sizes[message.channel.topic] += sources[message.channel.topic].growth * (len(message.data) + _OVERHEAD)
     for topic, source in sources.items():
         if entries[topic] or not source.table.optional:
             yield _laid_out(log, topic, source, entries.pop(topic))

@@ -87,11 +87,13 @@ class EntrySource:
         table: The table.
         rows: Makes rows of the time [ns] and the content of a message; none if it is not wanted.
         names: What the columns of names stand for.
+        growth: How many times as large as its messages the table is in memory, roughly.
     """
 
     table: Table
     rows: Callable[[int, Any], Iterable[Sequence[Any]]]
     names: Sequence[str] = ()
+    growth: int = 1
 
     def convert(self, entries: Sequence[tuple[int, Any]]) -> list[Values]:
         """Make rows of messages.

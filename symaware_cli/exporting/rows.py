@@ -49,6 +49,7 @@ class RowSource:
         lay_out: Makes a piece of a message and the number of agents.
         index_names: What the index stands for, if it stands for names.
         chosen: (n,) which agents are wanted; None for all.
+        growth: How many times as large as its messages the table is in memory, roughly.
     """
 
     table: Table
@@ -56,6 +57,7 @@ class RowSource:
     lay_out: Callable[[Any, int], Piece]
     index_names: Sequence[str] | None = None
     chosen: NDArray[np.bool_] | None = None
+    growth: int = 1
 
     def convert(self, entries: Sequence[tuple[int, Any]]) -> list[Values]:
         """Make rows of messages.

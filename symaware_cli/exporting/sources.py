@@ -28,6 +28,9 @@ _SERIES = {
     "risk": "how much at risk the agent deems itself at that time",
 }
 
+#: A ray is 4 bytes in the log, and ten numbers in a table.
+_SCAN_GROWTH = 16
+
 
 class Source(Protocol):
     """Makes a table of the messages of a channel."""
@@ -35,6 +38,10 @@ class Source(Protocol):
     @property
     def table(self) -> Table:
         """The table."""
+
+    @property
+    def growth(self) -> int:
+        """How many times as large as its messages the table is in memory, roughly."""
 
     def convert(self, entries: Sequence[tuple[int, Any]]) -> list[Values]:
         """Make rows of messages.
@@ -218,7 +225,7 @@ class _Group:
             Column("distance", "number", "m", "how far it goes; infinite if nothing is in range, NaN if it was missed"),
             *_numbers([("x", "m"), ("y", "m"), ("z", "m"), ("heading", "rad")], "of the sensor, in truth"),
         ]
-        return self._source(SCAN, columns, rows.lay_out_scan, sensor=sensor)
+        return self._source(SCAN, columns, rows.lay_out_scan, sensor=sensor, growth=_SCAN_GROWTH)
 
     def image(self, selection: Selection, sensor: str, topic: str) -> Source:
         """What a camera saw."""
@@ -241,12 +248,13 @@ class _Group:
         lay_out: Callable[[Any, int], rows.Piece],
         index_names: Sequence[str] | None = None,
         sensor: str | None = None,
+        growth: int = 1,
     ) -> Source:
         keys = (entries.TIME, Column("agent", "name", "", "whose row it is"))
         path = _path(kind, self.name) if sensor is None else _path(kind, self.name, sensor)
         table = Table(path, _distinct([*keys, *columns]), optional=True)
         chosen = None if self.chosen.all() else self.chosen
-        return rows.RowSource(table, self.ids, lay_out, index_names, chosen)
+        return rows.RowSource(table, self.ids, lay_out, index_names, chosen, growth)
 
     def _quantities(self, topic: str) -> Quantities:
         """The names and units that the channel announces, unless its messages are of another width."""

@@ -1,49 +1,31 @@
-"""The quadrotor: a Crazyflie 2.x, told the speeds of its four rotors.
-
-Sources of the figures: [F] J. Foerster, System Identification of the Crazyflie 2.0 Nano Quadrocopter, ETH Zurich, 2015;
-[L] C. Luis and J. Le Ny, Design of a Trajectory Tracking Controller for a Nanoquadcopter, Polytechnique Montreal, 2016
-(arXiv:1608.05786); [P] J. Panerati et al., Learning to Fly, IROS 2021.
-"""
+"""The quadrotor: a Crazyflie 2.x, told the speeds of its four rotors."""
 
 from __future__ import annotations
 
 import math as numbers
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from symaware_cli.core import Parameters, Quantity, Vehicle, WorldError
+from symaware_cli.core import Parameters, Quantity, Vehicle
 from symaware_cli.core.model import columns, rows
+from symaware_cli.models.crazyflie import (
+    INERTIA,
+    MASS,
+    THRUST,
+    THRUST_TO_WEIGHT,
+    drag,
+    rotor_speeds,
+    rotor_wrench,
+)
 from symaware_cli.models.noise import Deviation, NoisyModel
+from symaware_cli.models.quadrotor_vehicle import QuadrotorVehicle
+from symaware_cli.models.vector import Axes, Vector, added, body_axes, cross, dot, to_world, unit
 
 Array = NDArray[np.float64]
-Vector = tuple[Any, Any, Any]
-
-#: [kg], of the vehicle with its battery [L].
-MASS = 0.027
-#: [kg m^2] about the x, y and z axes; products of inertia, under a tenth of these, are left out [F].
-INERTIA = (16.6e-6, 16.6e-6, 29.3e-6)
-#: [m] From the centre to a rotor [F], and of that along either axis.
-ARM = 0.046
-REACH = ARM / numbers.sqrt(2.0)
-#: [m] The radius of a propeller [L].
-PROPELLER = 0.0231348
-_RADIANS = (60.0 / (2.0 * numbers.pi)) ** 2
-#: [N s^2] and [N m s^2]: thrust and reaction torque of a rotor by the square of its speed [L], who count in rpm.
-THRUST, REACTION = 3.1582e-10 * _RADIANS, 7.9379e-12 * _RADIANS
-#: [kg] Drag by the velocity and the sum of the rotors' speeds, along the axes of the body [F].
-DRAG = (9.1785e-7, 9.1785e-7, 10.311e-7)
-#: The thrust of all rotors at full speed, by the weight [P].
-THRUST_TO_WEIGHT = 2.25
-#: Where each rotor is, in units of REACH, and the sense in which its reaction turns the body: the first is in front on
-#: the right, the others follow clockwise as seen from above; the first and the third turn counter-clockwise.
-ROTORS = ((1, -1, -1), (-1, -1, 1), (-1, 1, -1), (1, 1, 1))
-#: Downwash: strength, and growth [1/m] and offset of its width with the distance [P].
-_DOWNWASH = (2267.18, 0.16, -0.11)
 
 
 class Quadrotor(NoisyModel):
@@ -182,232 +164,21 @@ class Quadrotor(NoisyModel):
             inertia * (-natural * natural * off - 2.0 * natural * turning) + spun
             for inertia, natural, off, turning, spun in zip(INERTIA, frequency, error, rate, gyration, strict=True)
         )
-        return rows(_mixed(thrust, torque, self.top_speed), len(state))
+        return rows(rotor_speeds(thrust, torque, self.top_speed), len(state))
 
     def vehicle(self) -> Vehicle:
         """Its body and rotors in the world `pybullet`."""
         return QuadrotorVehicle(self.parameters)
 
 
-class QuadrotorVehicle(Vehicle):
-    """The bodies and rotors of quadrotors in the world `pybullet`."""
-
-    def __init__(self, parameters: Any) -> None:
-        self._parameters = parameters
-
-    def description(self) -> Path:
-        """Our own file."""
-        return Path(__file__).parent / "assets" / "crazyflie.urdf"
-
-    def pose(self, state: Array) -> tuple[Sequence[float], Sequence[float]]:
-        """The centre of mass, turned by yaw, pitch and roll."""
-        roll, pitch, yaw = (0.5 * float(angle) for angle in state[3:6])
-        sine = [numbers.sin(half) for half in (roll, pitch, yaw)]
-        cosine = [numbers.cos(half) for half in (roll, pitch, yaw)]
-        orientation = (
-            sine[0] * cosine[1] * cosine[2] - cosine[0] * sine[1] * sine[2],
-            cosine[0] * sine[1] * cosine[2] + sine[0] * cosine[1] * sine[2],
-            cosine[0] * cosine[1] * sine[2] - sine[0] * sine[1] * cosine[2],
-            cosine[0] * cosine[1] * cosine[2] + sine[0] * sine[1] * sine[2],
-        )
-        return state[:3].tolist(), orientation
-
-    def attach(self, engine: Any, client: int, bodies: Sequence[int], state: Array, step_time: float) -> None:
-        """Set the bodies going.
-
-        Raises:
-            WorldError: The world has another gravity than the model, so that a hover would not hover.
-        """
-        self._engine, self._client, self._bodies = engine, client, tuple(bodies)
-        self._fresh = False
-        settings = engine.getPhysicsEngineParameters(client)
-        gravity = [settings[f"gravityAcceleration{axis}"] for axis in "XYZ"]
-        if not np.allclose(gravity, [0.0, 0.0, -self._parameters.gravity]):
-            raise WorldError(
-                f"the model has a `gravity` of {self._parameters.gravity:g}, and the world one of {gravity}"
-            )
-        values = columns(state)
-        axes = body_axes(values[3], values[4], values[5], np)
-        spins = np.stack(np.broadcast_arrays(*to_world(axes, (values[9], values[10], values[11]))), axis=1)
-        for body, own, spin in zip(bodies, state, spins, strict=True):
-            engine.changeDynamics(
-                body, -1, linearDamping=0.0, angularDamping=0.0, localInertiaDiagonal=INERTIA, physicsClientId=client
-            )
-            engine.resetBaseVelocity(body, own[6:9].tolist(), spin.tolist(), client)
-        self._yaws = state[:, 5].copy()
-        self._inputs = np.zeros((len(bodies), 4))
-        self._look()
-
-    def actuate(self, control_input: Array) -> None:
-        """Let the rotors turn at these speeds."""
-        self._inputs = control_input
-        self._rotors = columns(control_input)
-        self._thrust, self._torque = rotor_wrench(self._rotors)
-
-    def push(self) -> None:
-        """Apply thrust, reaction and what the air does, at the centre of mass."""
-        if not self._fresh:
-            self._look()
-        self._fresh = False
-        axes, parameters = self._axes, self._parameters
-        lift = self._thrust * self._near_ground() if parameters.ground_effect else self._thrust
-        force: Vector = (np.zeros_like(lift), np.zeros_like(lift), lift)
-        if parameters.drag:
-            force = added(force, drag(axes, self._velocity, self._rotors))
-        force, torque = to_world(axes, force), to_world(axes, self._torque)
-        if parameters.downwash and len(self._bodies) > 1:
-            force = (force[0], force[1], force[2] - self._washed_down())
-        engine, client, frame = self._engine, self._client, self._engine.WORLD_FRAME
-        forces, torques = np.stack(force, axis=1).tolist(), np.stack(torque, axis=1).tolist()
-        for body, place, pushed, turned in zip(self._bodies, self._places, forces, torques, strict=True):
-            engine.applyExternalForce(body, -1, pushed, place, frame, client)
-            engine.applyExternalTorque(body, -1, turned, frame, client)
-
-    def read(self) -> tuple[Array, Array]:
-        """Read the poses and velocities of the bodies."""
-        self._look()
-        values = self._values
-        axes = self._axes
-        state = np.empty((len(values), 12))
-        state[:, :3], state[:, 6:9] = values[:, :3], values[:, 7:10]
-        state[:, 3] = np.arctan2(axes[1][2], axes[2][2])
-        state[:, 4] = np.arcsin(np.clip(-axes[0][2], -1.0, 1.0))
-        turned = np.arctan2(axes[0][1], axes[0][0])
-        self._yaws = self._yaws + np.remainder(turned - self._yaws + np.pi, 2 * np.pi) - np.pi
-        state[:, 5] = self._yaws
-        spin = (values[:, 10], values[:, 11], values[:, 12])
-        for axis in range(3):
-            state[:, 9 + axis] = dot(axes[axis], spin)
-        return state, values[:, 7:10].copy()
-
-    def _look(self) -> None:
-        """Read where everybody is and how it turns, until the next physics step."""
-        engine, client = self._engine, self._client
-        flat: list[float] = []
-        self._places = []
-        for body in self._bodies:
-            position, orientation = engine.getBasePositionAndOrientation(body, client)
-            velocity, spin = engine.getBaseVelocity(body, client)
-            flat += position
-            flat += orientation
-            flat += velocity
-            flat += spin
-            self._places.append(position)
-        values = self._values = np.array(flat).reshape(-1, 13)
-        x, y, z, w = columns(values[:, 3:7])
-        self._axes = (
-            (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z), 2.0 * (x * z - w * y)),
-            (2.0 * (x * y - w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z + w * x)),
-            (2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)),
-        )
-        velocity_x, velocity_y, velocity_z = columns(values[:, 7:10])
-        self._velocity = (velocity_x, velocity_y, velocity_z)
-        self._fresh = True
-
-    def _near_ground(self) -> Array:
-        """By how much more the rotors push above ground: 1 / (1 - (R / 4 z)^2), down to a height of R / 2."""
-        share = PROPELLER / (4.0 * np.maximum(self._values[:, 2], 0.5 * PROPELLER))
-        grown: Array = 1.0 / (1.0 - share * share)
-        return grown
-
-    def _washed_down(self) -> Array:
-        """The force with which those who fly above push each down [N]; shape (n,)."""
-        x, y, z = columns(self._values[:, :3])
-        above = z[None, :] - z[:, None]
-        below = above > 1e-3
-        height = np.where(below, above, 1.0)
-        strength = _DOWNWASH[0] * (PROPELLER / (4.0 * height)) ** 2
-        width = _DOWNWASH[1] * height + _DOWNWASH[2]
-        apart = (x[None, :] - x[:, None]) ** 2 + (y[None, :] - y[:, None]) ** 2
-        pushed = strength * np.exp(-0.5 * apart / np.maximum(width * width, 1e-6))
-        # Added up pair by pair, so that it does not matter how many there are.
-        total = np.zeros(len(z))
-        for other in range(len(z)):
-            total += np.where(below[:, other] & (apart[:, other] < 100.0), pushed[:, other], 0.0)
-        return total
-
-
-def body_axes(roll: Any, pitch: Any, yaw: Any, math: Any) -> tuple[Vector, Vector, Vector]:
-    """The axes of the body in the world's coordinates, which are the columns of its rotation matrix."""
-    sine_r, cosine_r = math.sin(roll), math.cos(roll)
-    sine_p, cosine_p = math.sin(pitch), math.cos(pitch)
-    sine_y, cosine_y = math.sin(yaw), math.cos(yaw)
-    return (
-        (cosine_y * cosine_p, sine_y * cosine_p, -sine_p),
-        (
-            cosine_y * sine_p * sine_r - sine_y * cosine_r,
-            sine_y * sine_p * sine_r + cosine_y * cosine_r,
-            cosine_p * sine_r,
-        ),
-        (
-            cosine_y * sine_p * cosine_r + sine_y * sine_r,
-            sine_y * sine_p * cosine_r - cosine_y * sine_r,
-            cosine_p * cosine_r,
-        ),
-    )
-
-
-def rotor_wrench(speeds: Any) -> tuple[Any, Vector]:
-    """The thrust of all rotors [N], and their torque about the axes of the body [N m]."""
-    squares = [speeds[number] * speeds[number] for number in range(4)]
-    thrust = THRUST * (squares[0] + squares[1] + squares[2] + squares[3])
-    torque = tuple(
-        sum(sign * square for sign, square in zip(signs, squares, strict=True)) * arm
-        for signs, arm in (
-            ([rotor[1] for rotor in ROTORS], THRUST * REACH),
-            ([-rotor[0] for rotor in ROTORS], THRUST * REACH),
-            ([rotor[2] for rotor in ROTORS], REACTION),
-        )
-    )
-    return thrust, (torque[0], torque[1], torque[2])
-
-
-def drag(axes: tuple[Vector, Vector, Vector], velocity: Vector, speeds: Any) -> Vector:
-    """The force of the air, along the axes of the body [N]."""
-    turning = speeds[0] + speeds[1] + speeds[2] + speeds[3]
-    along = [-coefficient * turning * dot(axis, velocity) for coefficient, axis in zip(DRAG, axes, strict=True)]
-    return along[0], along[1], along[2]
-
-
-def dot(one: Vector, other: Vector) -> Any:
-    """The scalar product."""
-    return one[0] * other[0] + one[1] * other[1] + one[2] * other[2]
-
-
-def cross(one: Vector, other: Vector) -> Vector:
-    """The vector product."""
-    return (
-        one[1] * other[2] - one[2] * other[1],
-        one[2] * other[0] - one[0] * other[2],
-        one[0] * other[1] - one[1] * other[0],
-    )
-
-
-def added(one: Vector, other: Vector) -> Vector:
-    """The sum."""
-    return one[0] + other[0], one[1] + other[1], one[2] + other[2]
-
-
-def to_world(axes: tuple[Vector, Vector, Vector], vector: Vector) -> Vector:
-    """Turn a vector along the axes of the body into the world's coordinates."""
-    x, y, z = axes
-    turned = [vector[0] * x[axis] + vector[1] * y[axis] + vector[2] * z[axis] for axis in range(3)]
-    return turned[0], turned[1], turned[2]
-
-
-def _unit(vector: Vector) -> Vector:
-    length = np.maximum(np.sqrt(dot(vector, vector)), 1e-9)
-    return vector[0] / length, vector[1] / length, vector[2] / length
-
-
-def _axes_towards(thrust: Vector, yaw: Array) -> tuple[Vector, Vector, Vector]:
+def _axes_towards(thrust: Vector, yaw: Array) -> Axes:
     """The attitude whose z axis points along a thrust and whose nose points to a yaw."""
-    upwards = _unit(thrust)
-    left = _unit(cross(upwards, (np.cos(yaw), np.sin(yaw), np.zeros_like(yaw))))
+    upwards = unit(thrust)
+    left = unit(cross(upwards, (np.cos(yaw), np.sin(yaw), np.zeros_like(yaw))))
     return cross(left, upwards), left, upwards
 
 
-def _attitude_error(axes: tuple[Vector, Vector, Vector], wanted: tuple[Vector, Vector, Vector]) -> Vector:
+def _attitude_error(axes: Axes, wanted: Axes) -> Vector:
     """Half of what is skew in the rotation from one attitude to another, about the axes of the body."""
 
     def element(row: int, column: int) -> Any:
@@ -418,29 +189,3 @@ def _attitude_error(axes: tuple[Vector, Vector, Vector], wanted: tuple[Vector, V
         0.5 * (element(0, 2) - element(2, 0)),
         0.5 * (element(1, 0) - element(0, 1)),
     )
-
-
-def _mixed(thrust: Any, torque: Sequence[Any], top: float) -> list[Any]:
-    """The speeds of the rotors for a thrust and a torque.
-
-    Thrust gives way to what turns the vehicle over, and the yaw gives way to both, where the rotors cannot do all.
-    """
-    roll, pitch, yaw = (
-        0.25 * torque[0] / (THRUST * REACH),
-        0.25 * torque[1] / (THRUST * REACH),
-        0.25 * torque[2] / REACTION,
-    )
-    most = top * top
-    tilting = [rotor[1] * roll - rotor[0] * pitch for rotor in ROTORS]
-    widest = np.abs(tilting[0])
-    for each in tilting[1:]:
-        widest = np.maximum(widest, np.abs(each))
-    share = np.minimum(1.0, 0.5 * most / np.maximum(widest, 1e-9))
-    widest = widest * share
-    common = np.minimum(np.maximum(0.25 * thrust / THRUST, widest), most - widest)
-    room = np.minimum(common - widest, most - common - widest)
-    yaw = np.minimum(np.maximum(yaw, -room), room)
-    return [
-        np.sqrt(np.maximum(common + share * tilt + rotor[2] * yaw, 0.0))
-        for tilt, rotor in zip(tilting, ROTORS, strict=True)
-    ]

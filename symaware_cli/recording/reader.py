@@ -36,6 +36,8 @@ __all__ = ["FIELDS", "PREDICTED", "Log", "LogMessage", "open_log"]
 
 _TOPICS = {
     "world": "/world/{}/state",
+    "pose": "/world/{}/pose",
+    "joints": "/world/{}/joints",
     "control_requested": "/agents/{}/control",
 } | {name: f"/agents/{{}}/{name}" for name in ("state", "control", "intent", "uncertainty", "risk")}
 """The topic of each field of `Log.series`."""
@@ -88,10 +90,10 @@ class Log(McapFile):
 
         Args:
             name: A group, an agent, or an entity of the environment. The name of a group of one is its agent's.
-            field: `state` (what they believe), `world` (what is true), `control` (as applied), `control_requested`;
-                `intent`, `uncertainty` and `risk`, of which the first point of each time series is taken; or a sensor
-                that measures numbers, by its component's name: its readings when they became known, NaN where it
-                missed one.
+            field: `state` (what they believe), `world` (what is true), `pose` and `joints` (the rest of that, in worlds
+                of space), `control` (as applied), `control_requested`; `intent`, `uncertainty` and `risk`, of which the
+                first point of each time series is taken; or a sensor that measures numbers, by its component's name:
+                its readings when they became known, NaN where it missed one.
 
         Returns:
             For a group every instant at which any of its agents was recorded, (k, n, columns), where the others keep

@@ -16,7 +16,6 @@ from symaware_cli.core import (
     Environment,
     GroupComponent,
     Model,
-    Plugin,
     Quantity,
     Topology,
     Transport,
@@ -28,11 +27,12 @@ from symaware_cli.runtime.failure import RunError
 from symaware_cli.runtime.faults import Fault
 from symaware_cli.runtime.simulation import Simulation, Slot
 from symaware_cli.runtime.terms import Terms
-from symaware_cli.scenario.catalogue import Catalogue, PluginError, place_of
+from symaware_cli.scenario.catalogue import Catalogue
 from symaware_cli.scenario.check import check
 from symaware_cli.scenario.compose import Composition, compose
 from symaware_cli.scenario.document import Scenario
 from symaware_cli.scenario.faults import FaultBuilder
+from symaware_cli.scenario.making import Workshop, mapping, topologies, words
 from symaware_cli.scenario.problem import Problem, ScenarioError, dotted, nearest, quoted
 from symaware_cli.scenario.resolved import resolved
 from symaware_cli.scenario.sampling import Sampler
@@ -110,18 +110,15 @@ class _Builder:
     ) -> None:
         self._composition = composition
         self._folder = folder
-        self._catalogue = catalogue
         self._found = tuple(found)
         self._problems: list[Problem] = []
         self._uses: dict[str, dict[str, Any]] = {}
-        #: The class that each `use` names, by the path of its entry, and what an author may write under `with`.
-        self._plugins: dict[Path, Any] = {}
-        self._parameters: list[Path] = []
+        self._workshop = Workshop(composition, catalogue, self._report, self._problems.extend)
 
     def build(self) -> Built:
         data = self._composition.data
-        self._load(data)
-        document = check(Scenario, data, self._composition, (), self._parameters)
+        self._workshop.load(data)
+        document = check(Scenario, data, self._composition, (), self._workshop.parameters)
         if isinstance(document, list):
             if any(problem.code == "wrong-version" for problem in document):
                 # Nobody knows what the rest means in another version of the format.
@@ -129,22 +126,22 @@ class _Builder:
             self._problems += document
         # The parts are made even where the document is broken elsewhere, so that one pass reports everything.
         seed = document.seed if isinstance(document, Scenario) else 0
-        environment = self._environment(_mapping(data.get("environment")))
+        environment = self._environment(mapping(data.get("environment")))
         groups, slots = [], []
-        for name, entry in _mapping(data.get("agents")).items():
-            group, group_slots = self._group(name, _mapping(entry), document, seed)
+        for name, entry in mapping(data.get("agents")).items():
+            group, group_slots = self._group(name, mapping(entry), document, seed)
             if group:
                 groups.append(group)
             slots += group_slots
-        steps = self._steps(_mapping(data.get("run")).get("duration"), environment)
-        topologies = self._topologies(data.get("topology"))
-        transport = next(iter(self._make(_mapping(data.get("transport")), ("transport",))), None)
+        steps = self._steps(mapping(data.get("run")).get("duration"), environment)
+        networks = self._topologies(data.get("topology"))
+        transport = next(iter(self._workshop.make(mapping(data.get("transport")), ("transport",))), None)
         terms, network = Terms(), None
         if isinstance(document, Scenario) and environment is not None:
             terms = self._terms(document, environment, groups, slots)
             if document.topology is not None and len(groups) == len(document.agents):
                 builder = NetworkBuilder(self._report, environment, groups, seed)
-                network = builder.build(document.topology, topologies)
+                network = builder.build(document.topology, networks)
         if self._problems or self._found or isinstance(document, list) or environment is None:
             raise ScenarioError([*self._found, *filter(self._is_news, self._problems)])
         simulation = self._simulation(document, environment, groups, slots)
@@ -196,70 +193,8 @@ class _Builder:
     def _report(self, code: str, message: str, path: Path, **hints: Any) -> None:
         self._problems.append(self._composition.problem(code, message, path, **hints))
 
-    def _load(self, data: Mapping[str, Any]) -> None:
-        """Import every plugin that is named anywhere."""
-        self._import("environment", data.get("environment"), ("environment",))
-        for place, topology in _topologies(data.get("topology")):
-            self._import("topology", topology, place)
-        self._import("transport", data.get("transport"), ("transport",))
-        for name, entry in _mapping(data.get("agents")).items():
-            path: Path = ("agents", name)
-            self._import("model", _mapping(entry).get("model"), (*path, "model"))
-            for component, content in _mapping(_mapping(entry).get("components")).items():
-                self._import("component", content, (*path, "components", component))
-
-    def _import(self, kind: str, entry: Any, path: Path) -> None:
-        use = _mapping(entry).get("use")
-        if not isinstance(use, str):
-            return
-        try:
-            plugin = self._catalogue.load(kind, use)
-        except PluginError as error:
-            self._report(error.code, str(error), (*path, "use"), expected=error.expected, suggestion=error.suggestion)
-            return
-        self._plugins[path] = plugin
-        fields = plugin.Parameters.model_fields.items()
-        self._parameters += [(*path, "with", field.alias or name) for name, field in fields]
-
-    def _make(self, entry: Mapping[str, Any], path: Path, count: int = 1) -> list[Any]:
-        """Make instances of the plugin of an entry with its parameters; none after a problem.
-
-        A group component is made once, whatever the count.
-        """
-        plugin, given = self._plugins.get(path), entry.get("with", {})
-        if plugin is None or not isinstance(given, Mapping):
-            return []
-        use, where = entry["use"], (*path, "with") if "with" in entry else path
-        try:
-            parameters = check(plugin.Parameters, given, self._composition, where)
-        except Exception as error:
-            self._report("broken-plugin", f"the Parameters of {quoted(use)} fail: {_words(error)}", where)
-            return []
-        if isinstance(parameters, list):
-            # What was put beside `with` is reported as that, not as missing too.
-            self._problems += [
-                problem
-                for problem in parameters
-                if problem.code != "missing-field" or not any(f"`{key}`" in problem.message for key in entry)
-            ]
-            return []
-        try:
-            if plugin.Parameters is Plugin.Parameters:
-                # A component author need not know of parameters: without any of its own, a class is called with none.
-                return [plugin() for _ in range(1 if issubclass(plugin, GroupComponent) else count)]
-            # Each agent has its own parameters: none may reach another agent through a shared mutable value.
-            return [
-                plugin(parameters.model_copy(deep=True))
-                for _ in range(1 if issubclass(plugin, GroupComponent) else count)
-            ]
-        except ValueError as error:
-            self._report("invalid-value", f"{quoted(use)} refuses its parameters: {_words(error)}", where)
-        except (Exception, SystemExit) as error:
-            self._report("broken-plugin", f"{quoted(use)} cannot be made: {_words(error)}", (*path, "use"))
-        return []
-
     def _environment(self, entry: Mapping[str, Any]) -> Environment | None:
-        made = self._make(entry, ("environment",))
+        made = self._workshop.make(entry, ("environment",))
         if not made:
             return None
         environment: Environment = made[0]
@@ -272,11 +207,11 @@ class _Builder:
 
     def _topologies(self, entry: Any) -> dict[Path, Topology]:
         """Make every topology that is named, by its path."""
-        made = {path: self._make(each, path) for path, each in _topologies(entry)}
+        made = {path: self._workshop.make(each, path) for path, each in topologies(entry)}
         return {path: instances[0] for path, instances in made.items() if instances}
 
     def _model(self, entry: Mapping[str, Any], path: Path) -> Model | None:
-        made = self._make(entry, path)
+        made = self._workshop.make(entry, path)
         if not made:
             return None
         model: Model = made[0]
@@ -290,13 +225,13 @@ class _Builder:
         self, name: str, entry: Mapping[str, Any], document: Scenario | list[Problem], seed: int
     ) -> tuple[AgentGroup | None, list[Slot]]:
         path: Path = ("agents", name)
-        model = self._model(_mapping(entry.get("model")), (*path, "model"))
+        model = self._model(mapping(entry.get("model")), (*path, "model"))
         count = entry.get("count")
         sound = isinstance(count, int) and not isinstance(count, bool) and 1 <= count <= 100_000
         indexed = count is not None
         ids = [f"{name}.{row}" for row in range(count)] if sound and count else [name]
         # Where the model has bad parameters its class still tells what a state is.
-        kind = self._plugins.get((*path, "model"))
+        kind = self._workshop.plugins.get((*path, "model"))
         described = model or (kind if kind is not None and _fault_of(kind) is None else None)
         sampler = Sampler(self._composition, seed, ids, indexed, described)
         states, knowledge = None, []
@@ -304,11 +239,11 @@ class _Builder:
             states = sampler.states(entry.get("state"), (*path, "state"))
             knowledge = self._knowledge(sampler, entry, path, len(ids))
             self._problems += sampler.problems
-        components = _mapping(entry.get("components"))
-        uses = {component: str(_mapping(content).get("use")) for component, content in components.items()}
-        self._uses[name] = {"model": _mapping(entry.get("model")).get("use"), "components": uses}
+        components = mapping(entry.get("components"))
+        uses = {component: str(mapping(content).get("use")) for component, content in components.items()}
+        self._uses[name] = {"model": mapping(entry.get("model")).get("use"), "components": uses}
         instances = {
-            component: self._make(_mapping(content), (*path, "components", component), len(ids))
+            component: self._workshop.make(mapping(content), (*path, "components", component), len(ids))
             for component, content in components.items()
         }
         capable = [
@@ -329,7 +264,7 @@ class _Builder:
 
     def _knowledge(self, sampler: Sampler, entry: Mapping[str, Any], path: Path, count: int) -> list[dict[str, Any]]:
         knowledge: list[dict[str, Any]] = [{} for _ in range(count)]
-        for name, value in _mapping(entry.get("knowledge")).items():
+        for name, value in mapping(entry.get("knowledge")).items():
             for own, known in zip(knowledge, sampler.knowledge(value, (*path, "knowledge", name)), strict=False):
                 own[name] = known
         return knowledge
@@ -358,7 +293,7 @@ class _Builder:
         try:
             component.check(group)
         except Exception as error:
-            said = _words(error)
+            said = words(error)
             for name in component.knowledge:
                 where = (*path[:2], "knowledge", name)
                 if not _is_numeric(group, name):
@@ -405,7 +340,7 @@ class _Builder:
         except RunError as error:
             cause = error.__cause__
             if isinstance(cause, WorldError):
-                said = f"{quoted(error.plugin)} cannot do this: {_words(cause)}"
+                said = f"{quoted(error.plugin)} cannot do this: {words(cause)}"
                 self._report("unsuitable", said, cause.path, key=True)
             else:
                 said = f"{quoted(error.plugin)} cannot set up the world: {error.problem}"
@@ -449,23 +384,3 @@ def _is_numeric(group: AgentGroup, name: str) -> bool:
         return group.known(name).dtype == float
     except (TypeError, ValueError):
         return False
-
-
-def _topologies(entry: Any) -> Iterator[tuple[Path, Mapping[str, Any]]]:
-    """Yield each topology that a section names, with its path."""
-    yield ("topology",), _mapping(entry)
-    changes = _mapping(entry).get("changes")
-    for number, each in enumerate(changes if isinstance(changes, list) else ()):
-        yield ("topology", "changes", number), _mapping(each)
-
-
-def _mapping(value: Any) -> Mapping[str, Any]:
-    return value if isinstance(value, Mapping) else {}
-
-
-def _words(error: BaseException) -> str:
-    """Return what an error says: a refusal in its own words, anything else with its type and place."""
-    text = " ".join(str(error).split())
-    if isinstance(error, ValueError | NotImplementedError) and text:
-        return text
-    return f"{type(error).__name__}: {text}".removesuffix(": ") + place_of(error)

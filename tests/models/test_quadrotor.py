@@ -11,7 +11,8 @@ from symaware_cli.core import AgentGroup, Entity, WorldError
 from symaware_cli.environments.kinematic import KinematicEnvironment
 from symaware_cli.environments.planar import PymunkEnvironment
 from symaware_cli.environments.spatial import PyBulletEnvironment
-from symaware_cli.models.quadrotor import MASS, THRUST, Quadrotor
+from symaware_cli.models.crazyflie import MASS, THRUST
+from symaware_cli.models.quadrotor import Quadrotor
 from symaware_cli.recording.reader import open_log
 
 AWRY = [0.0, 0.0, 1.0, 0.1, -0.2, 0.5, 0.3, 0.2, 0.1, 0.5, -0.4, 0.3]

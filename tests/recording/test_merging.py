@@ -53,22 +53,52 @@ def messages(log, topic):
     return [(each.time, each.data) for each in log.messages(topic)]
 
 
+SENSING = """\
+symaware: 1
+name: sensing
+environment:
+  use: kinematic
+  entities: {wall: {shape: {box: {length: 1, width: 8}}, position: [3, 0]}}
+agents:
+  robot:
+    count: 4
+    model: {use: unicycle}
+    state: {circle: {radius: 5.0}}
+    knowledge: {goal: {circle: {radius: 5.0, phase: 3.14159}}}
+    components:
+      sense: {use: perception.omniscient}
+      scan: {use: perception.lidar, with: {rays: 32}}
+      feel: {use: perception.imu}
+      steer: {use: control.go-to-goal, with: {speed: 1.2}}
+"""
+
+
+def recorded(scenario, folder):
+    """The log of the first three seconds of a run."""
+    log = folder / f"{scenario.stem}.mcap"
+    status, _, trouble = called(["run", scenario, "--set", "run.duration=3", "--quiet", "--output", log])
+    assert status == 0, trouble
+    return log
+
+
 @pytest.fixture(scope="module")
 def crossing(tmp_path_factory, scenarios):
     """Twelve robots that perceive, believe, fear and plan, in one group."""
-    path = tmp_path_factory.mktemp("crossing") / "crossing.mcap"
-    options = ["--set", "run.duration=3", "--quiet", "--output", path]
-    assert called(["run", scenarios / "crossing.yaml", *options])[0] == 0
-    return path
+    return recorded(scenarios / "crossing.yaml", tmp_path_factory.mktemp("crossing"))
 
 
 @pytest.fixture(scope="module")
 def convoy(tmp_path_factory, scenarios):
     """Groups that talk to each other over a network."""
-    path = tmp_path_factory.mktemp("convoy") / "convoy.mcap"
-    options = ["--set", "run.duration=3", "--quiet", "--output", path]
-    assert called(["run", scenarios / "convoy.yaml", *options])[0] == 0
-    return path
+    return recorded(scenarios / "convoy.yaml", tmp_path_factory.mktemp("convoy"))
+
+
+@pytest.fixture(scope="module")
+def sensing(tmp_path_factory):
+    """Robots with a lidar and an inertial measurement unit, who know the whole world."""
+    folder = tmp_path_factory.mktemp("sensing")
+    folder.joinpath("sensing.yaml").write_text(SENSING)
+    return recorded(folder / "sensing.yaml", folder)
 
 
 @pytest.fixture
@@ -101,7 +131,7 @@ def test_a_group_that_was_split_reads_like_that_of_one_process(crossing, tmp_pat
     assert list(log.events()) == list(whole.events())
 
 
-@pytest.mark.parametrize("name", ["crossing", "convoy"])
+@pytest.mark.parametrize("name", ["crossing", "convoy", "sensing"])
 def test_its_tables_are_those_of_one_process(name, tmp_path, request):
     path = request.getfixturevalue(name)
     agents = [agent for group in open_log(path).agents.values() for agent in group]

@@ -247,7 +247,7 @@ def test_the_name_of_a_group_of_one_is_its_agents(sample):
 @pytest.mark.parametrize(
     ("name", "field", "sentence"),
     [
-        ("robot", "staet", "there is no field 'staet'; there are control, control_requested, intent, risk, state"),
+        ("robot", "staet", "no field 'staet'; there are control, control_requested, intent, joints, pose, risk, state"),
         ("robto", "state", "knows no 'robto'; there are robot, car, wall"),
         ("car", "risk", r"has no risk of 'car' \(no channel /agents/car/risk\)"),
     ],

@@ -1,9 +1,17 @@
-"""Meshes and upright bodies stand in a replay as in the world."""
+"""Meshes, links and tumbling bodies are in a replay as in the world, from the log alone."""
+
+import shutil
+import subprocess
+import sys
 
 import numpy as np
+import pybullet_data
 import pytest
 from plot_logs import log_of
 from rerun_files import saved
+from scipy.spatial.transform import Rotation
+
+from symaware_cli.recording.geometry import geometry_of
 
 TETRAHEDRON = """v 0 0 0
 v 0.4 0 0
@@ -19,40 +27,144 @@ SCENARIO = """
 symaware: 1
 name: surfaces
 seed: 1
-run: {duration: 0.1}
+run: {duration: 0.6}
 environment:
   use: pybullet
   with: {time_step: 0.05}
   entities:
     rock: {shape: {mesh: {file: rock.obj, radius: 0.4, scale: 2.0}}, position: [1, 2, 3], heading: 0.5}
+    stone: {shape: {mesh: {file: rock.obj, radius: 0.4, scale: 2.0}}, position: [3, 2, 0]}
     post: {shape: {cylinder: {radius: 0.2, height: 1.5}}, position: [-1, 0]}
     tank: {shape: {cylinder: {radius: 0.2, height: 1.5}}, position: [-3, 0, 4]}
+    plank: {shape: {box: {length: 0.1, width: 0.4, height: 1.0}}, position: [-5, 0, 0.5], mass: 1.0}
+    ball: {shape: {circle: {radius: 0.1}}, position: [-6, 0.1, 0.9], mass: 3.0, velocity: [4, 0, 1]}
 agents:
   drone:
     model: {use: quadrotor}
-    state: [[0, 0, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0]]
+    state: [[0, 0, 1, 0.1, -0.2, 0.3, 0, 0, 0, 0, 0, 0]]
     components:
       sense: {use: perception.self}
+  car:
+    count: 2
+    model: {use: racecar}
+    state: [[5, 0, 0.5, 0, 0.2], [5, 2, 0, 0, 0]]
+    components:
+      sense: {use: perception.self}
+      steer: {use: control.pure-pursuit, with: {speed: 1.0}}
+    knowledge: {waypoints: {all: [[8, 3], [9, 0]]}}
+  truck:
+    model: {use: racecar}
+    state: [[5, -4, 0, 0, 0]]
+    components: {sense: {use: perception.self}}
 """
+
+CAR = "/world/figures/racecar"
 
 
 @pytest.fixture(scope="module")
-def recording(tmp_path_factory):
+def logged(tmp_path_factory):
     folder = tmp_path_factory.mktemp("surfaces")
     (folder / "rock.obj").write_text(TETRAHEDRON)
     log = log_of(folder, SCENARIO)
     (folder / "rock.obj").unlink()
-    return saved(log, folder)
+    return log
 
 
-def test_a_mesh_is_that_of_the_file_which_the_log_brings_along(recording):
-    (blob,) = recording.static("/world/scenery/rock/0", "Asset3D:blob")
+@pytest.fixture(scope="module")
+def recording(logged, tmp_path_factory):
+    return saved(logged, tmp_path_factory.mktemp("recording"))
+
+
+def entity(recording, beginning):
+    """The only Rerun entity with such a path, whose last part is a number."""
+    (found,) = (name for name in recording.entities if name.startswith(beginning))
+    return found
+
+
+def test_a_mesh_is_that_of_the_file_which_the_log_brings_along_once_for_all_that_look_like_it(recording):
+    rock = entity(recording, "/world/figures/mesh")
+    (blob,) = recording.static(rock, "Asset3D:blob")
     assert bytes(blob).decode() == TETRAHEDRON
-    assert recording.static("/world/scenery/rock/0", "Transform3D:scale") == [[2.0, 2.0, 2.0]]
-    assert recording.values("/world/scenery/rock", "Transform3D:translation") == [[[1, 2, 3]]]
+    assert recording.static(rock, "InstancePoses3D:scales") == [[2.0, 2.0, 2.0]] * 2
+    assert recording.values(rock, "InstancePoses3D:translations")[0] == [[1, 2, 3], [3, 2, 0]]
+    assert recording.values(rock, "InstancePoses3D:quaternions")[0][0] == pytest.approx(
+        [0, 0, np.sin(0.25), np.cos(0.25)]
+    )
 
 
-@pytest.mark.parametrize(("name", "low", "high"), [("post", 0.0, 1.5), ("tank", -0.75, 0.75)])
+def test_each_mesh_of_a_vehicle_is_there_once_however_many_groups_drive_it(recording):
+    cars = [name for name, component in recording.rows if component == "Asset3D:blob" and name.startswith(CAR)]
+    assert len(cars) == len(set(cars)) == 8  # chassis, lidar, two hinges, four wheels
+    assert all(len(recording.values(name, "InstancePoses3D:translations")[0]) == 3 for name in cars)
+    with open(f"{pybullet_data.getDataPath()}/racecar/meshes/chassis.STL", "rb") as file:
+        chassis = entity(recording, next(name for name in cars if "/chassis/" in name))
+        assert bytes(recording.static(chassis, "Asset3D:blob")[0]) == file.read()
+
+
+def test_wheels_and_hinges_are_where_their_joints_turned_them(logged, recording):
+    joints, pose = logged.series("car", "joints"), logged.series("car", "pose")
+    columns = logged.channels["/world/car/joints"].metadata["columns"].split(",")
+    turned = joints.values[..., columns.index("left_steering_hinge_joint")]
+    assert np.abs(turned).max() > 0.1
+    wheel = next(name for name in recording.entities if "racecar" in name and "/left_front_wheel/" in name)
+    hinge = next(name for name in recording.entities if "racecar" in name and "/left_steering_hinge/" in name)
+    for name in (wheel, hinge):
+        places = np.array(recording.values(name, "InstancePoses3D:translations"))[:, :2]
+        base = Rotation.from_quat(pose.values[..., 3:].reshape(-1, 4)).apply([0.325, 0.1, 0.05])
+        np.testing.assert_allclose(places, pose.values[..., :3] + base.reshape(-1, 2, 3), atol=2e-6)
+    orientations = np.array(recording.values(hinge, "InstancePoses3D:quaternions"))[:, 0]
+    # The hinge of the file stands on its side, and turns about its -x axis, which points up.
+    hung = Rotation.from_euler("y", 1.5708) * Rotation.from_rotvec(turned[:, :1] * [[-1.0, 0.0, 0.0]])
+    expected = Rotation.from_quat(pose.values[:, 0, 3:]) * hung
+    assert (Rotation.from_quat(orientations) * expected.inv()).magnitude().max() < 1e-6
+
+
+def test_a_box_that_tips_over_tips_over_in_the_replay(logged, recording):
+    poses = logged.series("plank", "pose")
+    plank = entity(recording, "/world/scenery/plank/box")
+    times = recording.times(plank, "InstancePoses3D:quaternions")
+    turned = np.array(recording.values(plank, "InstancePoses3D:quaternions"))[:, 0]
+    rows = np.searchsorted(poses.times, times, side="right") - 1
+    np.testing.assert_allclose(turned, poses.values[rows, 3:], atol=1e-6)
+    upright = Rotation.from_quat(turned[-1]).apply([0, 0, 1])
+    assert upright[2] < 0.99
+
+
+def test_a_quadrotor_leans_as_its_state_says(logged, recording):
+    assert "/world/drone/pose" not in logged.channels
+    state = logged.series("drone", "world").values
+    body = next(name for name in recording.entities if name.startswith("/world/figures/crazyflie"))
+    turned = Rotation.from_quat(np.array(recording.values(body, "InstancePoses3D:quaternions"))[:, 0])
+    expected = Rotation.from_euler("ZYX", state[:, 5:2:-1])
+    assert (turned * expected.inv()).magnitude().max() < 1e-5
+
+
+@pytest.mark.parametrize(("name", "low", "high"), [("post", 0.0, 1.5), ("tank", 3.25, 4.75)])
 def test_what_has_no_height_stands_on_the_ground_and_else_around_its_middle(recording, name, low, high):
-    vertices = np.array(recording.static(f"/world/scenery/{name}/0", "Mesh3D:vertex_positions"))
-    assert (vertices[:, 2].min(), vertices[:, 2].max()) == (low, high)
+    path = entity(recording, f"/world/scenery/{name}/")
+    ((place,),) = recording.values(path, "InstancePoses3D:translations")
+    heights = np.array(recording.static(path, "Mesh3D:vertex_positions"))[:, 2] + place[2]
+    assert (heights.min(), heights.max()) == pytest.approx((low, high))
+
+
+def test_a_log_is_replayed_where_neither_the_engine_nor_its_files_are(logged, tmp_path):
+    log = shutil.copy(logged.path, tmp_path / "a.mcap")
+    program = f"""
+import sys
+sys.modules["pybullet"] = sys.modules["pybullet_data"] = None
+from symaware_cli import open_log
+from symaware_cli.viewing.screening import screening
+from pathlib import Path
+screening(open_log({str(log)!r})).save(Path({str(tmp_path / "b.rrd")!r}))
+"""
+    subprocess.run([sys.executable, "-c", program], check=True, cwd=tmp_path)
+    assert (tmp_path / "b.rrd").stat().st_size > 700_000  # what the racecar looks like
+
+
+def test_the_geometry_that_was_written_is_read(logged):
+    geometry = geometry_of(logged.attachments)
+    assert geometry.of("car") is geometry.of("truck")
+    assert geometry.of("rock") is geometry.of("stone")
+    assert [visual.mesh for visual in geometry.of("rock").links[0].visuals] == ["scenario/rock.obj"]
+    assert geometry.heights["post"] == 0.75
+    assert geometry.ground == 0.0

@@ -64,14 +64,17 @@ class Star(StillTopology):
         return Links.of(len(self.roster), np.full(len(self.members), hub), self.members, both_ways=True)
 
 
+class Succession(TopologyParameters):
+    """How far each reaches along a ring or a line."""
+
+    neighbours: int = Field(1, ge=1, le=1000, description="How many each reaches in each direction.")
+    directed: bool = Field(False, description="Whether each only reaches those after it.")
+
+
 class Ring(StillTopology):
     """Each talks with the next and the one before, in a circle."""
 
-    class Parameters(TopologyParameters):
-        """How far each reaches along the ring."""
-
-        neighbours: int = Field(1, ge=1, le=1000, description="How many each reaches in each direction.")
-        directed: bool = Field(False, description="Whether each only reaches those after it.")
+    Parameters = Succession
 
     def lay(self) -> Links:
         """Links to the next ones."""
@@ -84,11 +87,7 @@ class Ring(StillTopology):
 class Line(StillTopology):
     """Each talks with the next and the one before, in a row, such as the vehicles of a platoon."""
 
-    class Parameters(TopologyParameters):
-        """How far each reaches along the line."""
-
-        neighbours: int = Field(1, ge=1, le=1000, description="How many each reaches in each direction.")
-        directed: bool = Field(False, description="Whether each only reaches those after it.")
+    Parameters = Succession
 
     def lay(self) -> Links:
         """Links to the next ones, as far as there are any."""

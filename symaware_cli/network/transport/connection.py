@@ -6,7 +6,7 @@ import time
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from symaware_cli.core import Happening
 from symaware_cli.network.transport.conversation import FAREWELL, FRAME, PING, PONG, Over
@@ -16,6 +16,9 @@ if TYPE_CHECKING:
 
 #: So many bytes are handed on at once, if there are as many.
 _BATCH = 2**18
+
+#: So many questions and answers about the clock may wait.
+_CLOCKS = 16
 
 #: For so many of the longest frames there is room in each queue, however many frames that are.
 _FRAMES = 4
@@ -37,7 +40,11 @@ class Connection(ABC):
         gone: Whether it is over.
         full: Whether too many frames wait for the run's thread.
         held: Whether nothing more can be handed on now.
+        shared: Whether others than the other end can make something arrive here, so that it is no reason to end it
+            if something is not sealed.
     """
+
+    shared: ClassVar[bool] = False
 
     def __init__(self, port: LoopPort) -> None:
         self._port = port
@@ -130,6 +137,8 @@ class Connection(ABC):
             return
         if over.rejection is not None:
             self._port.reject(over.rejection)
+        if self.shared and self.came and over.rejection in ("unauthenticated", "replayed"):
+            return
         # A member that was turned away must learn of it; a host need not know of strangers that left.
         self._leave(str(over), told=self.came or (not self._port.is_host and over.rejection is not None))
         self.drop()
@@ -170,8 +179,9 @@ class Connection(ABC):
             return
         outgoing = self.conversation.outgoing
         if self.held:
-            # Who does not read what it asked for need not be told; else the answers would pile up.
-            outgoing[:] = [each for each in outgoing if each[0] not in (PING, PONG)]
+            # Who does not read what it asked for need not be told more and more.
+            if len(outgoing) > _CLOCKS:
+                outgoing[:] = [each for each in outgoing if each[0] not in (PING, PONG)]
             return
         while (outgoing or self._waiting) and not self.held:
             records = [self.conversation.record(*each) for each in outgoing]

@@ -93,7 +93,7 @@ class LoopPort(Port):
         self._outbox.append((peer, frame))
         if not self._flushing:
             self._flushing = True
-            self._loop.call_soon_threadsafe(self._flush)
+            self.later(self._flush)
 
     def receive(self, timeout: float | None = None) -> Happening | None:
         """Return what happened next."""
@@ -102,7 +102,7 @@ class LoopPort(Port):
         except Empty:
             return None
         if happening.kind == "frame" and connection is not None and connection.take(happening.frame):
-            self._later(connection.look_again)
+            self.later(connection.look_again)
         return happening
 
     def offset(self, peer: int) -> float:
@@ -112,20 +112,24 @@ class LoopPort(Port):
 
     def cut(self, peer: int, reason: str) -> None:
         """Let go of a peer, in order."""
-        self._later(self._cut, peer, reason)
+        self.later(self._cut, peer, reason)
 
     def close(self) -> None:
         """End the port's thread, and all that it keeps."""
         if self._closed:
             return
-        self._later(self._end.set)
+        self.later(self._end.set)
         self._closed = True
         if self._thread.is_alive():
             self._thread.join()
 
-    def _later(self, call: Any, *arguments: Any) -> None:
-        if not self._closed:
+    def later(self, call: Callable[..., Any], *arguments: Any) -> None:
+        """Call something in the loop's thread, from any; nothing once the loop has ended."""
+        try:
             self._loop.call_soon_threadsafe(call, *arguments)
+        except RuntimeError:
+            if not self._loop.is_closed():
+                raise
 
     # The loop's thread.
 
@@ -137,6 +141,11 @@ class LoopPort(Port):
         """Begin a conversation."""
         parameters = self.parameters
         return Conversation(self.is_host, self._key, parameters.maximum_frame, parameters.timeout, time.monotonic())
+
+    @property
+    def ending(self) -> bool:
+        """Whether the port is being closed."""
+        return self._end.is_set()
 
     def call_later(self, delay: float, call: Callable[[], None]) -> None:
         """Call something in the loop's thread."""

@@ -21,10 +21,10 @@ class SealError(Exception):
     """Something is not sealed as it should be.
 
     Attributes:
-        rejection: Why.
+        rejection: What is wrong with it; None if it is right, but something before it was lost.
     """
 
-    def __init__(self, rejection: Rejection, text: str) -> None:
+    def __init__(self, rejection: Rejection | None, text: str) -> None:
         super().__init__(text)
         self.rejection = rejection
 
@@ -95,7 +95,7 @@ class Opener:
             raise SealError("replayed", "it was sent before")
         # What carries frames keeps their order; if this is not the next one, somebody took out or moved another.
         if counter != self._expected:
-            raise SealError("unauthenticated", "something before it is missing")
+            raise SealError(None, "something before it is missing")
         self._expected += 1
         return view[8:-32]
 

@@ -161,14 +161,13 @@ class _Mover:
     """An entity of the environment that moves."""
 
     def __init__(self, prop: Prop, output: Output) -> None:
-        self._name, self._output = prop.name, output
+        self._prop, self._output = prop, output
 
     def take(self, time: int, message: wire.Rows) -> None:
         """Move it."""
-        topic = f"/tf/{self._name}"
-        rotations = turned(message.values[:, -1])
-        transforms = _transforms(time, [self._name], in_space(message.values[:, :-1]), rotations)
-        self._output.write(topic, time, transforms)
+        name, values = self._prop.name, message.values
+        transforms = _transforms(time, [name], self._prop.positions(values), turned(values[:, -1]))
+        self._output.write(f"/tf/{name}", time, transforms)
 
 
 class _Held:

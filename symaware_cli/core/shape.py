@@ -1,0 +1,259 @@
+"""Shapes: the outlines of agents and obstacles, in coordinates of the body; lengths are metres."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+from pathlib import PurePosixPath
+from typing import Annotated, Any, Literal
+
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    SerializerFunctionWrapHandler,
+    WithJsonSchema,
+    field_validator,
+    model_serializer,
+    model_validator,
+)
+
+#: [m] and [s]: far from where arithmetic overflows, and farther and longer than anybody goes.
+LARGEST = 1e9
+
+Length = Annotated[float, Field(gt=0, le=LARGEST)]
+Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
+
+
+def _coordinates(*counts: int) -> tuple[AfterValidator, WithJsonSchema]:
+    """What says how many coordinates a tuple has; unlike `Field`, it is silent where they are no numbers."""
+
+    def check(values: tuple[float, ...]) -> tuple[float, ...]:
+        if len(values) not in counts:
+            raise ValueError(f"{' or '.join(map(str, counts))} coordinates are needed, not {len(values)}")
+        return values
+
+    number = {"type": "number", "minimum": -LARGEST, "maximum": LARGEST}
+    numbers = {"type": "array", "items": number, "minItems": min(counts), "maxItems": max(counts)}
+    return AfterValidator(check), WithJsonSchema(numbers)
+
+
+Point = Annotated[tuple[Number, ...], *_coordinates(2)]
+Position = Annotated[tuple[Number, ...], *_coordinates(2, 3)]
+
+#: Relative to the extent of a polygon: what is straighter, nearer or thinner than this is so by rounding.
+_TOLERANCE = 1e-9
+
+
+class Part(BaseModel):
+    """A part of a scenario that is checked when it is made, and never changes."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class Circle(Part):
+    """A disc around the entity's position; a ball for agents that move in space."""
+
+    radius: Length = Field(description="Radius [m].")
+
+
+class Box(Part):
+    """A rectangle around the entity's position that turns with its heading."""
+
+    length: Length = Field(description="Extent along the heading [m].")
+    width: Length = Field(description="Extent across the heading [m].")
+    height: Length | None = Field(None, description="Extent upwards [m]; worlds of a plane leave it out of account.")
+
+    @property
+    def upright(self) -> float:
+        """How high it is in space; without a height of its own, as high as it is thin [m]."""
+        return self.height or min(self.length, self.width)
+
+
+class Cylinder(Part):
+    """An upright cylinder around the entity's position; a disc for agents that move in a plane."""
+
+    radius: Length = Field(description="Radius [m].")
+    height: Length = Field(description="Extent upwards [m]; worlds of a plane leave it out of account.")
+
+
+class Polygon(Part):
+    """A convex polygon that turns with the entity's heading.
+
+    Vertices that run clockwise are turned round, so that `vertices` always run counter-clockwise.
+    """
+
+    vertices: tuple[Point, ...] = Field(
+        json_schema_extra={"minItems": 3},
+        description="Corners in order [m], relative to the entity's position, x along its heading; convex.",
+    )
+
+    @field_validator("vertices")
+    @classmethod
+    def _is_convex(cls, vertices: tuple[Point, ...]) -> tuple[Point, ...]:
+        if len(vertices) < 3:
+            raise ValueError(f"a polygon has at least 3 corners, not {len(vertices)}")
+        farthest = max(vertices, key=lambda vertex: math.dist(vertex, vertices[0]))
+        extent = math.dist(farthest, vertices[0])
+        for number, (one, other) in enumerate(pairwise([*vertices, vertices[0]])):
+            if math.dist(one, other) <= _TOLERANCE * extent:
+                raise ValueError(
+                    f"corners {number} and {(number + 1) % len(vertices)} are the same point"
+                    " (a polygon closes by itself)"
+                )
+        if all(abs(_area((vertices[0], farthest, vertex))) <= _TOLERANCE * extent**2 for vertex in vertices):
+            raise ValueError("the corners lie on a line")
+        if _area(vertices) < 0:
+            vertices = vertices[::-1]
+        if not _turns_left_once(vertices):
+            raise ValueError("the polygon is not convex; put it together from convex ones")
+        return vertices
+
+
+class Wall(Part):
+    """A chain of straight segments with a thickness, rounded at its ends and corners; scenery only."""
+
+    points: tuple[Point, ...] = Field(
+        json_schema_extra={"minItems": 2},
+        description="Points that the middle line of the wall joins in order [m], relative to the entity's position.",
+    )
+    thickness: Length = Field(0.1, description="Thickness, half of it to either side of the middle line [m].")
+
+    @field_validator("points")
+    @classmethod
+    def _goes_somewhere(cls, points: tuple[Point, ...]) -> tuple[Point, ...]:
+        if len(points) < 2:
+            raise ValueError(f"a wall goes through at least 2 points, not {len(points)}")
+        for number, (one, other) in enumerate(pairwise(points)):
+            if one == other:
+                raise ValueError(f"points {number} and {number + 1} are the same")
+        return points
+
+
+def _asset(path: str) -> str:
+    """Check that a path can only lead to below the folder that it is relative to."""
+    if "\\" in path or ":" in path or "\0" in path:
+        raise ValueError("a path is written with plain names and `/` between them")
+    parts = PurePosixPath(path).parts
+    if not parts or path.startswith("/") or ".." in parts:
+        raise ValueError(
+            "a file lies below the scenario's folder: the path is relative, and `..` does not lead out of it"
+        )
+    return path
+
+
+#: A file below the folder of the scenario, or of the package pybullet_data where the path begins with that name.
+AssetPath = Annotated[str, AfterValidator(_asset)]
+_ASSET = "below the scenario's folder, or `pybullet_data/...`"
+
+
+class Mesh(Part):
+    """A body whose surface a file describes; it collides as the convex hull of that."""
+
+    file: AssetPath = Field(description=f"An .obj or .stl file {_ASSET}.")
+    scale: Length = Field(1.0, description="How many metres a unit of the file is.")
+    radius: Length = Field(description="The disc that it counts as where it is seen from above [m].")
+
+    @field_validator("file")
+    @classmethod
+    def _is_a_surface(cls, file: str) -> str:
+        if not file.lower().endswith((".obj", ".stl")):
+            raise ValueError("a mesh is an .obj or .stl file")
+        return file
+
+
+class Urdf(Part):
+    """A body of links and joints that a URDF file describes; its own masses count."""
+
+    file: AssetPath = Field(description=f"A .urdf file {_ASSET}.")
+    scale: Length = Field(1.0, description="By how much everything in it is enlarged.")
+    radius: Length = Field(description="The disc that it counts as where it is seen from above [m].")
+
+    @field_validator("file")
+    @classmethod
+    def _is_a_description(cls, file: str) -> str:
+        if not file.lower().endswith(".urdf"):
+            raise ValueError("it is a .urdf file")
+        return file
+
+
+Kind = Literal["circle", "box", "cylinder", "polygon", "wall", "mesh", "urdf"]
+KINDS: tuple[Kind, ...] = ("circle", "box", "cylinder", "polygon", "wall", "mesh", "urdf")
+
+
+class Shape(Part):
+    """The outline of an entity; exactly one kind."""
+
+    model_config = ConfigDict(json_schema_extra={"minProperties": 1, "maxProperties": 1})
+
+    circle: Circle | None = Field(None, description="A disc.")
+    box: Box | None = Field(None, description="A rectangle that turns with the heading.")
+    cylinder: Cylinder | None = Field(None, description="An upright cylinder; a disc in a plane.")
+    polygon: Polygon | None = Field(None, description="A convex polygon that turns with the heading.")
+    wall: Wall | None = Field(None, description="A chain of segments with a thickness; for entities of the world only.")
+    mesh: Mesh | None = Field(None, description="A surface from a file, for worlds of space; a disc elsewhere.")
+    urdf: Urdf | None = Field(None, description="Links and joints from a file, for worlds of space; a disc elsewhere.")
+
+    @model_validator(mode="after")
+    def _exactly_one_kind(self) -> Shape:
+        given = [kind for kind in KINDS if getattr(self, kind) is not None]
+        if len(given) != 1:
+            said = f"{', '.join(given[:-1])} and {given[-1]}" if given else "none"
+            raise ValueError(f"a shape has exactly one kind of {', '.join(KINDS)}; this one has {said}")
+        return self
+
+    @model_serializer(mode="wrap")
+    def _without_the_other_kinds(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        return {kind: content for kind, content in dump(self).items() if content is not None}
+
+    @property
+    def kind(self) -> Kind:
+        """Which of the kinds it is."""
+        return next(kind for kind in KINDS if getattr(self, kind) is not None)
+
+    @property
+    def radius(self) -> float:
+        """The radius of the smallest circle around the position that holds the shape [m]."""
+        return max(math.hypot(*point) + rounding for piece, rounding in self.pieces for point in piece)
+
+    @property
+    def pieces(self) -> Sequence[tuple[Sequence[Point], float]]:
+        """The convex pieces that the shape consists of, relative to the position, x along the heading.
+
+        Each is a core, one point, two or a convex polygon (counter-clockwise), and the radius by which the core is
+        rounded, both in metres: a disc is a rounded point, a segment of a wall a rounded line.
+        """
+        for round_ in (self.circle, self.cylinder, self.mesh, self.urdf):
+            if round_:
+                return [([(0.0, 0.0)], round_.radius)]
+        if self.box:
+            x, y = 0.5 * self.box.length, 0.5 * self.box.width
+            return [([(-x, -y), (x, -y), (x, y), (-x, y)], 0.0)]
+        if self.polygon:
+            return [(self.polygon.vertices, 0.0)]
+        assert self.wall
+        return [(segment, 0.5 * self.wall.thickness) for segment in pairwise(self.wall.points)]
+
+
+def _area(vertices: Sequence[Point]) -> float:
+    """The area of a polygon, negative if it runs clockwise [m^2]; relative to its first vertex, for precision."""
+    (x, y), *_ = vertices
+    return 0.5 * sum(
+        (one[0] - x) * (other[1] - y) - (other[0] - x) * (one[1] - y)
+        for one, other in pairwise([*vertices, vertices[0]])
+    )
+
+
+def _turns_left_once(vertices: Sequence[Point]) -> bool:
+    """Whether a polygon is convex and runs counter-clockwise: no corner turns right, and it goes round once."""
+    around = [*vertices, vertices[0], vertices[1]]
+    turned = 0.0
+    for (x0, y0), (x1, y1), (x2, y2) in zip(around, around[1:], around[2:], strict=False):
+        ahead, aside = (x1 - x0, y1 - y0), (x2 - x1, y2 - y1)
+        turn = math.atan2(ahead[0] * aside[1] - ahead[1] * aside[0], ahead[0] * aside[0] + ahead[1] * aside[1])
+        if turn < -_TOLERANCE or turn > math.pi - _TOLERANCE:
+            return False
+        turned += turn
+    return turned < 3 * math.pi

@@ -1,0 +1,52 @@
+"""What worlds have in common that hold the states of each group in columns."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symaware_cli.core import AgentGroup, Contact, Environment, Obstacle, Snapshot
+
+Array = NDArray[np.float64]
+
+
+class ColumnEnvironment(Environment):
+    """A world that holds the true states and the control inputs in force of each group in an array."""
+
+    def initialise(self, groups: Sequence[AgentGroup], obstacles: Mapping[str, Obstacle], seed: int) -> None:
+        """Put everybody into the state of the beginning, at time 0."""
+        super().initialise(groups, obstacles, seed)
+        self._time = 0
+        self._number = {group.name: number for number, group in enumerate(self.groups)}
+        self._models = [group.model for group in self.groups]
+        self._states = [group.initial_state for group in self.groups]
+        self._applied = [group.model.limit(group.control_input) for group in self.groups]
+        #: The velocities of all agents by index [m/s]; None for what the models say.
+        self._velocities: Array | None = None
+        self._snapshot: Snapshot | None = None
+        self._contacts: Sequence[Contact] | None = None
+
+    def _apply_inputs(self) -> None:
+        """Saturate the control inputs that the groups request, and hold them for a step."""
+        for number, group in enumerate(self.groups):
+            applied = group.model.limit(group.control_input)
+            applied.flags.writeable = False
+            self._applied[number] = applied
+
+    def state(self, group: AgentGroup) -> Array:
+        """The true states of a group, read-only; shape (n, nx)."""
+        return self._states[self._number[group.name]]
+
+    def applied_input(self, group: AgentGroup) -> Array:
+        """The control inputs of the last step after saturation, read-only; shape (n, nu)."""
+        return self._applied[self._number[group.name]]
+
+    def snapshot(self) -> Snapshot:
+        """The whole world now; shared by all who ask within a step."""
+        if self._snapshot is None:
+            self._snapshot = Snapshot(
+                self._time, self.roster, self._models, self._states, self._applied, self._velocities
+            )
+        return self._snapshot

@@ -1,0 +1,128 @@
+"""Quadrotors in the world `pybullet`: bodies that can hit and be hit, pushed by their rotors."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symaware_cli.core import Vehicle, WorldError
+from symaware_cli.core.model import columns
+from symaware_cli.core.rotation import attitude
+from symaware_cli.models import crazyflie
+from symaware_cli.models.vector import Vector, added, body_axes, dot, quaternion_axes, to_world
+
+Array = NDArray[np.float64]
+
+
+class QuadrotorVehicle(Vehicle):
+    """The bodies and rotors of quadrotors in the world `pybullet`."""
+
+    def __init__(self, parameters: Any) -> None:
+        self._parameters = parameters
+
+    def description(self) -> Path:
+        """Our own file."""
+        return Path(__file__).parent / "assets" / "crazyflie.urdf"
+
+    def pose(self, state: Array) -> tuple[Sequence[float], Sequence[float]]:
+        """The centre of mass, turned by yaw, pitch and roll."""
+        return state[:3].tolist(), attitude(state[3], state[4], state[5]).tolist()
+
+    def attach(self, engine: Any, client: int, bodies: Sequence[int], state: Array, step_time: float) -> None:
+        """Set the bodies going.
+
+        Raises:
+            WorldError: The world has another gravity than the model, so that a hover would not hover.
+        """
+        self._engine, self._client, self._bodies = engine, client, tuple(bodies)
+        self._fresh = False
+        settings = engine.getPhysicsEngineParameters(client)
+        gravity = [settings[f"gravityAcceleration{axis}"] for axis in "XYZ"]
+        if not np.allclose(gravity, [0.0, 0.0, -self._parameters.gravity]):
+            raise WorldError(
+                f"the model has a `gravity` of {self._parameters.gravity:g}, and the world one of {gravity}"
+            )
+        values = columns(state)
+        axes = body_axes(values[3], values[4], values[5], np)
+        spins = np.stack(np.broadcast_arrays(*to_world(axes, (values[9], values[10], values[11]))), axis=1)
+        for body, own, spin in zip(bodies, state, spins, strict=True):
+            engine.changeDynamics(
+                body,
+                -1,
+                linearDamping=0.0,
+                angularDamping=0.0,
+                localInertiaDiagonal=crazyflie.INERTIA,
+                physicsClientId=client,
+            )
+            engine.resetBaseVelocity(body, own[6:9].tolist(), spin.tolist(), client)
+        self._yaws = state[:, 5].copy()
+        self._inputs = np.zeros((len(bodies), 4))
+        self._look()
+
+    def actuate(self, control_input: Array) -> None:
+        """Let the rotors turn at these speeds."""
+        self._inputs = control_input
+        self._rotors = columns(control_input)
+        self._thrust, self._torque = crazyflie.rotor_wrench(self._rotors)
+
+    def push(self) -> None:
+        """Apply thrust, reaction and what the air does, at the centre of mass."""
+        if not self._fresh:
+            self._look()
+        self._fresh = False
+        axes, parameters = self._axes, self._parameters
+        lift = self._thrust
+        if parameters.ground_effect:
+            lift = lift * crazyflie.ground_effect(self._values[:, 2])
+        force: Vector = (np.zeros_like(lift), np.zeros_like(lift), lift)
+        if parameters.drag:
+            force = added(force, crazyflie.drag(axes, self._velocity, self._rotors))
+        force, torque = to_world(axes, force), to_world(axes, self._torque)
+        if parameters.downwash and len(self._bodies) > 1:
+            force = (force[0], force[1], force[2] - crazyflie.downwash(self._values[:, :3]))
+        engine, client, frame = self._engine, self._client, self._engine.WORLD_FRAME
+        forces, torques = np.stack(force, axis=1).tolist(), np.stack(torque, axis=1).tolist()
+        for body, place, pushed, turned in zip(self._bodies, self._places, forces, torques, strict=True):
+            engine.applyExternalForce(body, -1, pushed, place, frame, client)
+            engine.applyExternalTorque(body, -1, turned, frame, client)
+
+    def read(self) -> tuple[Array, Array]:
+        """Read the poses and velocities of the bodies."""
+        self._look()
+        values = self._values
+        axes = self._axes
+        state = np.empty((len(values), 12))
+        state[:, :3], state[:, 6:9] = values[:, :3], values[:, 7:10]
+        state[:, 3] = np.arctan2(axes[1][2], axes[2][2])
+        state[:, 4] = np.arcsin(np.clip(-axes[0][2], -1.0, 1.0))
+        turned = np.arctan2(axes[0][1], axes[0][0])
+        self._yaws = self._yaws + np.remainder(turned - self._yaws + np.pi, 2 * np.pi) - np.pi
+        state[:, 5] = self._yaws
+        spin = (values[:, 10], values[:, 11], values[:, 12])
+        for axis in range(3):
+            state[:, 9 + axis] = dot(axes[axis], spin)
+        return state, values[:, 7:10].copy()
+
+    def _look(self) -> None:
+        """Read where everybody is and how it turns, until the next physics step."""
+        engine, client = self._engine, self._client
+        flat: list[float] = []
+        self._places = []
+        for body in self._bodies:
+            position, orientation = engine.getBasePositionAndOrientation(body, client)
+            velocity, spin = engine.getBaseVelocity(body, client)
+            flat += position
+            flat += orientation
+            flat += velocity
+            flat += spin
+            self._places.append(position)
+        values = self._values = np.array(flat).reshape(-1, 13)
+        x, y, z, w = columns(values[:, 3:7])
+        self._axes = quaternion_axes(x, y, z, w)
+        velocity_x, velocity_y, velocity_z = columns(values[:, 7:10])
+        self._velocity = (velocity_x, velocity_y, velocity_z)
+        self._fresh = True

@@ -1,0 +1,127 @@
+"""The making of plugins: from what a document names to instances with their parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Any
+
+from symaware_cli.core import GroupComponent, Plugin
+from symaware_cli.scenario.catalogue import Catalogue, PluginError, place_of
+from symaware_cli.scenario.check import check
+from symaware_cli.scenario.compose import Composition
+from symaware_cli.scenario.problem import Problem, quoted
+from symaware_cli.scenario.source import Path
+
+
+class Workshop:
+    """Imports the plugins of a document and makes instances of them; what is wrong with them is reported.
+
+    Attributes:
+        plugins: The class that each ``use`` names, by the path of its entry.
+        parameters: What an author may write under ``with``, as paths.
+    """
+
+    def __init__(
+        self,
+        composition: Composition,
+        catalogue: Catalogue,
+        report: Callable[..., None],
+        add: Callable[[Iterable[Problem]], None],
+    ) -> None:
+        """Prepare.
+
+        Args:
+            composition: The document.
+            catalogue: What is installed.
+            report: Reports a problem: its code, a message, and the path of what it is about.
+            add: Reports problems that were found elsewhere.
+        """
+        self.plugins: dict[Path, Any] = {}
+        self.parameters: list[Path] = []
+        self._composition = composition
+        self._catalogue = catalogue
+        self._report = report
+        self._add = add
+
+    def load(self, data: Mapping[str, Any]) -> None:
+        """Import every plugin that is named anywhere."""
+        self._import("environment", data.get("environment"), ("environment",))
+        for place, topology in topologies(data.get("topology")):
+            self._import("topology", topology, place)
+        self._import("transport", data.get("transport"), ("transport",))
+        for name, entry in mapping(data.get("agents")).items():
+            path: Path = ("agents", name)
+            self._import("model", mapping(entry).get("model"), (*path, "model"))
+            for component, content in mapping(mapping(entry).get("components")).items():
+                self._import("component", content, (*path, "components", component))
+
+    def _import(self, kind: str, entry: Any, path: Path) -> None:
+        use = mapping(entry).get("use")
+        if not isinstance(use, str):
+            return
+        try:
+            plugin = self._catalogue.load(kind, use)
+        except PluginError as error:
+            self._report(error.code, str(error), (*path, "use"), expected=error.expected, suggestion=error.suggestion)
+            return
+        self.plugins[path] = plugin
+        fields = plugin.Parameters.model_fields.items()
+        self.parameters += [(*path, "with", field.alias or name) for name, field in fields]
+
+    def make(self, entry: Mapping[str, Any], path: Path, count: int = 1) -> list[Any]:
+        """Make instances of the plugin of an entry with its parameters; none after a problem.
+
+        A group component is made once, whatever the count.
+        """
+        plugin, given = self.plugins.get(path), entry.get("with", {})
+        if plugin is None or not isinstance(given, Mapping):
+            return []
+        use, where = entry["use"], (*path, "with") if "with" in entry else path
+        try:
+            parameters = check(plugin.Parameters, given, self._composition, where)
+        except Exception as error:
+            self._report("broken-plugin", f"the Parameters of {quoted(use)} fail: {words(error)}", where)
+            return []
+        if isinstance(parameters, list):
+            # What was put beside `with` is reported as that, not as missing too.
+            self._add(
+                problem
+                for problem in parameters
+                if problem.code != "missing-field" or not any(f"`{key}`" in problem.message for key in entry)
+            )
+            return []
+        try:
+            if plugin.Parameters is Plugin.Parameters:
+                # A component author need not know of parameters: without any of its own, a class is called with none.
+                return [plugin() for _ in range(1 if issubclass(plugin, GroupComponent) else count)]
+            # Each agent has its own parameters: none may reach another agent through a shared mutable value.
+            return [
+                plugin(parameters.model_copy(deep=True))
+                for _ in range(1 if issubclass(plugin, GroupComponent) else count)
+            ]
+        except ValueError as error:
+            self._report("invalid-value", f"{quoted(use)} refuses its parameters: {words(error)}", where)
+        except (Exception, SystemExit) as error:
+            self._report("broken-plugin", f"{quoted(use)} cannot be made: {words(error)}", (*path, "use"))
+        return []
+
+
+def topologies(entry: Any) -> Iterator[tuple[Path, Mapping[str, Any]]]:
+    """Yield each topology that a section names, with its path."""
+    yield ("topology",), mapping(entry)
+    changes = mapping(entry).get("changes")
+    for number, each in enumerate(changes if isinstance(changes, list) else ()):
+        yield ("topology", "changes", number), mapping(each)
+
+
+def mapping(value: Any) -> Mapping[str, Any]:
+    """Return what is a mapping, and an empty one for whatever else an author wrote there."""
+    return value if isinstance(value, Mapping) else {}
+
+
+def words(error: BaseException) -> str:
+    """Return what an error says: a refusal in its own words, anything else with its type and place."""
+    text = " ".join(str(error).split())
+    if isinstance(error, ValueError | NotImplementedError) and text:
+        return text
+    return f"{type(error).__name__}: {text}".removesuffix(": ") + place_of(error)

@@ -1,0 +1,227 @@
+"""The geometry of a log, and the postures of bodies."""
+
+import json
+import struct
+
+import numpy as np
+import pybullet
+import pytest
+
+from symaware_cli import open_log
+from symaware_cli.core import AgentGroup, Entity, Obstacle
+from symaware_cli.environments.kinematic import KinematicEnvironment
+from symaware_cli.environments.spatial import PyBulletEnvironment
+from symaware_cli.models.racecar import Racecar
+from symaware_cli.recording import geometry
+from symaware_cli.recording.error import LogError
+from symaware_cli.recording.geometry import GeometryWriter, geometry_of
+from symaware_cli.recording.recorder import Recorder
+from symaware_cli.recording.surface import bounds
+from symaware_cli.recording.writer import LogWriter
+
+BOX = {"box": {"length": 0.4, "width": 0.2, "height": 0.1}}
+
+
+def cars(count=2):
+    states = [[0.0, 2.0 * row, 0.0, 0.0, 0.0] for row in range(count)]
+    return AgentGroup("car", [f"car.{row}" for row in range(count)], Racecar(), Entity(), states)
+
+
+def world(obstacles=None, groups=None, kind=PyBulletEnvironment, folder=None, **parameters):
+    environment = kind(kind.Parameters(time_step=0.05, **parameters))
+    if folder:
+        environment.folder = folder
+    environment.initialise(groups or [cars()], {name: Obstacle(**each) for name, each in (obstacles or {}).items()}, 1)
+    return environment
+
+
+def recorded(path, environment, steps, **options):
+    """Record some steps; yields after each instant, and gives the log in the end."""
+    with environment, LogWriter(path) as writer:
+        for name, (media_type, content) in GeometryWriter(environment, {}).attachments.items():
+            writer.attach(name, media_type, content)
+        recorder = Recorder(writer, environment, environment.groups, **options)
+        for step in range(steps + 1):
+            if step:
+                environment.step()
+            recorder.record(step * environment.time_step, step)
+            yield step
+        writer.finish({})
+
+
+def test_the_log_has_links_where_the_engine_has_them(tmp_path):
+    group = cars()
+    environment = world(groups=[group])
+    group.control_input = [[1.5, 0.3], [-1.0, -0.2]]
+    told = []
+    for step in recorded(tmp_path / "a.mcap", environment, 30):
+        if step % 10 == 0:
+            numbers = [environment._body_of[0], environment._body_of[1]]
+            told.append(
+                [
+                    {
+                        pybullet.getJointInfo(body, link, environment._id)[12].decode(): pybullet.getLinkState(
+                            body, link, computeForwardKinematics=True, physicsClientId=environment._id
+                        )[4:6]
+                        for link in range(pybullet.getNumJoints(body, environment._id))
+                    }
+                    for body in numbers
+                ]
+            )
+    log = open_log(tmp_path / "a.mcap")
+    car = geometry_of(log.attachments).of("car")
+    joints, poses = log.series("car", "joints"), log.series("car", "pose")
+    assert list(car.joints) == log.channels["/world/car/joints"].metadata["columns"].split(",")
+    for instant, bodies in zip((0, 10, 20, 30), told, strict=True):
+        places, turns = car.frames(joints.values[instant])
+        for row, links in enumerate(bodies):
+            pose = poses.values[instant, row].tolist()
+            for link, place, turned in zip(car.links[1:], places[row, 1:], turns[row, 1:], strict=True):
+                found = pybullet.multiplyTransforms(pose[:3], pose[3:], place.tolist(), turned.tolist())
+                assert found[0] == pytest.approx(links[link.name][0], abs=1e-6)
+                assert abs(np.dot(found[1], links[link.name][1])) == pytest.approx(1.0, abs=1e-6)
+
+
+def test_the_log_has_a_tumbling_box_turned_as_the_engine_has_it(tmp_path):
+    box = {"shape": BOX, "position": [0, 5, 1], "mass": 1.0, "turn_rate": 3.0}
+    pin = {"shape": {"circle": {"radius": 0.05}}, "position": [0.15, 5, 0.05]}
+    environment, told = world({"box": box, "pin": pin}), []
+    for _ in recorded(tmp_path / "a.mcap", environment, 30):
+        told.append(pybullet.getBasePositionAndOrientation(environment._entities["box"], environment._id))
+    poses = open_log(tmp_path / "a.mcap").series("box", "pose")
+    told = np.array([[*position, *orientation] for position, orientation in told])
+    np.testing.assert_array_equal(poses.values, told[: len(poses.values)])
+    assert np.abs(poses.values[:, 3:5]).max() > 0.1  # it did tumble
+
+
+def test_the_same_world_makes_the_same_bytes(tmp_path):
+    for name in "ab":
+        for _ in recorded(tmp_path / name, world({"box": {"shape": BOX, "position": [1, 1], "mass": 1.0}}), 5):
+            pass
+    logs = [open_log(tmp_path / name) for name in "ab"]
+    assert logs[0].attachments == logs[1].attachments
+    assert list(logs[0].attachments)[0] == "geometry.json"
+    assert not any("/site-packages/" in str(data) for data in [logs[0].attachments["geometry.json"]])
+    pairs = zip(
+        *(log.messages(["/world/car/pose", "/world/car/joints", "/world/box/pose"]) for log in logs), strict=True
+    )
+    assert all(one.data == other.data for one, other in pairs)
+
+
+def test_only_who_moved_is_recorded(tmp_path):
+    still = {"shape": BOX, "position": [9, 9, 0.05], "mass": 1.0}
+    environment = world({"box": still}, gravity=(0, 0, 0), ground=None, groups=[_driven()])
+    for _ in recorded(tmp_path / "a.mcap", environment, 5):
+        pass
+    assert len(open_log(tmp_path / "a.mcap").series("box", "pose").times) == 1
+
+
+def test_without_the_truth_there_are_no_postures_either(tmp_path):
+    for _ in recorded(
+        tmp_path / "a.mcap", world({"box": {"shape": BOX, "position": [1, 1], "mass": 1.0}}), 2, omit=["world"]
+    ):
+        pass
+    assert not any(topic.startswith("/world/") for topic in open_log(tmp_path / "a.mcap").channels)
+
+
+def _driven():
+    from symaware_cli.models.integrator import SingleIntegrator
+
+    return AgentGroup("robot", ["robot"], SingleIntegrator(), Entity(shape=BOX), [[0.0, 0.0]])
+
+
+def test_a_world_in_a_plane_has_no_geometry():
+    environment = world({"box": {"shape": BOX, "position": [1, 1]}}, [_driven()], KinematicEnvironment)
+    assert GeometryWriter(environment, {}).attachments == {}
+    assert environment.body_poses("robot") is None
+    assert environment.joint_positions("box") is None
+
+
+def test_agents_that_stay_upright_say_at_which_height_they_are_once():
+    with world(groups=[_driven()]) as environment:
+        writer = GeometryWriter(environment, {})
+        assert environment.body_poses("robot") is None
+        found = geometry_of({name: data for name, (_, data) in writer.attachments.items()})
+        assert found.heights == {"robot": 0.05}
+        assert found.of("robot") is None  # its shape says it all
+
+
+CUBE = "".join(f"v {x} {y} {z}\n" for x in (0, 2) for y in (0, 1) for z in (0, 1)) + "f 1 2 3\n"
+
+
+def binary_stl(corners):
+    return bytes(80) + struct.pack("<I", 1) + struct.pack("<12fH", 0, 0, 1, *np.ravel(corners), 0)
+
+
+@pytest.mark.parametrize(
+    ("data", "suffix", "expected"),
+    [
+        (CUBE.encode(), ".OBJ", [[0, 0, 0], [2, 1, 1]]),
+        (binary_stl([[0, 0, 0], [1, 0, 0], [0, 2, 3]]), ".stl", [[0, 0, 0], [1, 2, 3]]),
+        (b"solid a\n outer loop\n  vertex 1 2 3\n  vertex 4 5 6\n vertex 1 1 1\n", ".stl", [[1, 1, 1], [4, 5, 6]]),
+        (b"v 1 nan 2\nv 1 1 1\n", ".obj", [[1, 1, 1], [1, 1, 1]]),
+    ],
+)
+def test_the_box_around_a_mesh(data, suffix, expected):
+    np.testing.assert_array_equal(bounds(data, suffix), expected)
+
+
+@pytest.mark.parametrize(("data", "suffix"), [(b"", ".obj"), (b"v 1\n", ".obj"), (b"x", ".stl"), (b"glTF", ".glb")])
+def test_what_is_no_mesh_has_no_box(data, suffix):
+    assert bounds(data, suffix) is None
+
+
+@pytest.fixture
+def post(tmp_path):
+    """A URDF of which one visual is the cube, enlarged, to the left; and the scenario's folder."""
+    (tmp_path / "cube.obj").write_text(CUBE)
+    text = """<robot name='post'><link name='a'><visual><origin xyz='0 1 0' rpy='0 0 1.5707963267948966'/>
+        <geometry><mesh filename='cube.obj' scale='2 2 2'/></geometry></visual>
+        <collision><geometry><box size='1 1 1'/></geometry></collision></link></robot>"""
+    (tmp_path / "post.urdf").write_text(text)
+    return {"shape": {"urdf": {"file": "post.urdf", "radius": 1}}, "position": [5, 5]}
+
+
+def test_a_mesh_that_is_too_large_is_the_box_around_it_and_the_log_says_so(tmp_path, post, monkeypatch):
+    monkeypatch.setattr(geometry, "LARGEST", 100)
+    with world({"post": post}, [_driven()], folder=tmp_path) as environment:
+        writer = GeometryWriter(environment, {})
+    assert list(writer.attachments) == ["geometry.json"]
+    (visual,) = geometry_of({"geometry.json": writer.attachments["geometry.json"][1]}).of("post").links[0].visuals
+    assert (visual.kind, visual.size) == ("box", (4, 2, 2))
+    assert visual.position == pytest.approx((-1, 3, 1))
+    assert writer.notes == ["the mesh cube.obj is drawn as the box around it: it has 0.0 MiB"]
+
+
+def test_a_mesh_that_the_log_has_already_is_not_there_twice(tmp_path, post):
+    with world({"post": post}, [_driven()], folder=tmp_path) as environment:
+        own = GeometryWriter(environment, {"cube.obj": CUBE.encode()})
+        other = GeometryWriter(environment, {})
+    assert list(own.attachments) == ["geometry.json"]
+    assert b'"scenario/cube.obj"' in own.attachments["geometry.json"][1]
+    assert list(other.attachments) == ["geometry.json", "geometry/cube.obj"]
+
+
+def test_meshes_of_one_name_are_told_apart(tmp_path, post):
+    (tmp_path / "b").mkdir()
+    for name in ("post.urdf", "cube.obj"):
+        (tmp_path / "b" / name).write_bytes((tmp_path / name).read_bytes())
+    other = {"shape": {"urdf": {"file": "b/post.urdf", "radius": 1}}, "position": [7, 7]}
+    with world({"post": post, "rest": other}, [_driven()], folder=tmp_path) as environment:
+        attachments = GeometryWriter(environment, {}).attachments
+    assert list(attachments) == ["geometry.json", "geometry/cube.obj", "geometry/cube-2.obj"]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"bodies": {"a": 1}},
+        {"bodies": 3},
+        {"articulations": [{"name": "a", "links": []}]},
+        {"ground": "low"},
+    ],
+)
+def test_geometry_that_makes_no_sense_is_told(change):
+    content = {"ground": None, "bodies": {}, "heights": {}, "articulations": []} | change
+    with pytest.raises(LogError, match=r"geometry.json in the log is damaged"):
+        geometry_of({"geometry.json": json.dumps(content).encode()})
