@@ -54,3 +54,16 @@ def rotated(orientations: ArrayLike, vectors: ArrayLike) -> Array:
     twice = 2.0 * np.cross(axis, vectors)
     turned: Array = vectors + scalar * twice + np.cross(axis, twice)
     return turned
+
+
+def yaws(orientations: Array) -> Array:
+    """Where the x axis points as seen from above, in (-pi, pi] [rad]; (n, 4) to (n,)."""
+    x, y, z, w = orientations.T
+    turned: Array = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+    return turned
+
+
+def continued(before: Array, angles: Array) -> Array:
+    """Count the turns of angles that were a little different before [rad]; any shape."""
+    counted: Array = before + np.remainder(angles - before + np.pi, 2 * np.pi) - np.pi
+    return counted

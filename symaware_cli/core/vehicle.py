@@ -69,3 +69,28 @@ class Vehicle(ABC):
     @abstractmethod
     def read(self) -> tuple[Array, Array]:
         """Return the states, shape (n, nx), and the velocities [m/s], shape (n, 3)."""
+
+
+def read_bodies(engine: Any, client: int, bodies: Sequence[int]) -> Array:
+    """Read where bodies are and how they move, of their centres of mass.
+
+    Args:
+        engine: The module ``pybullet``.
+        client: The client's id.
+        bodies: Their ids.
+
+    Returns:
+        Positions [m], orientations as quaternions (x, y, z, w), velocities [m/s] and angular velocities [rad/s] in
+        the world's coordinates; shape (n, 13).
+    """
+    pose, motion = engine.getBasePositionAndOrientation, engine.getBaseVelocity
+    # One list and one array at the end: rows of an array that are filled one by one cost twice as much.
+    flat: list[float] = []
+    for body in bodies:
+        position, orientation = pose(body, client)
+        velocity, spin = motion(body, client)
+        flat += position
+        flat += orientation
+        flat += velocity
+        flat += spin
+    return np.array(flat).reshape(len(bodies), 13)

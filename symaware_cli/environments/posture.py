@@ -11,6 +11,10 @@ from symaware_cli.core.articulation import Articulation
 from symaware_cli.environments.bullet import engine
 
 Array = NDArray[np.float64]
+Transform = tuple[Sequence[float], Sequence[float]]
+
+#: What `getDynamicsInfo` calls a body of links.
+_MULTIBODY = 2
 
 
 class Postures:
@@ -23,19 +27,26 @@ class Postures:
             client: The engine's client.
         """
         self._client = client
-        #: From the centre of mass, which the engine tells, to the base; by body, None where that is the same.
-        self._bases: dict[int, tuple[Sequence[float], Sequence[float]] | None] = {}
+        self._bases: dict[int, Transform | None] = {}
         #: The engine's numbers of the joints of a body.
         self._joints: dict[int, Sequence[int]] = {}
+
+    def base(self, body: int) -> Transform | None:
+        """The way from the centre of mass, which the engine tells, to the base; None where that is the same."""
+        if body not in self._bases:
+            dynamics = engine.getDynamicsInfo(body, -1, self._client)
+            position, orientation = dynamics[3:5]
+            # Of a body that is no multibody the engine says what happens to stand in its memory.
+            apart = dynamics[10] == _MULTIBODY and (any(position) or any(orientation[:3]))
+            self._bases[body] = engine.invertTransform(position, orientation) if apart else None
+        return self._bases[body]
 
     def poses(self, bodies: Sequence[int]) -> Array:
         """The positions [m] and quaternions (x, y, z, w) of the bases; shape (n, 7)."""
         flat: list[float] = []
         for body in bodies:
-            if body not in self._bases:
-                self._bases[body] = self._base(body)
             position, orientation = engine.getBasePositionAndOrientation(body, self._client)
-            base = self._bases[body]
+            base = self.base(body)
             if base:
                 position, orientation = engine.multiplyTransforms(position, orientation, *base)
             flat += position
@@ -50,13 +61,6 @@ class Postures:
                 self._joints[body] = self._numbers(body, articulation.joints)
             flat += [state[0] for state in engine.getJointStates(body, self._joints[body], self._client)]
         return np.array(flat).reshape(len(bodies), len(articulation.joints))
-
-    def _base(self, body: int) -> tuple[Sequence[float], Sequence[float]] | None:
-        position, orientation = engine.getDynamicsInfo(body, -1, self._client)[3:5]
-        if not any(position) and not any(orientation[:3]):
-            return None
-        base: tuple[Sequence[float], Sequence[float]] = engine.invertTransform(position, orientation)
-        return base
 
     def _numbers(self, body: int, joints: Mapping[str, str]) -> list[int]:
         names = {

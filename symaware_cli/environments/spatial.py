@@ -22,7 +22,8 @@ from symaware_cli.core import (
     seconds,
 )
 from symaware_cli.core.articulation import Articulation
-from symaware_cli.core.rotation import attitude_columns
+from symaware_cli.core.rotation import attitude_columns, continued, yaws
+from symaware_cli.core.vehicle import read_bodies
 from symaware_cli.environments import collision, sight
 from symaware_cli.environments.bullet import MOST_SHOWN, Client, engine, quiet
 from symaware_cli.environments.collision import Collisions
@@ -236,9 +237,9 @@ class PyBulletEnvironment(PhysicsEnvironment):
         lost = self.parameters.damping if damping is None else damping
         self._solids.finish(body, surface.friction, surface.elasticity, lost)
         self._solids.meet(body, kind)
-        frame = engine.getDynamicsInfo(body, -1, self._id)[3:5]
-        if any(frame[0]):
-            self._frames[body] = engine.invertTransform(*frame)
+        base = self._postures.base(body)
+        if base:
+            self._frames[body] = base
 
     # -- steps
 
@@ -317,21 +318,15 @@ class PyBulletEnvironment(PhysicsEnvironment):
 
     def _look(self, bodies: Sequence[int], headings: Array) -> Bodies:
         """Read bodies; their headings count turns from where they were before."""
-        client, frames = self._id, self._frames
-        # One list and one array at the end: rows of an array that are filled one by one cost twice as much.
-        flat: list[float] = []
-        for body in bodies:
-            position, orientation = engine.getBasePositionAndOrientation(body, client)
-            if body in frames:
-                position, orientation = engine.multiplyTransforms(position, orientation, *frames[body])
-            velocity, spin = engine.getBaseVelocity(body, client)
-            flat += position
-            flat += orientation
-            flat += velocity
-            flat += spin
-        values = np.array(flat).reshape(len(bodies), 13)
-        turned = _headings(values[:, 3:7])
-        headings = headings + np.remainder(turned - headings + np.pi, 2 * np.pi) - np.pi
+        values = read_bodies(engine, self._id, bodies)
+        if self._frames:
+            for row, body in enumerate(bodies):
+                if body in self._frames:
+                    position, orientation = values[row, :3].tolist(), values[row, 3:7].tolist()
+                    values[row, :7] = np.concatenate(
+                        engine.multiplyTransforms(position, orientation, *self._frames[body])
+                    )
+        headings = continued(headings, yaws(values[:, 3:7]))
         return Bodies(values[:, :3], headings, values[:, [7, 8, 9, 12]])
 
     def _read_others(self, velocities: Array) -> None:
@@ -415,10 +410,3 @@ class PyBulletEnvironment(PhysicsEnvironment):
             self._painted = True
             sight.paint(self._id, self._index, len(self.roster))
         return sight.look(self._id, self._index, position, target, size, field_of_view)
-
-
-def _headings(orientations: Array) -> Array:
-    """The headings of quaternions (x, y, z, w), each in (-pi, pi] [rad]; (m, 4) to (m,)."""
-    x, y, z, w = orientations.T
-    turned: Array = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-    return turned

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from symaware_cli.core import Vehicle, WorldError
 from symaware_cli.core.model import columns
-from symaware_cli.core.rotation import attitude
+from symaware_cli.core.rotation import attitude, continued
+from symaware_cli.core.vehicle import read_bodies
 from symaware_cli.models import crazyflie
 from symaware_cli.models.vector import Vector, added, body_axes, dot, quaternion_axes, to_world
 
@@ -60,12 +61,10 @@ class QuadrotorVehicle(Vehicle):
             )
             engine.resetBaseVelocity(body, own[6:9].tolist(), spin.tolist(), client)
         self._yaws = state[:, 5].copy()
-        self._inputs = np.zeros((len(bodies), 4))
         self._look()
 
     def actuate(self, control_input: Array) -> None:
         """Let the rotors turn at these speeds."""
-        self._inputs = control_input
         self._rotors = columns(control_input)
         self._thrust, self._torque = crazyflie.rotor_wrench(self._rotors)
 
@@ -86,7 +85,8 @@ class QuadrotorVehicle(Vehicle):
             force = (force[0], force[1], force[2] - crazyflie.downwash(self._values[:, :3]))
         engine, client, frame = self._engine, self._client, self._engine.WORLD_FRAME
         forces, torques = np.stack(force, axis=1).tolist(), np.stack(torque, axis=1).tolist()
-        for body, place, pushed, turned in zip(self._bodies, self._places, forces, torques, strict=True):
+        places = self._values[:, :3].tolist()
+        for body, place, pushed, turned in zip(self._bodies, places, forces, torques, strict=True):
             engine.applyExternalForce(body, -1, pushed, place, frame, client)
             engine.applyExternalTorque(body, -1, turned, frame, client)
 
@@ -100,8 +100,7 @@ class QuadrotorVehicle(Vehicle):
         state[:, 3] = np.arctan2(axes[1][2], axes[2][2])
         state[:, 4] = np.arcsin(np.clip(-axes[0][2], -1.0, 1.0))
         turned = np.arctan2(axes[0][1], axes[0][0])
-        self._yaws = self._yaws + np.remainder(turned - self._yaws + np.pi, 2 * np.pi) - np.pi
-        state[:, 5] = self._yaws
+        self._yaws = state[:, 5] = continued(self._yaws, turned)
         spin = (values[:, 10], values[:, 11], values[:, 12])
         for axis in range(3):
             state[:, 9 + axis] = dot(axes[axis], spin)
@@ -109,18 +108,7 @@ class QuadrotorVehicle(Vehicle):
 
     def _look(self) -> None:
         """Read where everybody is and how it turns, until the next physics step."""
-        engine, client = self._engine, self._client
-        flat: list[float] = []
-        self._places = []
-        for body in self._bodies:
-            position, orientation = engine.getBasePositionAndOrientation(body, client)
-            velocity, spin = engine.getBaseVelocity(body, client)
-            flat += position
-            flat += orientation
-            flat += velocity
-            flat += spin
-            self._places.append(position)
-        values = self._values = np.array(flat).reshape(-1, 13)
+        values = self._values = read_bodies(self._engine, self._client, self._bodies)
         x, y, z, w = columns(values[:, 3:7])
         self._axes = quaternion_axes(x, y, z, w)
         velocity_x, velocity_y, velocity_z = columns(values[:, 7:10])

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from symaware_cli.core import Model, Parameters, Quantity, Vehicle
+from symaware_cli.core.rotation import continued, yaws
+from symaware_cli.core.vehicle import read_bodies
 from symaware_cli.models.heading import HeadingModel
 from symaware_cli.models.noise import Deviation
 
@@ -212,21 +214,16 @@ class RacecarVehicle(Vehicle):
     def read(self) -> tuple[Array, Array]:
         """Read the pose and velocity of the base, and the hinges."""
         engine, client = self._engine, self._client
-        values = np.empty((len(self._bodies), 10))
-        for row, body in enumerate(self._bodies):
-            (x, y, _), orientation = engine.getBasePositionAndOrientation(body, client)
-            velocity, _ = engine.getBaseVelocity(body, client)
-            left = engine.getJointState(body, self._steered[0], client)[0]
-            values[row] = (x, y, *orientation, *velocity, left)
-        qx, qy, qz, qw = values[:, 2:6].T
-        turned = np.arctan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
-        self._headings = self._headings + np.remainder(turned - self._headings + np.pi, 2 * np.pi) - np.pi
+        values = read_bodies(engine, client, self._bodies)
+        hinges = [engine.getJointState(body, self._steered[0], client)[0] for body in self._bodies]
+        turned = yaws(values[:, 3:7])
+        self._headings = continued(self._headings, turned)
         state = np.empty((len(self._bodies), 5))
         state[:, :2], state[:, 2] = values[:, :2], self._headings
-        state[:, 3] = values[:, 6] * np.cos(turned) + values[:, 7] * np.sin(turned)
-        tangent = np.tan(values[:, 9])
+        state[:, 3] = values[:, 7] * np.cos(turned) + values[:, 8] * np.sin(turned)
+        tangent = np.tan(hinges)
         state[:, 4] = np.arctan(tangent / (1.0 + 0.5 * TRACK / WHEELBASE * tangent))
-        return state, values[:, 6:9]
+        return state, values[:, 7:10]
 
 
 def hinge_angles(angle: float) -> list[float]:

@@ -2,6 +2,7 @@
 
 import json
 import struct
+from pathlib import Path
 
 import numpy as np
 import pybullet
@@ -19,6 +20,7 @@ from symaware_cli.recording.recorder import Recorder
 from symaware_cli.recording.surface import bounds
 from symaware_cli.recording.writer import LogWriter
 
+PACKAGE = Path(pybullet.__file__).parent
 BOX = {"box": {"length": 0.4, "width": 0.2, "height": 0.1}}
 
 
@@ -87,11 +89,11 @@ def test_the_log_has_a_tumbling_box_turned_as_the_engine_has_it(tmp_path):
     pin = {"shape": {"circle": {"radius": 0.05}}, "position": [0.15, 5, 0.05]}
     environment, told = world({"box": box, "pin": pin}), []
     for _ in recorded(tmp_path / "a.mcap", environment, 30):
-        told.append(pybullet.getBasePositionAndOrientation(environment._entities["box"], environment._id))
+        position, orientation = pybullet.getBasePositionAndOrientation(environment._entities["box"], environment._id)
+        told += [[*position, *orientation]]
     poses = open_log(tmp_path / "a.mcap").series("box", "pose")
-    told = np.array([[*position, *orientation] for position, orientation in told])
-    np.testing.assert_array_equal(poses.values, told[: len(poses.values)])
-    assert np.abs(poses.values[:, 3:5]).max() > 0.1  # it did tumble
+    np.testing.assert_array_equal(poses.values[:, 0], told)
+    assert np.abs(poses.values[..., 3:5]).max() > 0.1  # it did tumble
 
 
 def test_the_same_world_makes_the_same_bytes(tmp_path):
@@ -100,8 +102,8 @@ def test_the_same_world_makes_the_same_bytes(tmp_path):
             pass
     logs = [open_log(tmp_path / name) for name in "ab"]
     assert logs[0].attachments == logs[1].attachments
-    assert list(logs[0].attachments)[0] == "geometry.json"
-    assert not any("/site-packages/" in str(data) for data in [logs[0].attachments["geometry.json"]])
+    assert next(iter(logs[0].attachments)) == "geometry.json"
+    assert str(PACKAGE).encode() not in logs[0].attachments["geometry.json"]
     pairs = zip(
         *(log.messages(["/world/car/pose", "/world/car/joints", "/world/box/pose"]) for log in logs), strict=True
     )
@@ -183,7 +185,7 @@ def post(tmp_path):
 
 
 def test_a_mesh_that_is_too_large_is_the_box_around_it_and_the_log_says_so(tmp_path, post, monkeypatch):
-    monkeypatch.setattr(geometry, "LARGEST", 100)
+    monkeypatch.setattr(geometry, "LARGEST", 10)
     with world({"post": post}, [_driven()], folder=tmp_path) as environment:
         writer = GeometryWriter(environment, {})
     assert list(writer.attachments) == ["geometry.json"]

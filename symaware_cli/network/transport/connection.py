@@ -170,7 +170,7 @@ class Connection(ABC):
         self._port.call_later(PARTING, self.drop)
         if self.full:
             self.full = False
-            self.resume()
+            self._port.call_later(0, self.resume)
         self.pump()
 
     def pump(self) -> None:
@@ -203,7 +203,8 @@ class Connection(ABC):
         """Read on if few enough frames wait by now."""
         if self.full and not self.gone and not self._behind(2):
             self.full = False
-            self.resume()
+            # Not at once: this may be called while something is read.
+            self._port.call_later(0, self.resume)
 
     def _behind(self, part: int) -> bool:
         """Whether as many frames wait for the run's thread as may, or one part of so many of them."""

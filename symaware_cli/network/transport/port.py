@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import atexit
 import itertools
 import random
 import threading
@@ -77,6 +78,8 @@ class LoopPort(Port):
             TransportError: That cannot be.
         """
         self._thread.start()
+        # Threads that wake up while the interpreter ends would bring it down.
+        atexit.register(self.close)
         try:
             asyncio.run_coroutine_threadsafe(self.open(), self._loop).result()
         except BaseException:
@@ -122,14 +125,17 @@ class LoopPort(Port):
         self._closed = True
         if self._thread.is_alive():
             self._thread.join()
+        atexit.unregister(self.close)
 
-    def later(self, call: Callable[..., Any], *arguments: Any) -> None:
-        """Call something in the loop's thread, from any; nothing once the loop has ended."""
+    def later(self, call: Callable[..., None], *arguments: Any) -> bool:
+        """Call something in the loop's thread, from any; returns False if that has ended."""
         try:
             self._loop.call_soon_threadsafe(call, *arguments)
         except RuntimeError:
-            if not self._loop.is_closed():
-                raise
+            if self._loop.is_closed():
+                return False
+            raise
+        return True
 
     # The loop's thread.
 

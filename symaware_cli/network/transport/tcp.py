@@ -19,6 +19,9 @@ _LENGTH = 4
 #: So much may be handed to the operating system before it has sent what came before [bytes].
 _AHEAD = 2**20
 
+#: So many times as many sockets may be open as there may be members: of those who have not come yet, or are leaving.
+_OPEN = 4
+
 
 class Tcp(Transport):
     """TCP: the processes of a run on one machine, or on several in one network. Frames are sealed, but not secret."""
@@ -115,6 +118,8 @@ class _TcpConnection(asyncio.Protocol, Connection):
         self._transport.get_extra_info("socket").setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._sockets.add(self)
         self._port.enter(self)
+        if len(self._sockets) > _OPEN * self._port.parameters.members:
+            self.refuse(Over("too many connections are open", "crowded"))
 
     def data_received(self, data: bytes) -> None:
         self.conversation.notice(asyncio.get_running_loop().time())

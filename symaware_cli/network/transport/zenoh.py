@@ -15,7 +15,7 @@ import socket
 import threading
 from abc import abstractmethod
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from queue import SimpleQueue
 from typing import Any
 
@@ -151,6 +151,7 @@ class _ZenohPort(LoopPort):
                 continue
             if record is None or (record == _CLOSED and (connection.parting or not self.sealed)):
                 connection.lost(f"{connection.conversation.other} closed the connection")
+                connection.drop()
             elif record != _CLOSED:
                 connection.hear(record)
         self._room.set()
@@ -163,6 +164,36 @@ class _ZenohPort(LoopPort):
             connection.drop()
         await self.end_session()
 
+    async def open_session(self, configuration: Any) -> Any:
+        """Open a session.
+
+        Raises:
+            ZError: That cannot be.
+        """
+        # What blocks is done in threads that do not keep the interpreter from ending.
+        outcome: asyncio.Future[Any] = asyncio.get_running_loop().create_future()
+
+        def settle(session: Any, error: Exception | None) -> None:
+            if outcome.done():  # nobody waits for it any more
+                if session is not None:
+                    session.close()
+            elif error is not None:
+                outcome.set_exception(error)
+            else:
+                outcome.set_result(session)
+
+        def work() -> None:
+            try:
+                session = self.zenoh.open(configuration)
+            except self.zenoh.ZError as error:
+                self.later(settle, None, error)
+            else:
+                if not self.later(settle, session, None):
+                    session.close()
+
+        threading.Thread(target=work, name="symaware-zenoh", daemon=True).start()
+        return await outcome
+
     async def end_session(self) -> None:
         """Close the session, if there is one."""
         session, self._session = self._session, None
@@ -170,8 +201,16 @@ class _ZenohPort(LoopPort):
         # Whoever waits for room holds a thread of the session.
         self._arrivals.clear()
         self._room.set()
-        if session is not None:
-            await apart(session.close)
+        if session is None:
+            return
+        closed = asyncio.Event()
+
+        def work() -> None:
+            session.close()
+            self.later(closed.set)
+
+        threading.Thread(target=work, name="symaware-zenoh", daemon=True).start()
+        await closed.wait()
 
     def put(self, key: str, record: bytes, *, wait: bool) -> None:
         """Send a sample.
@@ -200,7 +239,7 @@ class _HostPort(_ZenohPort):
             self.address = address_of(host, port)
             endpoint = f"tcp/{self.address}"
             configuration = self.configuration(**{"mode": "peer", "listen/endpoints": [endpoint]})
-            self._session = await apart(lambda: self.zenoh.open(configuration))
+            self._session = await self.open_session(configuration)
         except (OSError, OverflowError, self.zenoh.ZError) as error:
             reason = getattr(error, "strerror", None) or str(error).partition(" at /")[0]
             raise TransportError(f"cannot listen at {self.address}: {reason}") from error
@@ -238,7 +277,7 @@ class _MemberPort(_ZenohPort):
         endpoint = f"tcp/{self.address}"
         configuration = self.configuration(**{"mode": "client", "connect/endpoints": [endpoint]})
         try:
-            self._session = session = await apart(lambda: self.zenoh.open(configuration))
+            self._session = session = await self.open_session(configuration)
         except self.zenoh.ZError:  # nobody is there yet
             return None
         name = secrets.token_hex(8)
@@ -347,24 +386,3 @@ def _free_port(host: str) -> int:
     with socket.socket(family) as probe:
         probe.bind((host, 0))
         return int(probe.getsockname()[1])
-
-
-async def apart(call: Callable[[], Any]) -> Any:
-    """Await what blocks, in a thread that does not keep the interpreter from ending."""
-    loop = asyncio.get_running_loop()
-    outcome: asyncio.Future[Any] = loop.create_future()
-
-    def settle(setter: Callable[[Any], None], value: Any) -> None:
-        if not outcome.done():
-            setter(value)
-
-    def work() -> None:
-        try:
-            result = call()
-        except Exception as error:
-            loop.call_soon_threadsafe(settle, outcome.set_exception, error)
-        else:
-            loop.call_soon_threadsafe(settle, outcome.set_result, result)
-
-    threading.Thread(target=work, name="symaware-zenoh", daemon=True).start()
-    return await outcome

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from symaware_cli.core import AgentGroup, Delivery, Level, Message
 from symaware_cli.core.column import Array
@@ -43,6 +44,7 @@ class _Member:
         peer: Its number at the port.
         name: What it is called.
         agents: Those that it runs.
+        is_here: For everybody in the roster, whether it runs them.
         rank: The place of the first of them in the roster, by which members are served.
         reported: The last step that it reported on.
         letters: What arrived for its agents and was not told yet.
@@ -52,6 +54,7 @@ class _Member:
     peer: int
     name: str
     agents: frozenset[str]
+    is_here: NDArray[np.bool_]
     rank: int
     reported: int = -1
     letters: list[Message] = field(default_factory=list)
@@ -135,9 +138,8 @@ class Host(Company):
                 if arrived.receiver in member.agents:
                     member.letters.append(arrived)
             return
-        ids = self._simulation.environment.roster.ids
         for member in self._members.values():
-            mine = np.array([ids[receiver] in member.agents for receiver in arrived.receivers.tolist()], bool)
+            mine = member.is_here[arrived.receivers]
             if mine.any():
                 member.deliveries.append(chosen(arrived, mine))
 
@@ -219,8 +221,10 @@ class Host(Company):
             return
         run, roster = self._run, self._simulation.environment.roster
         agents = frozenset(hello.agents)
-        rank = min(roster.index(id) for id in agents)
-        member = self._members[peer] = _Member(peer, hello.name, agents, rank, reported=run.done - 1)
+        indices = [roster.index(id) for id in agents]
+        is_here = np.zeros(len(roster), bool)
+        is_here[indices] = True
+        member = self._members[peer] = _Member(peer, hello.name, agents, is_here, min(indices))
         # In the middle of a run it begins with the step that is made next.
         member.reported = run.done if run.is_under_way else -1
         pace = run.pacer.factor if run.pacer else 0.0
