@@ -74,7 +74,7 @@ def _awareness(content: wire.Awareness, places: Sequence[int], rows: Sequence[in
         content.values[np.repeat(known, sizes)],
         rows,
         covariances=content.covariances[np.repeat(known, sizes**2)] if len(content.covariances) else (),
-        ages=content.ages[known] if len(content.ages) else (),
+        ages=content.ages[known] if len(content.ages) and content.ages[known].any() else (),
     )
 
 
