@@ -7,7 +7,7 @@ import os
 import sys
 import tempfile
 import weakref
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 from symaware_cli.core import WorldError
@@ -44,6 +44,9 @@ with quiet():
 
 __all__ = ["MOST_SHOWN", "Client", "engine", "quiet"]
 
+#: [m/s] Slower than this nothing bounces. PyBullet's own 0.2 is that of larger things.
+_BOUNCE = 0.01
+
 #: As many bodies the window of PyBullet can show.
 MOST_SHOWN = 1024
 
@@ -74,6 +77,24 @@ class Client:
         if self.id < 0:
             raise WorldError("PyBullet opens no more worlds in this process; close some")
         self._end = weakref.finalize(self, _disconnect, self.id)
+
+    def set(self, step_time: float, gravity: Sequence[float], iterations: int, recovery: float) -> None:
+        """Set how the engine computes.
+
+        Args:
+            step_time: A physics step [s].
+            gravity: Acceleration [x, y, z] [m/s^2].
+            iterations: How often a physics step goes over all contacts.
+            recovery: Part of an overlap that a physics step undoes.
+        """
+        engine.setTimeStep(step_time, self.id)
+        engine.setGravity(*gravity, self.id)
+        engine.setPhysicsEngineParameter(
+            numSolverIterations=iterations,
+            contactERP=recovery,
+            restitutionVelocityThreshold=_BOUNCE,
+            physicsClientId=self.id,
+        )
 
     def close(self) -> None:
         """Disconnect; to do it twice does nothing."""

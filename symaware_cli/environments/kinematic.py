@@ -22,7 +22,6 @@ from symaware_cli.core.integration import euler, rk4
 from symaware_cli.environments.columns import ColumnEnvironment
 from symaware_cli.environments.contact import ContactDetector
 from symaware_cli.environments.noise import ProcessNoise
-from symaware_cli.environments.shared import adopted_groups, captured_groups
 
 Array = NDArray[np.float64]
 
@@ -35,8 +34,6 @@ class KinematicEnvironment(ColumnEnvironment):
     Requested control inputs are saturated to what the model allows and held over the step. The model's process noise is
     added after it.
     """
-
-    is_shared = True
 
     class Parameters(EnvironmentParameters):
         """How the kinematic world moves."""
@@ -86,16 +83,6 @@ class KinematicEnvironment(ColumnEnvironment):
             self._states[number] = state
         self._time += self.time_step
         self._snapshot = self._contacts = None
-
-    def capture(self) -> Mapping[str, Array]:
-        """Take the states of all groups, and their control inputs in force."""
-        return captured_groups(self.groups, self._states, self._applied)
-
-    def adopt(self, time: int, captured: Mapping[str, Array], contacts: Sequence[Contact]) -> None:
-        """Become as the world of another process is."""
-        self._states, self._applied = adopted_groups(self.groups, captured)
-        self._time = time
-        self._snapshot, self._contacts = None, tuple(contacts)
 
     def push(self, group: AgentGroup, rows: Sequence[int], change: Array) -> None:
         """Change the true states of some agents all at once."""

@@ -3,15 +3,49 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 
-from symaware_cli.core import Shape, Wall, WorldError
+from symaware_cli.core import AgentGroup, Obstacle, Shape, Vehicle, Wall, WorldError
 from symaware_cli.core.articulation import Articulation, Link, Visual
 from symaware_cli.core.rotation import about
 from symaware_cli.environments import asset
 from symaware_cli.environments.description import DescriptionError, articulation, material_colour
+
+
+def likenesses(
+    groups: Sequence[AgentGroup],
+    obstacles: Mapping[str, Obstacle],
+    vehicles: Mapping[str, Vehicle],
+    folder: Path,
+    height: float,
+) -> dict[str, Articulation]:
+    """Describe what the bodies of a world consist of, by group and entity, while the files are there.
+
+    Agents whose shape or model names no file look like their shape, and are left out.
+
+    Args:
+        groups: All of them.
+        obstacles: All of them.
+        vehicles: Those of groups that have some.
+        folder: Where the files lie that a scenario names.
+        height: How high what has no height of its own is [m].
+
+    Raises:
+        WorldError: A file is missing, or makes no sense.
+    """
+    shapes = {name: obstacle.shape for name, obstacle in obstacles.items()}
+    for group in groups:
+        shape = group.entity.shape
+        if shape and (shape.mesh or shape.urdf):
+            shapes[group.name] = shape
+    of_shape: dict[Shape, Articulation] = {}
+    for shape in shapes.values():
+        if shape not in of_shape:
+            of_shape[shape] = likeness(shape, folder, height)
+    found = {name: of_shape[shape] for name, shape in shapes.items()}
+    return found | {name: articulation(vehicle.description()) for name, vehicle in vehicles.items()}
 
 
 def likeness(shape: Shape, folder: Path, height: float) -> Articulation:

@@ -20,7 +20,7 @@ from symaware_cli.core import (
     WorldError,
     seconds,
 )
-from symaware_cli.environments.columns import ColumnEnvironment
+from symaware_cli.environments.columns import ColumnEnvironment, adopted
 from symaware_cli.environments.drive import Drive
 from symaware_cli.environments.touch import TouchLedger
 
@@ -82,6 +82,7 @@ class PhysicsEnvironment(ColumnEnvironment):
                     *("agents", group.name, "model"),
                 )
         self._width = max(len(group.model.position) for group in self.groups)
+        self._velocities: Array = np.zeros((len(self.roster), self._width))
         self._drives = [self._drive(group, seed) for group in self.groups]
         self._free = [name for name, obstacle in self.obstacles.items() if obstacle.is_free]
         self._moving = [name for name, obstacle in self.obstacles.items() if obstacle.path]
@@ -232,6 +233,33 @@ class PhysicsEnvironment(ColumnEnvironment):
         velocities.flags.writeable = False
         self._velocities = velocities
         self._snapshot = self._contacts = None
+
+    def capture(self) -> Mapping[str, Array]:
+        """Take what all worlds take, how free bodies move, and where the engine has everything."""
+        free = self._free_bodies
+        own = {"velocities": self._velocities, "free": np.column_stack([free.positions, free.headings, free.motion])}
+        return {**super().capture(), **own, **self._placement()}
+
+    def adopt(self, time: int, captured: Mapping[str, Array], contacts: Sequence[Contact]) -> None:
+        """Become as the world of another process is; the engine's bodies are put there for rays and pictures.
+
+        Raises:
+            ValueError: That is not of a world like this one.
+        """
+        super().adopt(time, captured, contacts)
+        self._velocities = adopted(captured, "velocities", self._velocities.shape)
+        width = self.dimensions
+        free = adopted(captured, "free", (len(self._free), 2 * width + 2))
+        self._free_bodies = Bodies(free[:, :width], free[:, width], free[:, width + 1 :])
+        self._place({name: adopted(captured, name, known.shape) for name, known in self._placement().items()})
+
+    @abstractmethod
+    def _placement(self) -> Mapping[str, Array]:
+        """Where the engine has the bodies that move, for `_place`."""
+
+    @abstractmethod
+    def _place(self, placement: Mapping[str, Array]) -> None:
+        """Put the engine's bodies where those of another process are."""
 
     def _read_others(self, velocities: Array) -> None:
         """Take over the states of groups without a drive, and put their velocities into those of all."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Annotated, Any
 
 import numpy as np
@@ -187,6 +187,22 @@ class PymunkEnvironment(PhysicsEnvironment):
         parts = (rows[: len(self._driven)], rows[len(self._driven) :])
         driven, free = (Bodies(part[:, :2], part[:, 2], part[:, 3:]) for part in parts)
         return driven, free
+
+    def _placement(self) -> Mapping[str, Array]:
+        return {"bodies": self._rows(_POSE, 6)[: len(self._driven) + len(self._free)].copy()}
+
+    def _place(self, placement: Mapping[str, Array]) -> None:
+        space = self._space
+        ids = [*(self.roster.ids[index] for index in self._driven.tolist()), *self._free]
+        for name, (x, y, angle, *motion) in zip(ids, placement["bodies"].tolist(), strict=True):
+            body = self._named[name]
+            body.position, body.angle = (x, y), angle
+            body.velocity, body.angular_velocity = (motion[0], motion[1]), motion[2]
+            space.reindex_shapes_for_body(body)
+        for body, name in self._movers:
+            pose = self.pose(name)
+            body.position, body.angle = _flat(pose.position), pose.heading
+            space.reindex_shapes_for_body(body)
 
     def _rows(self, fields: batch.BodyFields, width: int) -> Array:
         """What Pymunk has of all bodies, a row for each; to be copied before the next such call."""

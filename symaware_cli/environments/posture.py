@@ -57,12 +57,22 @@ class Postures:
         """The positions of the joints that move, in the order of an articulation [rad] or [m]; shape (n, joints)."""
         flat: list[float] = []
         for body in bodies:
-            if body not in self._joints:
-                self._joints[body] = self._numbers(body, articulation.joints)
-            flat += [state[0] for state in engine.getJointStates(body, self._joints[body], self._client)]
+            numbers = self._numbers(body, articulation.joints)
+            flat += [state[0] for state in engine.getJointStates(body, numbers, self._client)]
         return np.array(flat).reshape(len(bodies), len(articulation.joints))
 
-    def _numbers(self, body: int, joints: Mapping[str, str]) -> list[int]:
+    def put(self, bodies: Sequence[int], articulation: Articulation, positions: Array) -> None:
+        """Let the joints stand as those of another world do, as `joints` told it."""
+        for body, row in zip(bodies, positions.tolist(), strict=True):
+            for number, position in zip(self._numbers(body, articulation.joints), row, strict=True):
+                engine.resetJointState(body, number, position, physicsClientId=self._client)
+
+    def _numbers(self, body: int, joints: Mapping[str, str]) -> Sequence[int]:
+        if body not in self._joints:
+            self._joints[body] = self._look_up(body, joints)
+        return self._joints[body]
+
+    def _look_up(self, body: int, joints: Mapping[str, str]) -> Sequence[int]:
         names = {
             engine.getJointInfo(body, number, self._client)[1].decode(): number
             for number in range(engine.getNumJoints(body, self._client))

@@ -16,7 +16,6 @@ from symaware_cli.core import (
     Obstacle,
     Parameters,
     Scenery,
-    Shape,
     Vehicle,
     WorldError,
     seconds,
@@ -27,9 +26,8 @@ from symaware_cli.core.vehicle import read_bodies
 from symaware_cli.environments import collision, sight
 from symaware_cli.environments.bullet import MOST_SHOWN, Client, engine, quiet
 from symaware_cli.environments.collision import Collisions
-from symaware_cli.environments.description import articulation
 from symaware_cli.environments.drive import Drive
-from symaware_cli.environments.likeness import likeness
+from symaware_cli.environments.likeness import likenesses
 from symaware_cli.environments.physics import Bodies, PhysicsEnvironment
 from symaware_cli.environments.posture import Postures
 from symaware_cli.environments.solid import Solids, last, turn
@@ -41,9 +39,6 @@ _Component = Annotated[float, Field(ge=-1e9, le=1e9)]
 
 #: [kg] and [kg m^2]: what nothing moves or tilts, and the engine can still compute with.
 _IMMOVABLE = 1e9
-
-#: [m/s] Slower than this nothing bounces. PyBullet's own 0.2 is that of larger things.
-_BOUNCE = 0.01
 
 
 class Ground(Parameters):
@@ -62,7 +57,7 @@ class PyBulletEnvironment(PhysicsEnvironment):
     """
 
     dimensions = 3
-    sees = True
+    provides = ("images",)
 
     class Parameters(PhysicsEnvironment.Parameters):
         """How the spatial world moves."""
@@ -85,7 +80,7 @@ class PyBulletEnvironment(PhysicsEnvironment):
         visuals: bool = Field(
             False,
             description="Whether URDF files are loaded with what the bodies look like, for pictures; a racecar takes "
-            "6 MB for that, and else none.",
+            "3 MB for that, and else a twentieth.",
         )
         gui: bool = Field(False, description="Whether to show the window of PyBullet; it needs a screen.")
 
@@ -103,14 +98,7 @@ class PyBulletEnvironment(PhysicsEnvironment):
             )
         self._client = Client(parameters.gui)
         client = self._id = self._client.id
-        engine.setTimeStep(self.step_time, client)
-        engine.setGravity(*parameters.gravity, client)
-        engine.setPhysicsEngineParameter(
-            numSolverIterations=parameters.iterations,
-            contactERP=parameters.recovery,
-            restitutionVelocityThreshold=_BOUNCE,
-            physicsClientId=client,
-        )
+        self._client.set(self.step_time, parameters.gravity, parameters.iterations, parameters.recovery)
         self._fall = np.array([*parameters.gravity, 0.0]) * self.step_time
         self._falls = bool(self._fall.any())
         self._pushes = self._falls or any(drive is None for drive in self._drives)
@@ -141,7 +129,8 @@ class PyBulletEnvironment(PhysicsEnvironment):
         first = len(self.roster)
         for index, (name, obstacle) in enumerate(self.obstacles.items()):
             self._add_obstacle(first + index, name, obstacle)
-        self._articulations = self._described()
+        vehicles = {self.groups[number].name: vehicle for vehicle, number in self._vehicles}
+        self._articulations = likenesses(self.groups, self.obstacles, vehicles, self.folder, parameters.height)
         self._free_headings = np.array([self.obstacles[name].heading for name in self._free])
         self._body_of = {index: body for body, index in self._index.items()}
         ground = len(self.roster) + len(self.obstacles)
@@ -329,6 +318,28 @@ class PyBulletEnvironment(PhysicsEnvironment):
         headings = continued(headings, yaws(values[:, 3:7]))
         return Bodies(values[:, :3], headings, values[:, [7, 8, 9, 12]])
 
+    def _placement(self) -> Mapping[str, Array]:
+        """Where the centres of mass of bodies are that move, how they are turned, and how their joints stand."""
+        poses = read_bodies(engine, self._id, self._mobile)[:, :7]
+        names = [name for name in self._articulations if self._articulations[name].joints]
+        joints = {f"joints/{name}": self.joint_positions(name) for name in names}
+        return {"bodies": poses, **{name: values for name, values in joints.items() if values is not None}}
+
+    def _place(self, placement: Mapping[str, Array]) -> None:
+        for body, pose in zip(self._mobile, placement["bodies"].tolist(), strict=True):
+            engine.resetBasePositionAndOrientation(body, pose[:3], pose[3:], self._id)
+        for name, described in self._articulations.items():
+            if described.joints:
+                self._postures.put(self._bodies_of(name), described, placement[f"joints/{name}"])
+        for name in self._moving:
+            self._lead(name, 0)
+
+    @property
+    def _mobile(self) -> Sequence[int]:
+        """The bodies of agents in the order of the roster, and of free entities."""
+        agents = [self._body_of[index] for index in range(len(self.roster))]
+        return [*agents, *(self._entities[name] for name in self._free)]
+
     def _read_others(self, velocities: Array) -> None:
         for vehicle, number in self._vehicles:
             state, velocity = vehicle.read()
@@ -341,22 +352,6 @@ class PyBulletEnvironment(PhysicsEnvironment):
     def articulations(self) -> Mapping[str, Articulation]:
         """What bodies consist of; agents whose shape or model names no file look like their shape."""
         return self._articulations
-
-    def _described(self) -> dict[str, Articulation]:
-        """Read what bodies consist of while the files are there."""
-        shapes = {name: obstacle.shape for name, obstacle in self.obstacles.items()}
-        for group in self.groups:
-            shape = group.entity.shape
-            if shape and (shape.mesh or shape.urdf):
-                shapes[group.name] = shape
-        of_shape: dict[Shape, Articulation] = {}
-        for shape in shapes.values():
-            if shape not in of_shape:
-                of_shape[shape] = likeness(shape, self.folder, self.parameters.height)
-        found = {name: of_shape[shape] for name, shape in shapes.items()}
-        for vehicle, number in self._vehicles:
-            found[self.groups[number].name] = articulation(vehicle.description())
-        return found
 
     def body_poses(self, name: str) -> Array | None:
         """Where vehicles and free entities are, and how they are turned; what is driven stays upright."""
