@@ -36,8 +36,8 @@ def of_rows(message: LogMessage, wanted: Sequence[int], count: int) -> bytes | N
         case wire.Rows():
             return wire.encode_rows(content.values[places], rows)
         case wire.Control():
-            applied = None if content.applied is content.requested else content.applied[places]
-            return wire.encode_control(content.requested[places], applied, rows)
+            requested, applied = content.requested[places], content.applied[places]
+            return wire.encode_control(requested, None if np.array_equal(applied, requested) else applied, rows)
         case wire.SeriesRows():
             series = list(content) or [(content.times, content.values)] * count
             chosen = [series[place] for place in places]

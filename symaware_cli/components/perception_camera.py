@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,9 @@ class Camera(Sensor):
 
     It updates the readings of the group's awareness, under its own name, and nothing else.
     """
+
+    bodies: ClassVar = {"look_at": "agent or entity"}
+    requires: ClassVar = {"images": "the world `pybullet`, which has them"}
 
     class Parameters(SensorParameters):
         """What the camera can do, and where it looks."""
@@ -62,7 +65,7 @@ class Camera(Sensor):
         """
         super().initialise_component(group)
         environment, whom = self.environment, self.parameters.look_at
-        if not environment.sees:
+        if "images" not in environment.provides:
             raise ValueError("there are no images of this world; those of `pybullet` there are")
         if isinstance(whom, str) and whom not in environment.roster and whom not in environment.obstacles:
             raise ValueError(f"there is neither an agent nor an entity `{whom}` to look at")

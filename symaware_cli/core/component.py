@@ -36,15 +36,19 @@ class BaseComponent(Plugin, ABC, Generic[Owner]):
     A turn of a component computes a value from what its agent is aware of, then updates the awareness with it.
 
     Attributes:
+        bodies: Which of its parameters name an ``agent``, or an ``agent or entity``; looked up before a run.
         events: The events that the component fires besides those of every component, with what each means.
         knowledge: What an agent must know for the component to work, with what each means.
         name: The component's key in the scenario.
         path: Where it stands, such as ``agents.robot.2.steer``; the source of its events.
+        requires: What the world must have for the component to work, as in `Environment.provides`, with where it is.
         use: The plugin's entry-point name.
     """
 
+    bodies: ClassVar[Mapping[str, str]] = {}
     events: ClassVar[Mapping[str, str]] = {}
     knowledge: ClassVar[Mapping[str, str]] = {}
+    requires: ClassVar[Mapping[str, str]] = {}
 
     # Class defaults, so that a subclass with an __init__ of its own need not call this one.
     name: str = ""

@@ -59,10 +59,10 @@ class Environment(Plugin, ABC):
         ground: The height of a plane that carries what falls [m]; None where there is none.
         groups: The groups in the roster's order.
         obstacles: The bodies that are part of the environment, by name.
+        provides: What this world has and not every world, for components that require it, such as ``images``.
         proximity: Which agents are near each other, shared by all who ask about `snapshot().positions`.
         roster: Who is who.
         is_shared: Whether other processes can follow this world, by `capture` and `adopt`.
-        sees: Whether there are images of this world.
         time_step: Simulated time between two steps, in nanoseconds.
     """
 
@@ -71,7 +71,7 @@ class Environment(Plugin, ABC):
     folder: Path = Path()
     ground: float | None = None
     is_shared: ClassVar[bool] = False
-    sees: ClassVar[bool] = False
+    provides: ClassVar[Sequence[str]] = ()
     groups: Sequence[AgentGroup]
     obstacles: Mapping[str, Obstacle]
     proximity: Proximity

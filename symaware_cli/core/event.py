@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import enum
 import fnmatch
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from operator import attrgetter
 from typing import Any
@@ -90,10 +91,11 @@ class EventBus:
     the ones cancelled hear no more at once.
     """
 
-    __slots__ = ("_count", "_subscriptions", "turns_wanted", "wanted")
+    __slots__ = ("_count", "_muted", "_subscriptions", "turns_wanted", "wanted")
 
     def __init__(self) -> None:
         self._count = 0
+        self._muted: Collection[str] = ()
         self._subscriptions: dict[str, tuple[Subscription, ...]] = {}
         #: The names that somebody subscribed to; hot paths look here before they make an event.
         self.wanted: frozenset[str] = frozenset()
@@ -120,12 +122,26 @@ class EventBus:
         """How many subscribed to events of a name, by this name."""
         return sum(each.active for each in self._subscriptions.get(name, ()))
 
+    @contextmanager
+    def muted(self, sources: Collection[str]) -> Iterator[None]:
+        """Tell nobody of what comes from some sources for a while.
+
+        A component of a whole group speaks for all its agents, and knows nothing of those that take no part any more.
+        """
+        before, self._muted = self._muted, sources
+        try:
+            yield
+        finally:
+            self._muted = before
+
     def fire(self, event: Event) -> None:
         """Tell all who subscribed.
 
         Raises:
             SubscriberError: From the exception of the first subscriber that raised, after all were told.
         """
+        if self._muted and event.source in self._muted:
+            return
         listeners = self._subscriptions.get(event.name, ())
         if event.name not in RECURRING and (others := self._subscriptions.get("*")):
             # In one order for all, so that a recorder, which comes first, writes a cause before its consequences.

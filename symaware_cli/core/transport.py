@@ -95,12 +95,18 @@ class TransportParameters(Parameters):
     """What every transport can be told."""
 
     timeout: float = Field(
-        2.0, gt=0, le=3600, description="Without a sign of life for so long, a process counts as dead [s]."
+        2.0, ge=0.05, le=3600, description="Without a sign of life for so long, a process counts as dead [s]."
     )
     maximum_frame: int = Field(
         16 * 2**20, ge=2**10, le=2**30, description="A frame of more bytes than this is neither sent nor taken."
     )
-    queue: int = Field(1024, ge=1, le=2**20, description="So many frames may wait for one peer before it is cut off.")
+    queue: int = Field(
+        1024,
+        ge=1,
+        le=2**20,
+        description="So many frames, or as many bytes as four of the longest have, may wait for one peer before it is "
+        "cut off.",
+    )
     members: int = Field(64, ge=1, le=4096, description="So many processes may be connected at once.")
 
 

@@ -42,6 +42,18 @@ class _Plain(ElementTree.TreeBuilder):
         raise DescriptionError("cannot be read: it declares a document type")
 
 
+def tree(data: bytes) -> Element:
+    """Read XML that declares nothing.
+
+    Raises:
+        DescriptionError: It is none.
+    """
+    try:
+        return ElementTree.fromstring(data, ElementTree.XMLParser(target=_Plain()))
+    except (ElementTree.ParseError, UnicodeDecodeError, LookupError) as error:
+        raise DescriptionError(f"cannot be read: {error}") from error
+
+
 def parsed(path: Path) -> Element:
     """Read a URDF file.
 
@@ -51,8 +63,8 @@ def parsed(path: Path) -> Element:
     try:
         if path.stat().st_size > _LONGEST:
             raise DescriptionError(f"cannot be read: it is longer than {_LONGEST >> 20} MiB")
-        root = ElementTree.fromstring(path.read_bytes(), ElementTree.XMLParser(target=_Plain()))
-    except (ElementTree.ParseError, OSError, UnicodeDecodeError, LookupError) as error:
+        root = tree(path.read_bytes())
+    except OSError as error:
         raise DescriptionError(f"cannot be read: {error}") from error
     if root.tag != "robot" or root.find("link") is None:
         raise DescriptionError("describes no robot: a URDF has a `robot` with at least one `link`")

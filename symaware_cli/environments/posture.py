@@ -41,14 +41,17 @@ class Postures:
             self._bases[body] = engine.invertTransform(position, orientation) if apart else None
         return self._bases[body]
 
+    def pose(self, body: int) -> Transform:
+        """The position [m] and the quaternion (x, y, z, w) of a base."""
+        pose: Transform = engine.getBasePositionAndOrientation(body, self._client)
+        base = self.base(body)
+        return engine.multiplyTransforms(*pose, *base) if base else pose
+
     def poses(self, bodies: Sequence[int]) -> Array:
         """The positions [m] and quaternions (x, y, z, w) of the bases; shape (n, 7)."""
         flat: list[float] = []
         for body in bodies:
-            position, orientation = engine.getBasePositionAndOrientation(body, self._client)
-            base = self.base(body)
-            if base:
-                position, orientation = engine.multiplyTransforms(position, orientation, *base)
+            position, orientation = self.pose(body)
             flat += position
             flat += orientation
         return np.array(flat).reshape(len(bodies), 7)

@@ -76,8 +76,18 @@ class Solids:
                     body = -1
             if body < 0:
                 raise WorldError(f"PyBullet cannot load `{shape.urdf.file}`: {last(said)}", *where, "shape")
+            self._check_masses(body, shape.urdf.file, mass > 0.0, *where, "shape")
             return body
         return self.body(mass, self._outline(shape, *where), position, heading)
+
+    def _check_masses(self, body: int, file: str, moves: bool, *where: str) -> None:
+        """See whether the masses of a file are some that the engine can compute with."""
+        masses = [engine.getDynamicsInfo(body, link, self._client)[0] for link in self._links(body)]
+        wrong = [mass for mass in masses if not 0.0 <= mass < math.inf]
+        if wrong:
+            raise WorldError(f"`{file}` gives a link a mass of {wrong[0]:g}; it is a number greater than 0", *where)
+        if moves and masses[0] == 0.0:
+            raise WorldError(f"`{file}` gives its base no mass, and nothing can move what has none", *where)
 
     def _outline(self, shape: Shape | None, *where: str) -> int:
         """The engine's number of a shape; the same for all that have it."""

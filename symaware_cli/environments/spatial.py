@@ -37,6 +37,8 @@ Indices = NDArray[np.intp]
 
 _Component = Annotated[float, Field(ge=-1e9, le=1e9)]
 
+_NOBODY = Bodies(np.empty((0, 3)), np.empty(0), np.empty((0, 4)))
+
 #: [kg] and [kg m^2]: what nothing moves or tilts, and the engine can still compute with.
 _IMMOVABLE = 1e9
 
@@ -131,6 +133,7 @@ class PyBulletEnvironment(PhysicsEnvironment):
             self._add_obstacle(first + index, name, obstacle)
         vehicles = {self.groups[number].name: vehicle for vehicle, number in self._vehicles}
         self._articulations = likenesses(self.groups, self.obstacles, vehicles, self.folder, parameters.height)
+        self._drifts = bool(self._planar.any())
         self._free_headings = np.array([self.obstacles[name].heading for name in self._free])
         self._body_of = {index: body for body, index in self._index.items()}
         ground = len(self.roster) + len(self.obstacles)
@@ -240,9 +243,10 @@ class PyBulletEnvironment(PhysicsEnvironment):
 
     def _lay_out(self) -> None:
         super()._lay_out()
-        # Who moves in a plane is brought back to its height within the time step.
-        step = seconds(self.time_step)
-        self._plan[:, self._planar, 2] = (self._heights - self._positions[:, 2])[self._planar] / step
+        if self._drifts:
+            # Who moves in a plane is brought back to its height within the time step.
+            step = seconds(self.time_step)
+            self._plan[:, self._planar, 2] = (self._heights - self._positions[:, 2])[self._planar] / step
         for vehicle, number in self._vehicles:
             vehicle.actuate(self._applied[number])
 
@@ -307,6 +311,8 @@ class PyBulletEnvironment(PhysicsEnvironment):
 
     def _look(self, bodies: Sequence[int], headings: Array) -> Bodies:
         """Read bodies; their headings count turns from where they were before."""
+        if not bodies:
+            return _NOBODY
         values = read_bodies(engine, self._id, bodies)
         if self._frames:
             for row, body in enumerate(bodies):
@@ -394,7 +400,7 @@ class PyBulletEnvironment(PhysicsEnvironment):
             elif name in self._walls:
                 places[row, 2] = self._walls[name]
             if body is not None:
-                places[row, 2] = engine.getBasePositionAndOrientation(body, self._id)[0][2]
+                places[row, 2] = self._postures.pose(body)[0][2]
         return places
 
     def camera_image(

@@ -173,7 +173,7 @@ class GroupChannels:
             updates += self._sensors.record(now)
         return updates
 
-    def _changes(self, column: Column | SeriesColumn) -> list[int] | None:
+    def _changes(self, column: Column | SeriesColumn) -> Sequence[int] | None:
         """The rows of a column that changed and are recorded; None for all of them."""
         rows = column.take_changes()
         if self._own is None:

@@ -13,9 +13,11 @@ import numpy as np
 from symaware_cli.core import Environment
 from symaware_cli.core.articulation import Articulation, Link, Visual
 from symaware_cli.core.rotation import rotated
+from symaware_cli.environments.collada import triangles
+from symaware_cli.environments.description import DescriptionError
 from symaware_cli.recording.error import LogError
 from symaware_cli.recording.schema import GEOMETRY
-from symaware_cli.recording.surface import MEDIA_TYPES, bounds
+from symaware_cli.recording.surface import MEDIA_TYPES, bounds, stl
 
 #: [bytes] No mesh is larger, nor all of them together; of others the log has the box around them.
 LARGEST = 16 << 20
@@ -109,10 +111,15 @@ class GeometryWriter:
         """Attach a mesh."""
         own = self._of_scenario(path)
         if own is None and not path.is_file():
-            self.notes.append(f"the mesh {path.name} is not there, so the log does not have it")
+            self.notes.append(f"the mesh {path.name} is left out: it is not there")
             return None
-        data = self._files[own] if own else path.read_bytes()
-        suffix = path.suffix.lower()
+        data, suffix = self._files[own] if own else path.read_bytes(), path.suffix.lower()
+        try:
+            if suffix == ".dae":
+                own, data, suffix = None, stl(triangles(data)), ".stl"
+        except DescriptionError as error:
+            self.notes.append(f"the mesh {path.name} is left out: it {error}")
+            return None
         if suffix not in MEDIA_TYPES:
             why = f"viewers know no {suffix or 'such'} files"
         elif own:
@@ -121,12 +128,7 @@ class GeometryWriter:
             why = f"it has {len(data) / (1 << 20):.1f} MiB"
         else:
             self._total += len(data)
-            name, number = f"geometry/{path.name}", 1
-            while name in self.attachments:
-                number += 1
-                name = f"geometry/{path.stem}-{number}{path.suffix}"
-            self.attachments[name] = (MEDIA_TYPES[suffix], data)
-            return name
+            return self._attach(path.stem, path.suffix if suffix == path.suffix.lower() else suffix, data)
         box = bounds(data, suffix)
         stands = "is left out" if box is None else "is drawn as the box around it"
         self.notes.append(f"the mesh {path.name} {stands}: {why}")
@@ -134,6 +136,14 @@ class GeometryWriter:
             return None
         low, high = box
         return Visual(kind="box", size=tuple((high - low).tolist()), position=tuple((0.5 * (low + high)).tolist()))
+
+    def _attach(self, stem: str, suffix: str, data: bytes) -> str:
+        name, number = f"geometry/{stem}{suffix}", 1
+        while name in self.attachments:
+            number += 1
+            name = f"geometry/{stem}-{number}{suffix}"
+        self.attachments[name] = (MEDIA_TYPES[suffix.lower()], data)
+        return name
 
     def _of_scenario(self, path: Path) -> str | None:
         """The path of a file relative to the scenario's folder, if the log has it from there."""

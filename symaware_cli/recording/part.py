@@ -39,13 +39,20 @@ class Part:
         """Whether the end was lost, as when the process was killed."""
         return bool(self.log.damage and self.log.damage.end_missing)
 
+    @property
+    def start(self) -> int | None:
+        """Simulated time at which its agents begin here, ns: one that joined late has started before that."""
+        topics = [topic for topic in self.log.channels if topic.startswith("/agents/")]
+        first = next(iter(self.log.messages(topics)), None) if topics and not self.host else None
+        return self.log.start_time if first is None else first.time
+
     def describe(self) -> dict[str, Any]:
         """Describe it for the manifest of the log of the whole run; times in ns."""
         return {
             "name": self.name,
             "host": self.host,
             "agents": list(self.agents),
-            "start": self.log.start_time,
+            "start": self.start,
             "end": self.log.end_time,
             "end_missing": self.end_missing,
         }
@@ -92,7 +99,7 @@ def _part(log: Log) -> Part:
 
 
 def _order(part: Part) -> tuple[bool, str, int, str]:
-    start = part.log.start_time
+    start = part.start
     return not part.host, part.name, -1 if start is None else start, str(part.log.path)
 
 
@@ -128,7 +135,7 @@ def _require_one_run(log: Log, other: Log) -> None:
 
 def _require_one_place(one: Part, other: Part) -> None:
     """An agent runs in one process at a time; it may move on when that died."""
-    spans = [(part.log.start_time, part.log.end_time) for part in (one, other)]
+    spans = [(part.start, part.log.end_time) for part in (one, other)]
     start, end = (max(span[0] or 0 for span in spans), min(span[1] or 0 for span in spans))
     agent = next((agent for agent in one.agents if agent in other.agents), None)
     if agent is not None and start < end:

@@ -1,13 +1,16 @@
-"""Surfaces: how far meshes reach, without drawing them."""
+"""Surfaces: the meshes of files, and how far they reach."""
 
 from __future__ import annotations
 
 import struct
+from collections.abc import Iterator
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
 
 #: Files that are surfaces by themselves, for viewers; and what they are called.
 MEDIA_TYPES = {".obj": "model/obj", ".stl": "model/stl", ".glb": "model/gltf-binary"}
@@ -27,18 +30,67 @@ def bounds(data: bytes, suffix: str) -> tuple[Array, Array] | None:
     Returns:
         Its lower and its upper corner, (3,) each, in units of the file; None if that cannot be told.
     """
+    vertices = _vertices(data, suffix)
+    if vertices is None:
+        return None
+    sound = vertices[np.isfinite(vertices).all(axis=1)]
+    return (sound.min(axis=0), sound.max(axis=0)) if len(sound) else None
+
+
+def triangles(data: bytes, suffix: str) -> tuple[Array, Indices] | None:
+    """Read a surface.
+
+    Args:
+        data: The file.
+        suffix: The end of its name, such as ``.obj``.
+
+    Returns:
+        Its vertices (v, 3), in units of the file, and which three of them each triangle has (t, 3); None if that cannot
+        be told.
+    """
+    vertices = _vertices(data, suffix)
+    if vertices is None or not np.isfinite(vertices).all():
+        return None
+    if suffix.lower() == ".stl":
+        corners = np.arange(len(vertices) // 3 * 3).reshape(-1, 3)
+    else:
+        try:
+            corners = np.array(list(_fans(data, len(vertices))), np.intp).reshape(-1, 3)
+        except ValueError:
+            return None
+    inside = not len(corners) or (corners.min() >= 0 and corners.max() < len(vertices))
+    return (vertices, corners) if inside else None
+
+
+def stl(corners: Array) -> bytes:
+    """Write a surface as a binary STL file; corners (t, 3, 3), counter-clockwise as seen from outside."""
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    records = np.zeros(len(corners), _TRIANGLE)
+    records["normal"] = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
+    records["corners"] = corners
+    return bytes(_STL_HEAD - 4) + struct.pack("<I", len(corners)) + records.tobytes()
+
+
+def _vertices(data: bytes, suffix: str) -> Array | None:
     try:
         match suffix.lower():
             case ".obj":
-                corners = _numbers(data, b"v ")
+                return _numbers(data, b"v ")
             case ".stl":
-                corners = _stl(data)
-            case _:
-                return None
+                return _stl(data)
     except (ValueError, struct.error):
-        return None
-    sound = corners[np.isfinite(corners).all(axis=1)]
-    return (sound.min(axis=0), sound.max(axis=0)) if len(sound) else None
+        pass
+    return None
+
+
+def _fans(data: bytes, count: int) -> Iterator[tuple[int, int, int]]:
+    """The triangles of an OBJ file, of whose faces each is a fan; its indices begin at 1, or at the end with -1."""
+    for each in data.split(b"\n"):
+        line = each.strip()
+        if line.startswith(b"f "):
+            face = [int(word.split(b"/")[0]) for word in line.split()[1:]]
+            face = [index + count if index < 0 else index - 1 for index in face]
+            yield from ((face[0], one, other) for one, other in pairwise(face[1:]))
 
 
 def _stl(data: bytes) -> Array:

@@ -42,17 +42,22 @@ def restrained(group: AgentGroup, rows: Sequence[int]) -> Iterator[None]:
     for series_column, row, own in series:
         if series_column.row(row) != own:
             series_column.set_row(row, own)
-    if tracks is not None and awareness.tracks is not None and awareness.tracks is not tracks:
+    if awareness.tracks is not None and awareness.tracks is not tracks:
         awareness.tracks = _merged(awareness.tracks, tracks, np.isin(np.arange(len(group)), chosen))
 
 
-def _merged(tracks: Tracks, before: Tracks, held: NDArray[np.bool_]) -> Tracks:
+def _merged(tracks: Tracks, before: Tracks | None, held: NDArray[np.bool_]) -> Tracks:
     """The tracks of some agents as they were before, those of all others as they are now."""
-    now, then = tracks.select(~held[tracks.observers]), before.select(held[before.observers])
+    written = tracks.select(held[tracks.observers])
+    then = written.select(np.zeros(len(written), bool)) if before is None else before.select(held[before.observers])
+    if _alike(written, then):
+        # Whoever made them knows them again, and can tell them from what others make.
+        return tracks
+    now = tracks.select(~held[tracks.observers])
     observers = np.concatenate([now.observers, then.observers])
     order = np.argsort(observers, kind="stable")
     covariances = None
-    if now.covariances is not None or then.covariances is not None:
+    if any(len(each) and each.covariances is not None for each in (now, then)):
         # Those of whom nothing is said must not take from the others what is said of them.
         size = 2 * tracks.positions.shape[1]
         parts = [
@@ -69,3 +74,10 @@ def _merged(tracks: Tracks, before: Tracks, held: NDArray[np.bool_]) -> Tracks:
         covariances=covariances,
         ages=np.concatenate([now.ages, then.ages])[order],
     )
+
+
+def _alike(one: Tracks, other: Tracks) -> bool:
+    """Whether two tell the same, whenever they were made."""
+    pairs = [(getattr(one, name), getattr(other, name)) for name in ("observers", "others", "positions", "velocities")]
+    pairs += [(one.ages, other.ages), (one.covariances, other.covariances)]
+    return len(one) == len(other) and (len(one) == 0 or all(np.array_equal(*pair) for pair in pairs))

@@ -82,8 +82,9 @@ class Supervision:
         before = group.awareness.state if self.disturbances else None
         # A component of the whole group speaks and writes for all its agents.
         held = sorted(self.off) if self._is_group else ()
-        muted = [group.ids[row] for row in held]
-        with restrained(group, held), self._simulation.exchange.muted(muted):
+        simulation, muted = self._simulation, [group.ids[row] for row in held]
+        sources = frozenset(f"agents.{id}.{self._slot.name}" for id in muted)
+        with restrained(group, held), simulation.exchange.muted(muted), simulation.events.muted(sources):
             yield
         for disturbance in self.disturbances:
             disturbance(group, before)

@@ -34,6 +34,7 @@ from symaware_cli.scenario.document import Scenario
 from symaware_cli.scenario.faults import FaultBuilder
 from symaware_cli.scenario.making import Workshop, mapping, topologies, words
 from symaware_cli.scenario.problem import Problem, ScenarioError, dotted, nearest, quoted
+from symaware_cli.scenario.requirement import check_requirements
 from symaware_cli.scenario.resolved import resolved
 from symaware_cli.scenario.sampling import Sampler
 from symaware_cli.scenario.source import Path
@@ -139,6 +140,7 @@ class _Builder:
         terms, network = Terms(), None
         if isinstance(document, Scenario) and environment is not None:
             terms = self._terms(document, environment, groups, slots)
+            check_requirements(document, environment, groups, slots, self._report)
             if document.topology is not None and len(groups) == len(document.agents):
                 builder = NetworkBuilder(self._report, environment, groups, seed)
                 network = builder.build(document.topology, networks)

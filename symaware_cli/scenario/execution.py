@@ -101,7 +101,8 @@ def execute(
     with ExitStack() as stack:
         stack.enter_context(built.simulation.environment)
         recorder = company = share = None
-        terms, omit = replace(built.terms, timeout=timeout), built.document.recording.omit
+        recording, terms = built.document.recording, replace(built.terms, timeout=timeout)
+        omit, messages = recording.omit, recording.messages
         if place is not None:
             # Imported for those who need it: the code for frames is slow to load.
             from symaware_cli.scenario import distribution
@@ -110,8 +111,8 @@ def execute(
             stack.callback(company.port.close)
             share = distribution.part(place, company)
             if place.role == "member":
-                # The host has the world, and says when the run is over.
-                omit, terms = [*omit, "world"], replace(terms, until=None)
+                # The host has the world, carries all messages, and says when the run is over.
+                omit, messages, terms = [*omit, "world"], "none", replace(terms, until=None)
         if log is not None:
             writer = stack.enter_context(LogWriter(log))
             notes = _attach(writer, built, share)
@@ -119,11 +120,11 @@ def execute(
                 writer,
                 built.simulation.environment,
                 built.simulation.groups,
-                interval=nanoseconds(built.document.recording.interval),
+                interval=nanoseconds(recording.interval),
                 omit=omit,
                 quantities=_series_quantities(built.simulation),
-                events=built.document.recording.events,
-                messages=built.document.recording.messages,
+                events=recording.events,
+                messages=messages,
                 own=None if share is None else frozenset(share["agents"]),
             )
             for note in notes:

@@ -186,7 +186,9 @@ class Stage:
         columns = self._rr.Transform3D.columns(translation=_flat(positions), quaternion=quaternions)
         self._send(path, times, columns)
 
-    def instances(self, path: str, times: Times, positions: Array, orientations: Array) -> None:
+    def instances(
+        self, path: str, times: Times, positions: Array, orientations: Array, scale: ArrayLike | None = None
+    ) -> None:
         """Draw what is put up at a path in several places.
 
         Args:
@@ -194,9 +196,14 @@ class Stage:
             times: (k,) [ns].
             positions: (k, n, 3) [m].
             orientations: (k, n, 4) quaternions x, y, z, w.
+            scale: (3,) by how much it is enlarged along each axis; None for nothing.
         """
+        # With each instant: Rerun takes no scales that are static where places are not.
+        scales = None if scale is None else np.broadcast_to(np.asarray(scale, np.float32), positions.shape)
         columns = self._rr.InstancePoses3D.columns(
-            translations=_flat(positions), quaternions=orientations.reshape(-1, 4).astype(np.float32)
+            translations=_flat(positions),
+            quaternions=orientations.reshape(-1, 4).astype(np.float32),
+            scales=None if scales is None else scales.reshape(-1, 3),
         )
         self._send(path, times, columns.partition(_each(positions)))
 

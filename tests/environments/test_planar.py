@@ -1,14 +1,19 @@
 """The planar world: what Pymunk alone has, joints above all."""
 
+import sys
+
 import numpy as np
 import pymunk
 import pytest
+import yaml
 
 from symaware_cli.core import AgentGroup, Entity, Obstacle, WorldError
 from symaware_cli.environments.joint import Joint
 from symaware_cli.environments.kinematic import KinematicEnvironment
 from symaware_cli.environments.planar import PymunkEnvironment
 from symaware_cli.models.integrator import SingleIntegrator
+from symaware_cli.scenario.build import build
+from symaware_cli.scenario.problem import ScenarioError
 
 BALL = {"circle": {"radius": 0.1}}
 
@@ -147,3 +152,22 @@ def test_a_closed_world_lets_go_of_its_space():
     environment.close()
     assert not space.bodies
     assert isinstance(space, pymunk.Space)
+
+
+def test_without_pymunk_a_scenario_says_what_to_install(tmp_path, monkeypatch):
+    scenario = {
+        "symaware": 1,
+        "name": "plane",
+        "run": {"duration": 0.2},
+        "environment": {"use": "pymunk"},
+        "agents": {"robot": {"model": {"use": "single-integrator"}, "state": [3, 3]}},
+    }
+    (tmp_path / "plane.yaml").write_text(yaml.safe_dump(scenario))
+    for name in ("symaware_cli.environments.planar", "symaware_cli.environments.joint"):
+        monkeypatch.delitem(sys.modules, name, raising=False)
+    monkeypatch.setitem(sys.modules, "pymunk", None)
+    with pytest.raises(ScenarioError) as caught:
+        build(tmp_path / "plane.yaml")
+    (problem,) = caught.value.problems
+    assert problem.code == "missing-extra"
+    assert problem.expected == "the extra `pymunk`: pip install 'symaware-cli[pymunk]'"

@@ -235,6 +235,38 @@ def test_a_file_that_is_missing_or_broken_is_told_of(tmp_path):
         refused(tmp_path, {"urdf": {"file": f"{name}.urdf", "radius": 1.0}}, said)
 
 
+@pytest.mark.parametrize(
+    ("mass", "said"),
+    [
+        ("-1", "a mass of -1"),
+        ("nan", "a mass of nan"),
+        ("1e400", "a mass of inf"),
+        ("0", "no mass"),
+        ("heavy", "no mass"),
+    ],
+)
+def test_a_urdf_file_without_a_positive_mass_is_told_of(mass, said, tmp_path):
+    text = URDF.format(shape='sphere radius="0.1"').replace('mass value="2"', f'mass value="{mass}"')
+    (tmp_path / "post.urdf").write_text(text)
+    refused(tmp_path, {"urdf": {"file": "post.urdf", "radius": 0.1}}, f"`post.urdf` gives .* {said}")
+
+
+@pytest.mark.parametrize("shape", ["mesh", "urdf"])
+def test_agents_are_made_of_files_too(shape, tmp_path):
+    (tmp_path / "body.obj").write_text(MESH)
+    (tmp_path / "body.urdf").write_text(URDF.format(shape='box size="0.4 0.4 1"'))
+    file = {"mesh": "body.obj", "urdf": "body.urdf"}[shape]
+    body = Entity(shape={shape: {"file": file, "radius": 0.5}}, mass=3.0)
+    robot = AgentGroup("robot", ["robot"], Unicycle(), body, [[0.0, 0.0, 0.5]])
+    rock = Obstacle(shape=CUBE, position=[1.5, 0.8])
+    with world({"rock": rock}, [robot], tmp_path) as environment:
+        assert environment.state(robot)[0] == pytest.approx([0.0, 0.0, 0.5])
+        robot.control_input = [[1.0, 0.0]]
+        contacts = run(environment, 3.0)
+        assert (contacts[0].first, contacts[0].second) == ("robot", "rock")
+        assert environment.state(robot)[0, 0] < 1.5  # it did not go through
+
+
 def test_a_link_that_leads_out_of_the_folder_is_refused(tmp_path):
     inside = tmp_path / "inside"
     inside.mkdir()

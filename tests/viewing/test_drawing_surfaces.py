@@ -12,6 +12,7 @@ from rerun_files import saved
 from scipy.spatial.transform import Rotation
 
 from symaware_cli.recording.geometry import geometry_of
+from symaware_cli.viewing.cast import cast_of
 
 TETRAHEDRON = """v 0 0 0
 v 0.4 0 0
@@ -85,7 +86,7 @@ def test_a_mesh_is_that_of_the_file_which_the_log_brings_along_once_for_all_that
     rock = entity(recording, "/world/figures/mesh")
     (blob,) = recording.static(rock, "Asset3D:blob")
     assert bytes(blob).decode() == TETRAHEDRON
-    assert recording.static(rock, "InstancePoses3D:scales") == [[2.0, 2.0, 2.0]] * 2
+    assert recording.values(rock, "InstancePoses3D:scales")[0] == [[2.0, 2.0, 2.0]] * 2
     assert recording.values(rock, "InstancePoses3D:translations")[0] == [[1, 2, 3], [3, 2, 0]]
     assert recording.values(rock, "InstancePoses3D:quaternions")[0][0] == pytest.approx(
         [0, 0, np.sin(0.25), np.cos(0.25)]
@@ -133,7 +134,9 @@ def test_a_box_that_tips_over_tips_over_in_the_replay(logged, recording):
 def test_a_quadrotor_leans_as_its_state_says(logged, recording):
     assert "/world/drone/pose" not in logged.channels
     state = logged.series("drone", "world").values
-    body = next(name for name in recording.entities if name.startswith("/world/figures/crazyflie"))
+    (body,) = (
+        name for name in recording.entities if name.startswith("/world/figures/crazyflie") and name.endswith("/0")
+    )
     turned = Rotation.from_quat(np.array(recording.values(body, "InstancePoses3D:quaternions"))[:, 0])
     expected = Rotation.from_euler("ZYX", state[:, 5:2:-1])
     assert (turned * expected.inv()).magnitude().max() < 1e-5
@@ -168,3 +171,27 @@ def test_the_geometry_that_was_written_is_read(logged):
     assert [visual.mesh for visual in geometry.of("rock").links[0].visuals] == ["scenario/rock.obj"]
     assert geometry.heights["post"] == 0.75
     assert geometry.ground == 0.0
+
+
+def test_a_ring_goes_around_each_vehicle_in_its_colour(logged, recording):
+    cast = cast_of(logged)
+    centres = np.array(recording.values("/world/agents/car/body", "Cylinders3D:centers"))
+    assert centres.shape[1:] == (2, 3)
+    ahead = np.linalg.norm(centres[0, :, :2] - logged.series("car", "pose").values[0, :, :2], axis=-1)
+    assert ahead == pytest.approx([0.1625, 0.1625], abs=0.02)  # half of the wheelbase
+    packed = recording.values("/world/agents/car/body", "Cylinders3D:colors")[0]
+    assert [colour >> 8 for colour in packed] == [int.from_bytes(bytes(own)) for own in cast.troupes["car"].colours]
+
+
+def test_the_eye_of_an_agents_tab_has_something_to_follow(recording):
+    assert recording.static("/as/car.0/place", "Points3D:positions") == [[0.0, 0.0, 0.0]]
+
+
+def test_a_world_of_space_is_one_however_its_agents_move(tmp_path):
+    log = log_of(tmp_path, "three-worlds.yaml", "environment.use=pybullet", "run.duration=0.1")
+    cast = cast_of(log)
+    assert cast.is_spatial
+    assert cast.ground == 0.0
+    assert [cast.troupes[name].height for name in ("cart", "disc", "puck")] == [0.2, 0.3, 0.2]
+    assert cast.props["crate"].position.tolist() == [0.0, -4.0, 0.5]
+    assert cast.props["crate"].corners[:, 2].max() == pytest.approx(1.0)

@@ -27,6 +27,7 @@ class Follow(Steering):
     be approached if the leader kept its velocity.
     """
 
+    bodies: ClassVar = {"leader": "agent"}
     knowledge: ClassVar = {"offset": "where to be relative to the leader, as a vector [m]"}
     events: ClassVar = {
         "leader-lost": "An agent has no belief about its leader any more, or none from the start.",

@@ -20,8 +20,11 @@ _BATCH = 2**18
 #: So many questions and answers about the clock may wait.
 _CLOCKS = 16
 
+#: What anybody can make happen where a connection is shared; if a record is lost by it, the next one tells.
+_NOT_FROM_THERE = ("oversized", "unauthenticated", "replayed")
+
 #: For so many of the longest frames there is room in each queue, however many frames that are.
-_FRAMES = 4
+FRAMES = 4
 
 #: How long the other end has to take what was sent before its connection is let go of [s].
 PARTING = 1.0
@@ -40,6 +43,7 @@ class Connection(ABC):
         gone: Whether it is over.
         full: Whether too many frames wait for the run's thread.
         held: Whether nothing more can be handed on now.
+        stalled: Whether no more frames should be, as the other end has not taken those before.
         shared: Whether others than the other end can make something arrive here, so that it is no reason to end it
             if something is not sealed.
     """
@@ -50,8 +54,8 @@ class Connection(ABC):
         self._port = port
         self.peer = port.number()
         self.conversation = port.conversation()
-        self.came = self.parting = self.gone = self.full = self.held = False
-        self._limits = port.parameters.queue, _FRAMES * port.parameters.maximum_frame
+        self.came = self.parting = self.gone = self.full = self.held = self.stalled = False
+        self._limits = port.parameters.queue, FRAMES * port.parameters.maximum_frame
         self._waiting: deque[bytes] = deque()
         self._waiting_bytes = 0
         self._farewell: bytes | None = None
@@ -137,7 +141,7 @@ class Connection(ABC):
             return
         if over.rejection is not None:
             self._port.reject(over.rejection)
-        if self.shared and self.came and over.rejection in ("unauthenticated", "replayed"):
+        if self.shared and self.came and self.conversation.sealed and over.rejection in _NOT_FROM_THERE:
             return
         # A member that was turned away must learn of it; a host need not know of strangers that left.
         self._leave(str(over), told=self.came or (not self._port.is_host and over.rejection is not None))
@@ -145,12 +149,14 @@ class Connection(ABC):
 
     # What the port asks for.
 
-    def send(self, frame: bytes) -> None:
-        """Send a frame as soon as those before it are sent."""
-        if self.gone or self.parting or not self.came:
-            return
-        self._waiting.append(frame)
-        self._waiting_bytes += len(frame)
+    def add(self, frame: bytes) -> None:
+        """Let a frame wait for `dispatch`."""
+        if self.came and not self.gone and not self.parting:
+            self._waiting.append(frame)
+            self._waiting_bytes += len(frame)
+
+    def dispatch(self) -> None:
+        """Send what waits, as much as can be; if too much is left, it is over."""
         self.pump()
         count, size = self._limits
         if len(self._waiting) > count or self._waiting_bytes > size:
@@ -167,7 +173,7 @@ class Connection(ABC):
         if self.came:
             self._port.deliver(Happening("gone", self.peer, reason=reason), self)
         self._farewell = reason.encode()[:512]
-        self._port.call_later(PARTING, self.drop)
+        self._port.call_later(PARTING, self._let_go)
         if self.full:
             self.full = False
             self._port.call_later(0, self.resume)
@@ -183,11 +189,11 @@ class Connection(ABC):
             if len(outgoing) > _CLOCKS:
                 outgoing[:] = [each for each in outgoing if each[0] not in (PING, PONG)]
             return
-        while (outgoing or self._waiting) and not self.held:
+        while (outgoing or (self._waiting and not self.stalled)) and not self.held:
             records = [self.conversation.record(*each) for each in outgoing]
             outgoing.clear()
             size = 0
-            while self._waiting and size < _BATCH:
+            while self._waiting and size < _BATCH and not self.stalled:
                 frame = self._waiting.popleft()
                 self._waiting_bytes -= len(frame)
                 size += len(frame)
@@ -206,15 +212,24 @@ class Connection(ABC):
             # Not at once: this may be called while something is read.
             self._port.call_later(0, self.resume)
 
+    def untaken(self) -> tuple[int, int]:
+        """How many frames wait for the run's thread, and how many bytes."""
+        return self._given - self._taken, self._given_bytes - self._taken_bytes
+
     def _behind(self, part: int) -> bool:
         """Whether as many frames wait for the run's thread as may, or one part of so many of them."""
-        count, size = self._limits
-        waiting, waiting_bytes = self._given - self._taken, self._given_bytes - self._taken_bytes
+        (count, size), (waiting, waiting_bytes) = self._limits, self.untaken()
         return waiting * part >= max(count, part) or waiting_bytes * part >= size
+
+    def _let_go(self) -> None:
+        if not self.gone:
+            self._leave("", told=False)
+        self.drop()
 
     def _leave(self, reason: str, *, told: bool) -> None:
         self.gone = True
         self._waiting.clear()
+        self._waiting_bytes = 0
         self._port.leave(self)
         if told and not self.parting:
             self._port.deliver(Happening("gone", self.peer, reason=reason), self)

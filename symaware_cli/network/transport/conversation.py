@@ -36,10 +36,14 @@ _BEFORE = 1024
 #: How many clock readings are asked for at once in the beginning, and of how many the best counts.
 _BURST, _KEPT = 8, 16
 
-PROOF, FRAME, PING, PONG, FAREWELL = range(1, 6)
-"""The kinds of records; a ping carries the clock of who asks, a pong that, and ours when it came and when it left."""
+PROOF, FRAME, PING, PONG, FAREWELL, TAKEN = range(1, 7)
+"""The kinds of records.
 
-_PING, _PONG = struct.Struct(">d"), struct.Struct(">ddd")
+A ping carries the clock of who asks; a pong that, and the other clock when it came and when it left; a farewell why;
+and where nothing else keeps an end from sending more than the other takes, that tells how many records it has taken.
+"""
+
+_PING, _PONG, _TAKEN = struct.Struct(">d"), struct.Struct(">ddd"), struct.Struct(">Q")
 
 
 def may_begin(start: bytes) -> bool:
@@ -65,9 +69,12 @@ class Conversation:
     Attributes:
         preamble: What to send first, as it is.
         outgoing: What to send next, as arguments of `record`.
+        introduced: Whether the preamble of the other end has come.
         open: Whether the other end has come.
         heard: Whether anything was heard.
         offset: How far the other end's clock is ahead of ours [s].
+        count: How many records were heard.
+        taken: How many of ours the other end has taken, as far as it tells.
     """
 
     def __init__(self, host: bool, key: bytes | None, maximum: int, timeout: float, now: float) -> None:
@@ -89,9 +96,10 @@ class Conversation:
         flags = (_HAS_KEY if key is not None else 0) | (_IS_HOST if host else 0)
         self.preamble = _PREAMBLE.pack(_MAGIC, VERSION, flags, os.urandom(16))
         self.outgoing: list[tuple[int, bytes]] = []
-        self.open = self.heard = False
+        self.introduced = self.open = self.heard = False
         self.offset = 0.0
-        self._introduced = self._proven = False
+        self.count = self.taken = 0
+        self._proven = False
         self._sealer: Sealer | None = None
         self._opener: Opener | None = None
         self._readings: deque[tuple[float, float]] = deque(maxlen=_KEPT)
@@ -102,9 +110,14 @@ class Conversation:
         return "the member" if self._is_host else "the host"
 
     @property
+    def sealed(self) -> bool:
+        """Whether nothing is taken that is not sealed."""
+        return self._key is not None
+
+    @property
     def limit(self) -> int:
         """How long the next record may be [bytes]."""
-        if not self._introduced:
+        if not self.introduced:
             return PREAMBLE
         return (self._maximum if self.open else _BEFORE) + 1 + (OVERHEAD if self._key is not None else 0)
 
@@ -112,6 +125,10 @@ class Conversation:
         """Return a record to be sent; in this order, as each has a number."""
         record = bytes((kind,)) + content
         return record if self._sealer is None else self._sealer.seal(record)
+
+    def tell_taken(self) -> None:
+        """Let the other end know how many of its records were taken."""
+        self.outgoing.append((TAKEN, _TAKEN.pack(self.count)))
 
     def notice(self, now: float) -> None:
         """Take note that something was heard, if only a part of a record."""
@@ -146,12 +163,13 @@ class Conversation:
         self.notice(now)
         if len(record) > self.limit:
             raise Over(f"{self.other} sent {len(record)} bytes at once: more than {self.limit}", "oversized")
-        if not self._introduced:
+        if not self.introduced:
             self._be_introduced(record)
             self._answer_preamble(record, now)
             return None
         content = self._opened(record)
         kind, body = (content[0], content[1:]) if len(content) else (0, content)
+        self.count += 1
         if kind == FAREWELL:
             raise Over(_printable(bytes(body)) or f"{self.other} ended the connection")
         if not self._proven:
@@ -165,6 +183,8 @@ class Conversation:
             self.outgoing.append((PONG, _PONG.pack(*_PING.unpack(body), now, now)))
         elif kind == PONG and len(body) == _PONG.size:
             self._read_clock(_PONG.unpack(body), now)
+        elif kind == TAKEN and len(body) == _TAKEN.size:
+            self.taken = _TAKEN.unpack(body)[0]
         else:
             raise self._nonsense()
         return None
@@ -183,7 +203,7 @@ class Conversation:
             raise Over(f"{self.other} {lacks}", "unauthenticated")
 
     def _answer_preamble(self, preamble: bytes, now: float) -> None:
-        self._introduced = True
+        self.introduced = True
         if self._key is None:
             self._proven = True
             self._ping(now)
@@ -201,7 +221,9 @@ class Conversation:
             return self._opener.open(record)
         except SealError as error:
             reason = f"{self.other} does not know {'the' if self._is_host else 'this'} key"
-            raise Over(f"{self.other} sent something: {error}" if self._proven else reason, error.rejection) from error
+            if self._proven:
+                reason = f"what {self.other} sent {error}"
+            raise Over(reason, error.rejection) from error
 
     def _nonsense(self) -> Over:
         return Over(f"{self.other} sent something that makes no sense", "garbage")

@@ -15,7 +15,7 @@ from queue import Empty, SimpleQueue
 from types import MappingProxyType
 from typing import Any, get_args
 
-from symaware_cli.core import Happening, Port, TransportParameters
+from symaware_cli.core import Happening, Port, TransportError, TransportParameters
 from symaware_cli.core.transport import Rejection
 from symaware_cli.network.transport.connection import Connection
 from symaware_cli.network.transport.conversation import Conversation, Over
@@ -38,20 +38,24 @@ class LoopPort(Port):
     """
 
     def __init__(self, host: bool, key: bytes | None, parameters: TransportParameters) -> None:
+        if key is not None and not key:
+            raise TransportError("the key is empty")
         self.parameters = parameters
         self.is_host = host
         self._key = key
         self._counts: dict[Rejection, int] = dict.fromkeys(get_args(Rejection), 0)
         self.rejected: Mapping[Rejection, int] = MappingProxyType(self._counts)
         self._numbers = itertools.count(1)
-        self._inbox: SimpleQueue[tuple[Happening, Connection | None]] = SimpleQueue()
-        self._outbox: deque[tuple[int, bytes]] = deque()
+        self._inbox: SimpleQueue[tuple[Happening | BaseException, Connection | None]] = SimpleQueue()
+        # What to send to whom, or why to let go of it.
+        self._outbox: deque[tuple[int, bytes | str]] = deque()
         self._flushing = False
         self._closed = False
         self._strangers: dict[int, Connection] = {}
         self._peers: dict[int, Connection] = {}
         self._tasks: list[asyncio.Task[None]] = []
         self._loop = asyncio.new_event_loop()
+        self._loop.set_exception_handler(self._fail)
         self._end = asyncio.Event()
         self._thread = threading.Thread(target=self._run, name="symaware-transport", daemon=True)
 
@@ -91,19 +95,18 @@ class LoopPort(Port):
         maximum = self.parameters.maximum_frame
         if len(frame) > maximum:
             raise ValueError(f"a frame of {len(frame)} bytes is longer than `maximum_frame`: {maximum}")
-        if self._closed:
-            return
-        self._outbox.append((peer, frame))
-        if not self._flushing:
-            self._flushing = True
-            self.later(self._flush)
+        self._hand_over(peer, frame)
 
     def receive(self, timeout: float | None = None) -> Happening | None:
-        """Return what happened next."""
+        """Return what happened next; None if the port is closed."""
+        if self._closed:
+            return None
         try:
-            happening, connection = self._inbox.get(not self._closed, timeout)
+            happening, connection = self._inbox.get(timeout=timeout)
         except Empty:
             return None
+        if isinstance(happening, BaseException):
+            raise RuntimeError(f"the port {self.address} failed") from happening
         if happening.kind == "frame" and connection is not None and connection.take(happening.frame):
             self.later(connection.look_again)
         return happening
@@ -115,7 +118,7 @@ class LoopPort(Port):
 
     def cut(self, peer: int, reason: str) -> None:
         """Let go of a peer, in order."""
-        self.later(self._cut, peer, reason)
+        self._hand_over(peer, reason)
 
     def close(self) -> None:
         """End the port's thread, and all that it keeps."""
@@ -126,6 +129,14 @@ class LoopPort(Port):
         if self._thread.is_alive():
             self._thread.join()
         atexit.unregister(self.close)
+
+    def _hand_over(self, peer: int, what: bytes | str) -> None:
+        if self._closed:
+            return
+        self._outbox.append((peer, what))
+        if not self._flushing:
+            self._flushing = True
+            self.later(self._flush)
 
     def later(self, call: Callable[..., None], *arguments: Any) -> bool:
         """Call something in the loop's thread, from any; returns False if that has ended."""
@@ -208,7 +219,21 @@ class LoopPort(Port):
 
     def keep(self, work: Coroutine[Any, Any, None]) -> None:
         """Let something go on until the port is closed."""
-        self._tasks.append(self._loop.create_task(work))
+        task = self._loop.create_task(work)
+        task.add_done_callback(self._look_at)
+        self._tasks.append(task)
+
+    def _look_at(self, task: asyncio.Task[None]) -> None:
+        if not task.cancelled() and (error := task.exception()) is not None:
+            self._inbox.put((error, None))
+
+    def _fail(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+        """Let the run's thread know of a mistake in this package; asyncio itself copes with what a socket cannot do."""
+        error = context.get("exception")
+        if error is None or isinstance(error, OSError):
+            loop.default_exception_handler(context)
+        else:
+            self._inbox.put((error, None))
 
     def _run(self) -> None:
         asyncio.set_event_loop(self._loop)
@@ -239,11 +264,16 @@ class LoopPort(Port):
 
     def _flush(self) -> None:
         self._flushing = False
+        concerned: dict[int, Connection] = {}
         while self._outbox:
-            peer, frame = self._outbox.popleft()
-            if (connection := self._peers.get(peer)) is not None:
-                connection.send(frame)
-
-    def _cut(self, peer: int, reason: str) -> None:
-        if (connection := self._peers.get(peer)) is not None:
-            connection.part(reason)
+            peer, what = self._outbox.popleft()
+            connection = self._peers.get(peer)
+            if connection is None:
+                continue
+            if isinstance(what, str):
+                connection.part(what)
+            else:
+                connection.add(what)
+                concerned[peer] = connection
+        for connection in concerned.values():
+            connection.dispatch()

@@ -84,18 +84,18 @@ class Opener:
             SealError: It was not sealed with this key, or was taken before, or something before it was lost.
         """
         if len(record) < OVERHEAD:
-            raise SealError("unauthenticated", "it is too short to be sealed")
+            raise SealError("unauthenticated", "is too short to be sealed")
         view = memoryview(record)
         state = self._state.copy()
         state.update(view[:-32])
         if not hmac.compare_digest(state.digest(), view[-32:]):
-            raise SealError("unauthenticated", "its seal is wrong")
+            raise SealError("unauthenticated", "has a wrong seal")
         (counter,) = _COUNTER.unpack(view[:8])
         if not self._window.take(counter):
-            raise SealError("replayed", "it was sent before")
+            raise SealError("replayed", "was sent before")
         # What carries frames keeps their order; if this is not the next one, somebody took out or moved another.
         if counter != self._expected:
-            raise SealError(None, "something before it is missing")
+            raise SealError(None, "comes after something that is missing")
         self._expected += 1
         return view[8:-32]
 

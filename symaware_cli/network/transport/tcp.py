@@ -117,6 +117,10 @@ class _TcpConnection(asyncio.Protocol, Connection):
         self._transport.set_write_buffer_limits(_AHEAD)
         self._transport.get_extra_info("socket").setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._sockets.add(self)
+        if transport.get_extra_info("sockname") == transport.get_extra_info("peername"):
+            # Where nobody listens, a socket may be given the very port that it connects to.
+            self.drop()
+            return
         self._port.enter(self)
         if len(self._sockets) > _OPEN * self._port.parameters.members:
             self.refuse(Over("too many connections are open", "crowded"))
@@ -150,8 +154,7 @@ class _TcpConnection(asyncio.Protocol, Connection):
         """Take the records out of what arrived."""
         buffer, position = self._buffer, 0
         while not (self.gone or self.full or self.parting):
-            limit = self.conversation.limit
-            if limit == PREAMBLE:
+            if not self.conversation.introduced:
                 start, length = position, PREAMBLE
                 # What is not for us shall not wait for as many bytes as we would send.
                 if not may_begin(bytes(buffer[:PREAMBLE])):
@@ -161,7 +164,7 @@ class _TcpConnection(asyncio.Protocol, Connection):
             else:
                 start = position + _LENGTH
                 length = int.from_bytes(buffer[position:start])
-                if length > limit:
+                if length > self.conversation.limit:
                     self.refuse(Over(f"{self.conversation.other} announced {length} bytes", "oversized"))
                     break
             if len(buffer) - start < length:
@@ -191,9 +194,13 @@ class _TcpConnection(asyncio.Protocol, Connection):
             self._transport.resume_reading()
 
     def hang_up(self) -> None:
-        # If it was closed with something unread, the other end would be told of an error before it had read all.
-        if self._transport.can_write_eof() and not self._transport.is_closing():
-            self._transport.write_eof()
+        """Say that nothing more comes; the other end closes then."""
+        # If this end closed with something unread, the other would be told of an error before it had read all.
+        try:
+            if not self._transport.is_closing():
+                self._transport.write_eof()
+        except OSError:  # it is closed already
+            self.drop()
 
     def drop(self) -> None:
         self._transport.abort()

@@ -6,7 +6,7 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 
@@ -119,13 +119,16 @@ class Company(ABC):
 
     def _publish(self) -> None:
         """Fire the events of what was reported."""
-        simulation = self._simulation
         news, self._news = self._news, []
         for notice, recorded in news:
-            level = Level[notice.level] if notice.level in Level.__members__ else Level.INFO
-            subject = None if recorded else self
-            now, data = simulation.clock.now, dict(notice.data)
-            simulation.events.fire(Event(notice.name, notice.source, now, level, notice.text, data, subject))
+            self._fire(notice, recorded=recorded)
+
+    def _fire(self, notice: Notice, *, recorded: bool) -> None:
+        """Fire the event of what happened elsewhere."""
+        simulation = self._simulation
+        level = Level[notice.level] if notice.level in Level.__members__ else Level.INFO
+        now, data, subject = simulation.clock.now, dict(notice.data), None if recorded else self
+        simulation.events.fire(Event(notice.name, notice.source, now, level, notice.text, data, subject))
 
     def _wait(self, deadline: float | None = None) -> Happening | None:
         """Wait for what happens next, with signals let through; None if a moment of the monotonic clock comes first."""
@@ -142,13 +145,23 @@ class Company(ABC):
         finally:
             interruption.shield()
 
-    def _failure(self, source: str, problem: str) -> RunError:
-        """What ends the run here because of something that happened elsewhere."""
+    @property
+    def _keeps_step(self) -> bool:
+        """Whether all processes know what each of them did before they go on to the next instant."""
+        return self._run.pacer is None and not self._run.asynchronous
+
+    def _fail(self, source: str, problem: str, cause: Exception | None = None) -> NoReturn:
+        """End the run here because of something that happened elsewhere; what led to it is recorded first.
+
+        Raises:
+            RunError: Always.
+        """
+        self._publish()
         simulation = self._simulation
         owner, _, name = source.removeprefix("agents.").rpartition(".")
         slots = [slot for slot in simulation.slots if slot.name == name and owner in (slot.group.name, *slot.group.ids)]
         plugin = slots[0].use if slots else "symaware"
-        return RunError(source or "run", plugin, simulation.clock.now, problem)
+        raise RunError(source or "run", plugin, simulation.clock.now, problem) from cause
 
     def _send(self, peer: int, frame: Frame) -> None:
         self.port.send(peer, encode(frame))

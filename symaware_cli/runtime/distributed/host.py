@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.core import AgentGroup, Delivery, Level, Message
-from symaware_cli.core.column import Array
+from symaware_cli.core.column import Array, Column
 from symaware_cli.core.message import Indices
 from symaware_cli.core.transport import Happening, Port
 from symaware_cli.network.exchange import UnknownReceiverError
@@ -43,7 +43,7 @@ class _Member:
     Attributes:
         peer: Its number at the port.
         name: What it is called.
-        agents: Those that it runs.
+        agents: Those that it runs, in the order of the roster.
         is_here: For everybody in the roster, whether it runs them.
         rank: The place of the first of them in the roster, by which members are served.
         reported: The last step that it reported on.
@@ -53,10 +53,10 @@ class _Member:
 
     peer: int
     name: str
-    agents: frozenset[str]
+    agents: tuple[str, ...]
     is_here: NDArray[np.bool_]
     rank: int
-    reported: int = -1
+    reported: int
     letters: list[Message] = field(default_factory=list)
     deliveries: list[Delivery] = field(default_factory=list)
 
@@ -74,8 +74,8 @@ class Host(Company):
         #: The latest control inputs of agents that run elsewhere: for each group its rows, and a row for each.
         self._inputs: dict[str, tuple[AgentGroup, Indices, Array]] = {}
         self._posts: list[tuple[int, Post]] = []
+        self._notices: list[tuple[int, int, Notice]] = []
         self._losses: Counter[str] = Counter()
-        self._was_there: set[str] = set()
         self._rejected: dict[Any, int] = {}
         self._tally_due = 0.0
 
@@ -94,9 +94,11 @@ class Host(Company):
         while missing := self._missing:
             happening = self._wait(deadline)
             if happening is None:
-                problem = f"nobody came within {self._patience:g} s for {listed(missing)}"
-                raise self._failure("run", problem)
+                self._fail("run", f"nobody came within {self._patience:g} s for {listed(missing)}")
             self._take(happening)
+        # Who came first must not decide on what the log says.
+        for member in self._in_order:
+            self._tell_all("joined", member, f"{member.name} takes part and runs {listed(member.agents)}")
 
     @property
     def _missing(self) -> list[str]:
@@ -110,7 +112,6 @@ class Host(Company):
     def arrived(self) -> None:
         """Tell everybody how the world is, and what arrived."""
         super().arrived()
-        self._apply()
         self._tell(self._run.done)
 
     def _tell(self, step: int) -> None:
@@ -144,10 +145,20 @@ class Host(Company):
                 member.deliveries.append(chosen(arrived, mine))
 
     def acted(self) -> None:
-        """What the host's own agents did is known here already."""
+        """Collect what everybody did, where that is known before the run goes on, or ends."""
+        if self._keeps_step:
+            self._collect()
 
     def step(self) -> str | None:
-        """Collect what everybody did, and move the world."""
+        """Move the world under what everybody did."""
+        if not self._keeps_step:
+            self._collect()
+        self._tally()
+        self._move_world()
+        return None
+
+    def _collect(self) -> None:
+        """Take what has come; without a pace, wait until all members have reported."""
         while (happening := self.port.receive(0.0)) is not None:
             self._take(happening)
         if self._run.pacer is None:
@@ -156,10 +167,7 @@ class Host(Company):
                 if happening is not None:
                     self._take(happening)
         self._deliver_posts()
-        self._apply()
-        self._tally()
-        self._run.move_world()
-        return None
+        self._deliver_notices()
 
     def _deliver_posts(self) -> None:
         """Let what members said go on its way, in an order that does not depend on who was faster."""
@@ -172,13 +180,34 @@ class Host(Company):
             else:
                 exchange.post(post.content, at)
 
-    def _apply(self) -> None:
-        """Request what members want their agents to do."""
+    def _deliver_notices(self) -> None:
+        """Let everybody know what members told of; their own parts of the log have it."""
+        notices, self._notices = sorted(self._notices, key=lambda each: each[0]), []
+        if self._keeps_step:
+            # All turns of this instant are over: what is triggered follows with the next step, as in other processes.
+            self._run.agenda.place = len(self._run.activities)
+        for _, peer, notice in notices:
+            if self._keeps_step:
+                self._fire(notice, recorded=False)
+            else:
+                self._report(notice, recorded=False)
+            for other in self._in_order:
+                if other.peer != peer:
+                    self._send(other.peer, notice)
+
+    def _move_world(self) -> None:
+        """Let the world make its step under what members want their agents to do, too."""
+        present: list[tuple[Column, Array]] = []
         for group, rows, inputs in self._inputs.values():
-            if not np.array_equal(group.control_input[rows], inputs):
-                values = group.control_input.copy()
-                values[rows] = inputs
-                group.control_input = values
+            values = group.control_input.copy()
+            values[rows] = inputs
+            present.append((group.control_column, group.control_column.exchange(values)))
+        try:
+            self._run.move_world()
+        finally:
+            # Components know again what they have written themselves.
+            for column, values in present:
+                column.exchange(values)
 
     def _take(self, happening: Happening) -> None:
         """Take note of what happened at the port."""
@@ -198,9 +227,7 @@ class Host(Company):
             elif isinstance(frame, Report):
                 self._hear(member, frame)
             elif isinstance(frame, Notice):
-                # Its own part of the log has it.
-                self._report(frame, recorded=False)
-                self._pass_on(frame, member)
+                self._notices.append((member.rank, member.peer, frame))
             elif isinstance(frame, End):
                 self._part(member, frame)
             else:
@@ -217,22 +244,22 @@ class Host(Company):
         refusal = self._objection(peer, hello)
         if refusal:
             self._send(peer, refusal)
-            self.port.cut(peer, refusal.reason)
+            if refusal.final:
+                self.port.cut(peer, refusal.reason)
             return
         run, roster = self._run, self._simulation.environment.roster
-        agents = frozenset(hello.agents)
+        agents = tuple(sorted(hello.agents, key=roster.index))
         indices = [roster.index(id) for id in agents]
         is_here = np.zeros(len(roster), bool)
         is_here[indices] = True
-        member = self._members[peer] = _Member(peer, hello.name, agents, is_here, min(indices))
         # In the middle of a run it begins with the step that is made next.
-        member.reported = run.done if run.is_under_way else -1
+        reported = run.done if run.is_under_way else -1
+        member = self._members[peer] = _Member(peer, hello.name, agents, is_here, indices[0], reported)
         pace = run.pacer.factor if run.pacer else 0.0
         self._send(peer, Welcome(run.done, self._simulation.clock.now, pace, self._started))
-        again = bool(agents & self._was_there)
-        self._was_there |= agents
-        text = f"{hello.name} {'is back' if again else 'takes part'} and runs {listed(sorted(agents))}"
-        self._tell_all("rejoined" if again else "joined", member, text, Level.WARNING if again else Level.INFO)
+        if run.is_under_way:
+            text = f"{member.name} is back and runs {listed(agents)}"
+            self._tell_all("rejoined", member, text, Level.WARNING)
 
     def _objection(self, peer: int, hello: Hello) -> Refusal | None:
         """What speaks against taking a process in."""
@@ -243,11 +270,11 @@ class Host(Company):
             return Refusal(f"the host is SymAware {identity.version}, and this is {hello.version}")
         if hello.scenario != identity.scenario:
             return Refusal("the host runs another scenario: file, seed and --set must be the same")
-        strangers = sorted(set(hello.agents) - self._away)
+        strangers = [id for id in hello.agents if id not in self._away]
         if strangers or not hello.agents:
             return Refusal(f"the host runs {listed(strangers)} itself" if strangers else "it has no agents")
         for member in self._in_order:
-            taken = sorted(member.agents & set(hello.agents))
+            taken = [id for id in member.agents if id in hello.agents]
             if taken:
                 return Refusal(f"{listed(taken)} run in {member.name}", final=False)
         return None
@@ -272,7 +299,7 @@ class Host(Company):
                 if isinstance(content, Message)
                 else [ids[sender] if 0 <= sender < len(ids) else "" for sender in content.senders.tolist()]
             )
-            if not member.agents.issuperset(senders):
+            if not set(senders) <= set(member.agents):
                 raise FrameError("messages of agents that are not its own")
             self._posts.append((member.rank, post))
         member.reported = max(member.reported, report.step)
@@ -281,7 +308,7 @@ class Host(Company):
         """A member says that it is over."""
         if end.status == "failed":
             self._members.pop(member.peer)
-            raise self._failure(end.source, f"in {member.name}: {end.reason}")
+            self._fail(end.source, f"in {member.name}: {end.reason}")
         self._lose(member, f"it was {end.status}" if end.status != "finished" else "it has finished")
 
     def _lose(self, member: _Member, reason: str) -> None:
@@ -294,7 +321,7 @@ class Host(Company):
             return
         self.port.cut(member.peer, reason)
         run = self._run
-        text = f"{member.name}, which runs {listed(sorted(member.agents))}, is gone: {reason}"
+        text = f"{member.name}, which runs {listed(member.agents)}, is gone: {reason}"
         self._tell_all("lost", member, text, Level.WARNING)
         if not run.is_under_way:
             return
@@ -306,7 +333,7 @@ class Host(Company):
             self._losses[activity.slot.path] += 1
             weary = timing.on_failure == "restart" and self._losses[activity.slot.path] > timing.tries
             if timing.on_failure == "stop" or weary:
-                raise self._failure(activity.slot.path, text)
+                self._fail(activity.slot.path, text)
             if timing.coast == "safe":
                 self._slow_down(group, rows)
 
@@ -319,18 +346,13 @@ class Host(Company):
             latest[place] = safe_input(group.model, latest[place : place + 1], state[row : row + 1])
         self._inputs[group.name] = (group, own, latest)
 
-    def _tell_all(self, name: str, member: _Member, text: str, level: Level) -> None:
+    def _tell_all(self, name: str, member: _Member, text: str, level: Level = Level.INFO) -> None:
         """Let everybody write down who came or went."""
-        data = {"process": member.name, "agents": sorted(member.agents)}
+        data = {"process": member.name, "agents": list(member.agents)}
         notice = Notice(name, f"processes.{member.name}", level.name, text, data)
         self._report(notice)
-        self._pass_on(notice, member)
-
-    def _pass_on(self, notice: Notice, member: _Member) -> None:
-        """Tell all members but the one that something comes from, or is about."""
-        for other in self._in_order:
-            if other is not member:
-                self._send(other.peer, notice)
+        for each in self._in_order:
+            self._send(each.peer, notice)
 
     def _tally(self) -> None:
         """Record how many frames were not taken, now and then."""

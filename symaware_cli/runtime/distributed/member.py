@@ -6,7 +6,7 @@ import math
 import time
 from typing import NoReturn
 
-from symaware_cli.core import Delivery, Event, Level, Mailing, Message
+from symaware_cli.core import Contact, Delivery, Event, Level, Mailing, Message
 from symaware_cli.core.transport import Port
 from symaware_cli.network.transport.codec import decode
 from symaware_cli.network.transport.frame import (
@@ -51,9 +51,11 @@ class Member(Company):
         self._world: Step | None = None
         self._over: End | None = None
         self._posts: list[Post] = []
+        self._contacts: list[Contact] = []
         self._letters: list[Message] = []
         self._deliveries: list[Delivery] = []
         self._retry: float | None = None
+        self._refusal = ""
 
     def _meet(self) -> None:
         simulation, run = self._simulation, self._run
@@ -68,8 +70,6 @@ class Member(Company):
             self._blame_end()
         run.join(step.step, step.time)
         self._adopt(step)
-        text = f"{self.identity.name} takes part in the run of {self.port.address}"
-        simulation.announce("joined", "run", text, process=self.identity.name)
 
     def _on_event(self, event: Event) -> None:
         """Let the others know what our agents' components tell of; how a run ends is told in another way."""
@@ -89,9 +89,10 @@ class Member(Company):
         self._simulation.exchange.arrive(letters, deliveries)
 
     def acted(self) -> None:
-        """In real time the host shall know at once."""
-        if self._run.pacer is not None and (self._run.is_at_step or self._posts):
-            self._give_account(inputs=self._run.is_at_step)
+        """Report what was done, where the host waits for it; in real time it shall know at once."""
+        run = self._run
+        if self._keeps_step or (run.pacer is not None and (run.is_at_step or self._posts)):
+            self._give_account(inputs=run.is_at_step)
 
     def _give_account(self, inputs: bool) -> None:
         if self._peer is None:
@@ -101,16 +102,16 @@ class Member(Company):
         self._send(self._peer, Report(self._run.done, requested, posts))
 
     def step(self) -> str | None:
-        """Report what was done, and wait for the world to have made its step."""
+        """Wait for the world to have made its step."""
         run = self._run
-        if run.pacer is None:
+        if run.pacer is None and run.asynchronous:
             self._give_account(inputs=True)
         step = self._await(run.done, None, "")
         if step is None:
             end = self._over
             assert end is not None
             if end.status == "finished":
-                return end.reason
+                return end.reason.removeprefix(f"{run.done} steps made; ")
             self._blame_end()
         self._adopt(step)
         return None
@@ -120,9 +121,10 @@ class Member(Company):
         if run.pacer is not None and not math.isnan(step.started) and self._peer is not None:
             run.pacer.start_at(step.started - self.port.offset(self._peer))
         try:
-            simulation.environment.adopt(step.time, step.world, step.contacts)
+            contacts, self._contacts = self._contacts, []
+            simulation.environment.adopt(step.time, step.world, contacts)
         except ValueError as error:
-            raise self._failure("environment", str(error)) from error
+            self._fail("environment", str(error), error)
 
     def _await(self, beyond: int, deadline: float | None, problem: str) -> Step | None:
         """Wait until the world has made more than so many steps; None if the run is over before.
@@ -146,7 +148,7 @@ class Member(Company):
                     if self._peer is not None:
                         self._introduce(self._peer)
                     continue
-                raise self._failure("run", problem)
+                self._fail("run", f"{problem}: {self._refusal}" if self._refusal else problem)
             if happening.kind == "came":
                 self._introduce(happening.peer)
             elif happening.kind == "gone":
@@ -160,13 +162,12 @@ class Member(Company):
                     self._report(Notice("lost", "processes.host", "WARNING", text))
                     problem = f"{text}, and did not come back within {self._absence:g} s"
                 elif self._world is None:
-                    problem = f"the host at {self.port.address} does not take us in: {happening.reason}"
-                    raise self._failure("run", problem)
+                    self._fail("run", f"the host at {self.port.address} does not take us in: {happening.reason}")
             else:
                 try:
                     frame = decode(happening.frame)
                 except FrameError as error:
-                    raise self._failure("run", f"the host says {error}") from error
+                    self._fail("run", f"the host says {error}", error)
                 if isinstance(frame, Step) and self._world is not None:
                     deadline = None
                 self._take(frame)
@@ -179,6 +180,7 @@ class Member(Company):
     def _take(self, frame: Frame) -> None:
         if isinstance(frame, Step):
             self._world = frame
+            self._contacts += frame.contacts
             self._letters += frame.letters
             self._deliveries += frame.deliveries
         elif isinstance(frame, End):
@@ -188,21 +190,23 @@ class Member(Company):
             self._report(frame, recorded=frame.source.startswith("processes.") or frame.source == "run")
         elif isinstance(frame, Refusal):
             if frame.final:
-                problem = f"the host at {self.port.address} refuses: {frame.reason}"
-                raise self._failure("run", problem)
+                self._fail("run", f"the host at {self.port.address} refuses: {frame.reason}")
+            self._refusal = frame.reason
             self._retry = time.monotonic() + _PAUSE
-        elif not isinstance(frame, Welcome):
-            problem = f"the host says {type(frame).__name__}, which is not for members"
-            raise self._failure("run", problem)
+        elif isinstance(frame, Welcome):
+            self._refusal = ""
+        else:
+            self._fail("run", f"the host says {type(frame).__name__}, which is not for members")
 
     def _blame_end(self) -> NoReturn:
         """The host's run has not ended well."""
         end = self._over
         assert end is not None
         if end.status == "interrupted":
+            self._publish()
             raise Interrupted("the end of the host's run")
         said = "failed" if end.status == "failed" else "is over"
-        raise self._failure(end.source, f"the host {said}: {end.reason}")
+        self._fail(end.source, f"the host {said}: {end.reason}")
 
     def end(self, status: str, reason: str, error: RunError | None) -> None:
         """Tell the host, unless it was the host that told us."""

@@ -21,6 +21,8 @@ Colours = NDArray[np.uint8]
 
 #: How often a trail has a point [ns], for those of all and those of a crowd.
 _TRAIL_STEP = 100_000_000
+#: How far above the ground rings lie at least, so that they are seen [m].
+_ABOVE = 5e-3
 _HEADING: Colours = np.array((240, 240, 240), np.uint8)
 
 
@@ -104,6 +106,8 @@ class Bodies(Drawing):
             case "ring":
                 assert troupe.figure
                 middles = positions + rotated(orientations, troupe.figure.middle)
+                if self.cast.ground is not None:
+                    middles[..., 2] = np.maximum(middles[..., 2], self.cast.ground + _ABOVE)
                 self._draw_rings(f"{path}/body", times, middles, troupe.extent, colours)
             case "cylinder":
                 assert shape

@@ -72,13 +72,9 @@ class Figures(Drawing):
             )
             self.stage.static("world/ground", surface)
         for path, figure, like in self._shown:
-            count = sum(len(each.agents) if isinstance(each, Troupe) else 1 for each in like)
             colour = _PLAIN if isinstance(like[0], Troupe) else SCENERY if like[0].moves else _STILL
             for place, (visual, _) in enumerate(figure.visuals):
                 self.stage.static(_path(path, figure, place), self._surface(visual, colour))
-                if visual.kind == "mesh" and set(visual.size) != {1.0}:
-                    scales = rr.InstancePoses3D.from_fields(scales=[visual.size] * count)
-                    self.stage.static(_path(path, figure, place), scales)
 
     def draw(self, excerpt: Excerpt) -> None:
         """Draw them where they are, whenever one moves."""
@@ -90,10 +86,11 @@ class Figures(Drawing):
             if not len(times):
                 continue
             placed = [self._placed(each, times, excerpt) for each in like]
-            for place, parts in enumerate(zip(*placed, strict=True)):
+            for place, (parts, (visual, _)) in enumerate(zip(zip(*placed, strict=True), figure.visuals, strict=True)):
                 positions = np.concatenate([position for position, _ in parts], axis=1)
                 orientations = np.concatenate([orientation for _, orientation in parts], axis=1)
-                self.stage.instances(_path(path, figure, place), times, positions, orientations)
+                scale = visual.size if visual.kind == "mesh" and set(visual.size) != {1.0} else None
+                self.stage.instances(_path(path, figure, place), times, positions, orientations, scale)
         self._begun = True
 
     def _moments(self, who: Troupe | Prop, excerpt: Excerpt) -> Times:

@@ -29,7 +29,7 @@ from symaware_cli.core import Shape
 from symaware_cli.core.time import SECOND
 from symaware_cli.viewing.cast import Prop, Troupe
 from symaware_cli.viewing.foxglove.output import Output
-from symaware_cli.viewing.outline import mesh, outlines
+from symaware_cli.viewing.outline import circle, mesh, outlines
 from symaware_cli.viewing.palette import SCENERY
 
 Array = NDArray[np.float64]
@@ -127,7 +127,7 @@ def line(points: Array, shade: Color, thickness: float, *, pairs: bool = False) 
         pose=_ORIGIN,
         thickness=thickness,
         scale_invariant=True,
-        points=_points(points),
+        points=point_list(points),
         color=shade,
     )
 
@@ -145,6 +145,10 @@ def body(troupe: Troupe, row: int, tint: NDArray[np.uint8], time: int) -> SceneE
     shade, shape, in_space = colour(tint), troupe.shape, len(troupe.position) == 3
     radius = troupe.radius or 0.5 * _POINT
     height = radius
+    if troupe.figure:
+        ring = troupe.figure.middle + np.pad(circle(troupe.extent), ((0, 0), (0, 1)))
+        made.lines.append(line(ring, shade, 2.0))
+        return made
     if shape is None or (shape.circle and in_space):
         made.spheres.append(SpherePrimitive(pose=_ORIGIN, size=vector([2.0 * radius] * 3), color=shade))
     elif shape.circle:
@@ -172,7 +176,7 @@ def body(troupe: Troupe, row: int, tint: NDArray[np.uint8], time: int) -> SceneE
 def label(troupe: Troupe, row: int, time: int) -> SceneEntity:
     """The name of an agent, beside it."""
     made = entity(troupe.agents[row], time, troupe.agents[row])
-    radius = troupe.radius or 0.5 * _POINT
+    radius = troupe.extent or 0.5 * _POINT
     made.texts.append(
         TextPrimitive(
             pose=pose((0.0, 0.0, 2.0 * radius)),
@@ -198,7 +202,9 @@ def scenery(prop: Prop, time: int, *, spatial: bool) -> SceneEntity:
 def _prisms(shape: Shape, low: float, high: float, shade: Color) -> Sequence[TriangleListPrimitive]:
     meshes = [mesh(outline, low, high) for outline in outlines(shape)]
     return [
-        TriangleListPrimitive(pose=_ORIGIN, points=_points(vertices), indices=triangles.ravel().tolist(), color=shade)
+        TriangleListPrimitive(
+            pose=_ORIGIN, points=point_list(vertices), indices=triangles.ravel().tolist(), color=shade
+        )
         for vertices, triangles in meshes
     ]
 
@@ -206,5 +212,6 @@ def _prisms(shape: Shape, low: float, high: float, shade: Color) -> Sequence[Tri
 _ORIGIN = pose((0.0, 0.0, 0.0))
 
 
-def _points(points: Array) -> list[Point3]:
+def point_list(points: Array) -> list[Point3]:
+    """Points (m, 3)."""
     return [Point3(x=x, y=y, z=z) for x, y, z in points.tolist()]

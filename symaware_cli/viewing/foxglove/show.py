@@ -9,8 +9,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
-from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
 from foxglove_schemas_protobuf.Log_pb2 import Log as LogLine
 from foxglove_schemas_protobuf.SceneEntity_pb2 import SceneEntity
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
@@ -19,12 +17,15 @@ from numpy.typing import NDArray
 from symaware_cli.recording import journal, wire
 from symaware_cli.recording.index import ChannelInfo
 from symaware_cli.recording.sensing import IMAGE, MEASUREMENT, SCAN, sensors
-from symaware_cli.viewing.cast import Cast, Prop, Troupe, in_space
+from symaware_cli.viewing.cast import Cast, Troupe, in_space
 from symaware_cli.viewing.detail import MANY
 from symaware_cli.viewing.drawing.goals import crosses, known_ways
 from symaware_cli.viewing.drawing.minds import covariance_columns, ellipsoids, position_columns, sample_columns
+from symaware_cli.viewing.figure import Figure
 from symaware_cli.viewing.foxglove import entities
-from symaware_cli.viewing.foxglove.entities import WORLD, Layer, colour, entity
+from symaware_cli.viewing.foxglove.entities import Layer, colour, entity
+from symaware_cli.viewing.foxglove.figures import Models
+from symaware_cli.viewing.foxglove.frames import movers, transforms_of
 from symaware_cli.viewing.foxglove.output import Columns, Output
 from symaware_cli.viewing.foxglove.sensors import Camera, Lidar
 from symaware_cli.viewing.palette import CONTACT, GOAL, tinted
@@ -72,12 +73,16 @@ class Show:
         for troupe in cast.troupes.values():
             shown = _Troupe(troupe, channels, output, start, crowd=cast.agent_count > MANY, places=self._places)
             self._takers |= shown.takers
+            models = self._models(troupe.name, troupe.agents, troupe.figure, start)
+            Layer(output, f"/models/{troupe.name}").show(start, models)
             for sensor, topic in sensors(channels, troupe.name, SCAN).items():
                 self._takers[topic] = Lidar(sensor, troupe.agents, output, spatial=cast.is_spatial).take
             for sensor, topic in sensors(channels, troupe.name, IMAGE).items():
                 self._takers[topic] = Camera(sensor, troupe.agents, output).take
         for prop in cast.props.values():
-            self._takers[f"/world/{prop.name}/state"] = _Mover(prop, output).take
+            self._takers |= {
+                f"/world/{prop.name}/{kind}": take for kind, take in movers(prop, channels, output).items()
+            }
         self._contacts = Layer(output, "/contacts")
         self._touching: dict[str, SceneEntity] = {}
         self._takers |= {"/events": self._event, "/messages": self._message, "/contacts": self._contact}
@@ -105,13 +110,23 @@ class Show:
     def _put_up_scenery(self, start: int) -> None:
         props = self._cast.props.values()
         spatial = self._cast.is_spatial
-        Layer(self._output, "/scenery").show(start, [entities.scenery(prop, start, spatial=spatial) for prop in props])
+        shown = [entities.scenery(prop, start, spatial=spatial) for prop in props if prop.figure is None]
+        shown += [made for prop in props for made in self._models(prop.name, [prop.name], prop.figure, start)]
+        Layer(self._output, "/scenery").show(start, shown)
         still = [prop for prop in props if not prop.moves]
         if still:
             positions = np.stack([prop.position for prop in still])
             headings = np.array([prop.heading for prop in still])
             names = [prop.name for prop in still]
-            self._output.write("/tf_static", start, _transforms(start, names, positions, turned(headings)))
+            self._output.write("/tf_static", start, transforms_of(start, names, positions, turned(headings)))
+
+    def _models(self, name: str, bodies: Sequence[str], figure: Figure | None, start: int) -> Sequence[SceneEntity]:
+        """What bodies of a group, or an entity, look like, if the log knows; from then on their joints move them."""
+        if figure is None:
+            return []
+        models = Models(name, bodies, figure, self._cast.surfaces, self._output, start)
+        self._takers[f"/world/{name}/joints"] = models.take
+        return models.made
 
     def _event(self, time: int, message: Any) -> None:
         event = journal.event(time, message)
@@ -155,19 +170,6 @@ class Show:
             group, row = self._cast.place[who]
             return self._places[group][row] if group in self._places else None
         return self._cast.props[who].position if who in self._cast.props else None
-
-
-class _Mover:
-    """An entity of the environment that moves."""
-
-    def __init__(self, prop: Prop, output: Output) -> None:
-        self._prop, self._output = prop, output
-
-    def take(self, time: int, message: wire.Rows) -> None:
-        """Move it."""
-        name, values = self._prop.name, message.values
-        transforms = _transforms(time, [name], self._prop.positions(values), turned(values[:, -1]))
-        self._output.write(f"/tf/{name}", time, transforms)
 
 
 class _Held:
@@ -220,6 +222,7 @@ class _Troupe:
         self._layers["labels"].show(start, [entities.label(troupe, row, start) for row in rows])
         self.takers: dict[str, Take] = {
             f"/world/{troupe.name}/state": self._world,
+            f"/world/{troupe.name}/pose": self._pose,
             f"{self._agents}/state": self._state,
             f"{self._agents}/control": self._control,
             f"{self._agents}/risk": self._risk,
@@ -238,6 +241,12 @@ class _Troupe:
         values = self._update(topic, message.rows, message.values)
         self._plot(topic, time, values)
         self._move(time, values)
+
+    def _pose(self, time: int, message: wire.Rows) -> None:
+        topic = f"/world/{self._troupe.name}/pose"
+        values = self._update(topic, message.rows, message.values)
+        transforms = transforms_of(time, self._troupe.agents, values[:, :3], values[:, 3:])
+        self._output.write(f"/tf/{self._troupe.name}", time, transforms)
 
     def _state(self, time: int, message: wire.Rows) -> None:
         topic = f"{self._agents}/state"
@@ -318,8 +327,9 @@ class _Troupe:
         troupe = self._troupe
         positions = troupe.positions(states)
         self._places[troupe.name] = positions
-        transforms = _transforms(time, troupe.agents, positions, troupe.orientations(states))
-        self._output.write(f"/tf/{troupe.name}", time, transforms)
+        if f"/world/{troupe.name}/pose" not in self._channels:
+            transforms = transforms_of(time, troupe.agents, positions, troupe.orientations(states))
+            self._output.write(f"/tf/{troupe.name}", time, transforms)
         if time >= self._trail_due:
             self._trail_due = time + self._trail_step
             self._trail.append(positions)
@@ -377,20 +387,3 @@ class _Troupe:
         if len(names) == len(units) == width and all(names):
             return list(zip(names, units, strict=True))
         return [(f"value_{place}", "") for place in range(width)]
-
-
-def _transforms(time: int, names: Sequence[str], positions: Array, rotations: NDArray[np.floating]) -> FrameTransforms:
-    """Where everything is, (n, 3) [m], and how it is turned, (n, 4) x, y, z, w. Who is nowhere yet is left out."""
-    known = np.isfinite(positions).all(axis=1) & np.isfinite(rotations).all(axis=1)
-    return FrameTransforms(
-        transforms=[
-            FrameTransform(
-                timestamp=entities.timestamp(time),
-                parent_frame_id=WORLD,
-                child_frame_id=names[row],
-                translation=entities.vector(positions[row].tolist()),
-                rotation=entities.quaternion(rotations[row].tolist()),
-            )
-            for row in np.flatnonzero(known).tolist()
-        ]
-    )

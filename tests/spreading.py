@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import socket
 import subprocess
 import threading
@@ -29,9 +28,9 @@ GATHERING = frozenset({"started", "finished", "waiting", "joined"})
 class Process:
     """`symaware run` with some arguments, in a process of its own."""
 
-    def __init__(self, folder: Path, scenario: Path, name: str, *arguments: object) -> None:
+    def __init__(self, folder: Path, scenario: Path, name: str, log: Path, *arguments: object) -> None:
         self.name = name
-        self.log = folder / f"{name}.mcap"
+        self.log = log
         line = [*COMMAND, "run", scenario, "--output", self.log, "--name", name, *arguments]
         self.said: list[str] = []
         self._popen = subprocess.Popen(
@@ -42,7 +41,6 @@ class Process:
             stderr=subprocess.PIPE,
             text=True,
         )
-        self.pid = self._popen.pid
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
 
@@ -82,6 +80,17 @@ class Process:
         self._reader.join(PATIENCE)
 
     @property
+    def is_running(self) -> bool:
+        """Whether it is not over."""
+        return self._popen.poll() is None
+
+    @property
+    def memory(self) -> int:
+        """What it has in memory, bytes; 0 if it is over."""
+        status = Path(f"/proc/{self._popen.pid}/status").read_text()
+        return sum(int(line.split()[1]) * 1024 for line in status.splitlines() if line.startswith("VmRSS:"))
+
+    @property
     def text(self) -> str:
         """All that it said to people."""
         return "\n".join(self.said)
@@ -90,10 +99,11 @@ class Process:
 class Spread:
     """A run that several processes share, at a port of its own."""
 
-    def __init__(self, folder: Path, scenario: Path, *arguments: object) -> None:
+    def __init__(self, folder: Path, scenario: Path, *arguments: object, port: int | None = None) -> None:
+        folder.mkdir(exist_ok=True)
         self.folder = folder
         self.scenario = scenario
-        self.port = free_port()
+        self.port = port or free_port()
         self.processes: list[Process] = []
         self._arguments = arguments
 
@@ -102,27 +112,33 @@ class Spread:
         return self._start("host", "--listen", self.port, *arguments)
 
     def member(self, name: str, only: str, *arguments: object) -> Process:
-        """Start a member."""
+        """Start a member; one that comes again records another part."""
         return self._start(name, "--join", f"127.0.0.1:{self.port}", "--only", only, *arguments)
 
     def _start(self, name: str, *arguments: object) -> Process:
-        process = Process(self.folder, self.scenario, name, *self._arguments, *arguments)
+        again = sum(each.name == name for each in self.processes)
+        log = self.log(f"{name}-again" if again else name)
+        process = Process(self.folder, self.scenario, name, log, *self._arguments, *arguments)
         self.processes.append(process)
         return process
 
-    def end(self) -> dict[str, int]:
-        """Wait until all are over; their exit statuses by name."""
-        return {each.name: each.end() for each in self.processes}
+    def end(self) -> list[int]:
+        """Wait until all are over; their exit statuses."""
+        return [each.end() for each in self.processes]
 
     def finish(self) -> None:
         """Wait until all are over, as they should be."""
         statuses = self.end()
-        assert set(statuses.values()) == {0}, (statuses, [each.text for each in self.processes])
+        assert set(statuses) == {0}, (statuses, [each.text for each in self.processes])
 
     def close(self) -> None:
         """Make sure that all are over."""
         for each in self.processes:
             each.close()
+
+    def log(self, name: str) -> Path:
+        """Where a process records its part."""
+        return self.folder / f"{name}.mcap"
 
     def merged(self) -> Log:
         """The log of the whole run."""
@@ -140,23 +156,43 @@ def free_port() -> int:
 
 def alone(folder: Path, scenario: Path, *arguments: object) -> Log:
     """The log of the same run in one process."""
+    folder.mkdir(exist_ok=True)
     path = folder / "alone.mcap"
     line = [*COMMAND, "run", scenario, "--quiet", "--output", path, *arguments]
-    subprocess.run(list(map(str, line)), cwd=folder, check=True, timeout=PATIENCE, env=os.environ)
+    subprocess.run(list(map(str, line)), cwd=folder, check=True, timeout=PATIENCE)
     return open_log(path)
 
 
 def differences(log: Log, other: Log) -> dict[str, tuple[Counter[Any], Counter[Any]]]:
-    """What each topic of either log says that the other does not, but for who took part and how fast they were."""
+    """What each topic of either log says that the other does not, but for who took part and how fast they were.
+
+    Messages are compared one by one: in columns, those of a group stand together as far as they come from one process.
+    Of an agent it does not count how often the same is said: if one changes, others of its group may be told of again.
+    """
     said = [contents(each) for each in (log, other)]
+    for each, content in zip((log, other), said, strict=True):
+        content.pop("/messages/columns", None)
+        content["/messages"] = Counter(map(repr, each.communications()))
     found = {}
     for topic in sorted(said[0].keys() | said[1].keys()):
         one, two = (each.get(topic, Counter()) for each in said)
+        if topic.startswith("/agents/"):
+            one, two = _without_repetition(one), _without_repetition(two)
         if topic == "/events":
             one, two = (_of_the_run(each) for each in (log, other))
         if one != two:
             found[topic] = one - two, two - one
     return found
+
+
+def _without_repetition(said: Counter[Any]) -> Counter[Any]:
+    last: dict[int, bytes] = {}
+    kept: Counter[Any] = Counter()
+    for instant, row, data in sorted(said):
+        if last.get(row) != data:
+            kept[instant, row, data] += 1
+        last[row] = data
+    return kept
 
 
 def _of_the_run(log: Log) -> Counter[Any]:

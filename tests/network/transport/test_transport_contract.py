@@ -1,0 +1,393 @@
+"""What every transport between processes keeps, on real sockets and with real processes."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+
+import pytest
+from transporting import ECHO, KEY, descriptors, echo, eventually, expect, number, tasks, threads
+
+from symaware_cli.core import Port, Transport, TransportError
+from symaware_cli.network.transport.memory import Memory
+from symaware_cli.network.transport.tcp import Tcp
+from symaware_cli.network.transport.zenoh import Zenoh
+
+Open = Callable[..., Port]
+
+
+@pytest.fixture(params=[Tcp, Zenoh])
+def kind(request: pytest.FixtureRequest) -> type[Transport]:
+    if request.param is Zenoh:
+        pytest.importorskip("zenoh")
+    return request.param
+
+
+@pytest.fixture
+def make(kind: type[Transport]) -> Callable[..., Transport]:
+    return lambda **parameters: kind(kind.Parameters(**parameters))
+
+
+@pytest.fixture
+def stack() -> Iterator[ExitStack]:
+    with ExitStack() as stack:
+        yield stack
+    assert eventually(lambda: not threads())
+
+
+@pytest.fixture
+def processes() -> Iterator[list[subprocess.Popen[str]]]:
+    started: list[subprocess.Popen[str]] = []
+    yield started
+    for process in started:
+        process.kill()
+        process.wait()
+
+
+def meet(
+    transport: Transport, stack: ExitStack, key: bytes | None = None, host: str = "127.0.0.1"
+) -> tuple[Port, Port, int, int]:
+    """A host and a member that have met, and the number by which each knows the other."""
+    port = stack.enter_context(transport.listen(host, 0, key))
+    member = stack.enter_context(transport.join(host, number(port), key))
+    return port, member, expect(port, "came").peer, expect(member, "came").peer
+
+
+@pytest.mark.parametrize("key", [None, KEY])
+@pytest.mark.parametrize("host", ["127.0.0.1", "::1"])
+def test_frames_arrive_whole_and_in_order_both_ways(
+    make: Callable[..., Transport], stack: ExitStack, key: bytes | None, host: str
+) -> None:
+    port, member, guest, home = meet(make(), stack, key, host)
+    sizes = [0, 1, 1000, 2**16, 2**20, 3, 2**24, 7]
+    frames = [bytes([number % 256]) * size for number, size in enumerate(sizes)]
+    for frame in frames:
+        port.send(guest, frame)
+        member.send(home, frame)
+    assert [expect(port, "frame").frame == frame for frame in frames] == [True] * len(sizes)
+    assert [expect(member, "frame").frame == frame for frame in frames] == [True] * len(sizes)
+    assert not any(port.rejected.values())
+    assert not any(member.rejected.values())
+
+
+def test_many_members_are_told_apart(make: Callable[..., Transport], stack: ExitStack) -> None:
+    transport = make()
+    port = stack.enter_context(transport.listen("127.0.0.1", 0))
+    members = [stack.enter_context(transport.join("127.0.0.1", number(port))) for _ in range(5)]
+    homes = [expect(member, "came").peer for member in members]
+    guests = [expect(port, "came").peer for _ in members]
+    assert len(set(guests)) == len(members)
+    for place, (member, home) in enumerate(zip(members, homes, strict=True)):
+        member.send(home, bytes([place]))
+    told = {expect(port, "frame")[1:3] for _ in members}
+    assert {peer for peer, _ in told} == set(guests)
+    for peer, frame in told:
+        port.send(peer, frame * 2)
+    assert [expect(member, "frame").frame for member in members] == [bytes([place] * 2) for place in range(5)]
+
+
+def test_a_member_may_come_before_its_host(make: Callable[..., Transport], stack: ExitStack) -> None:
+    transport = make()
+    with transport.listen("127.0.0.1", 0) as port:
+        free = number(port)
+    member = stack.enter_context(transport.join("127.0.0.1", free))
+    assert member.receive(0.2) is None
+    stack.enter_context(transport.listen("127.0.0.1", free))
+    expect(member, "came")
+
+
+def test_a_member_comes_again_under_another_number(make: Callable[..., Transport], stack: ExitStack) -> None:
+    transport = make()
+    first = transport.listen("127.0.0.1", 0)
+    stack.callback(first.close)
+    member = stack.enter_context(transport.join("127.0.0.1", number(first)))
+    before = expect(member, "came").peer
+    first.close()
+    assert expect(member, "gone").reason == "the host ended the connection"
+    port = stack.enter_context(transport.listen("127.0.0.1", number(first)))
+    after = expect(member, "came").peer
+    assert after != before
+    guest = expect(port, "came").peer
+    member.send(before, b"to nobody")
+    member.send(after, b"to the host")
+    assert expect(port, "frame")[1:3] == (guest, b"to the host")
+
+
+def test_who_is_cut_is_told_why_after_all_that_was_sent(make: Callable[..., Transport], stack: ExitStack) -> None:
+    port, member, guest, home = meet(make(), stack, KEY)
+    member.send(home, b"hello")
+    expect(port, "frame")
+    port.send(guest, bytes(2**22))
+    port.cut(guest, "enough")
+    port.send(guest, b"too late")
+    assert expect(port, "gone")[1:] == (guest, b"", "enough")
+    assert len(expect(member, "frame").frame) == 2**22
+    assert expect(member, "gone")[1:] == (home, b"", "enough")
+    # The member's port comes again by itself ...
+    again = expect(member, "came").peer
+    assert expect(port, "came").peer != guest
+    # ... unless it was the member who left.
+    member.cut(again, "done")
+    assert expect(member, "gone").reason == "done"
+    assert expect(port, "gone").reason == "done"
+    assert member.receive(0.3) is None
+    assert port.receive(0) is None
+
+
+def test_what_was_sent_before_the_end_arrives(make: Callable[..., Transport], stack: ExitStack) -> None:
+    port, member, guest, _ = meet(make(), stack)
+    for place in range(100):
+        port.send(guest, bytes([place]) * 10_000)
+    port.close()
+    port.close()
+    port.send(guest, b"too late")
+    assert [expect(member, "frame").frame[0] for _ in range(100)] == list(range(100))
+    assert expect(member, "gone").reason == "the host ended the connection"
+    assert port.receive() is None
+
+
+@pytest.mark.parametrize(
+    ("host_key", "key", "reason"),
+    [
+        (KEY, None, "the host wants a key"),
+        (None, KEY, "the host has no key"),
+        (KEY, b"another", "the host does not know this key"),
+    ],
+)
+def test_who_has_not_the_key_is_told_so_for_each_try(
+    make: Callable[..., Transport], stack: ExitStack, host_key: bytes | None, key: bytes | None, reason: str
+) -> None:
+    transport = make()
+    port = stack.enter_context(transport.listen("127.0.0.1", 0, host_key))
+    member = stack.enter_context(transport.join("127.0.0.1", number(port), key))
+    told = [expect(member, "gone") for _ in range(2)]
+    assert [each.reason for each in told] == [reason] * 2
+    assert told[0].peer != told[1].peer
+    assert eventually(lambda: port.rejected["unauthenticated"] >= 2)
+    assert port.receive(0) is None
+
+
+def test_more_than_there_is_room_for_are_turned_away(make: Callable[..., Transport], stack: ExitStack) -> None:
+    transport = make(members=2)
+    port = stack.enter_context(transport.listen("127.0.0.1", 0))
+    members = []
+    for _ in range(2):
+        members.append(stack.enter_context(transport.join("127.0.0.1", number(port))))
+        expect(members[-1], "came")
+        expect(port, "came")
+    third = stack.enter_context(transport.join("127.0.0.1", number(port)))
+    expect(third, "came")
+    assert expect(third, "gone").reason == "the host takes no more than 2 members"
+    assert port.rejected["crowded"] >= 1
+    members[0].close()
+    expect(port, "gone")
+    expect(port, "came")
+
+
+def test_the_clocks_of_two_processes_on_one_machine_agree(
+    make: Callable[..., Transport], stack: ExitStack, processes: list[subprocess.Popen[str]]
+) -> None:
+    transport = make()
+    port = stack.enter_context(transport.listen("127.0.0.1", 0))
+    processes.append(echo(transport, port))
+    peer = expect(port, "came").peer
+    assert eventually(lambda: port.offset(peer) != 0.0)
+    # On Linux the monotonic clock is one for all processes.
+    assert eventually(lambda: abs(port.offset(peer)) < 0.002)
+    assert port.offset(peer + 1) == 0.0
+
+
+@pytest.mark.parametrize("key", [None, KEY])
+def test_a_process_that_is_killed_is_gone_at_once_and_comes_again(
+    make: Callable[..., Transport], stack: ExitStack, processes: list[subprocess.Popen[str]], key: bytes | None
+) -> None:
+    transport = make(timeout=600.0)
+    port = stack.enter_context(transport.listen("127.0.0.1", 0, key))
+    processes.append(echo(transport, port, key))
+    peer = expect(port, "came").peer
+    port.send(peer, b"are you there?")
+    expect(port, "frame")
+    processes[0].send_signal(signal.SIGKILL)
+    # Long before the timeout.
+    assert expect(port, "gone", within=20.0).peer == peer
+    processes.append(echo(transport, port, key))
+    assert expect(port, "came").peer != peer
+
+
+def test_a_process_that_is_stopped_is_gone_after_the_timeout_and_comes_again(
+    make: Callable[..., Transport], stack: ExitStack, processes: list[subprocess.Popen[str]]
+) -> None:
+    transport = make(timeout=0.5)
+    port = stack.enter_context(transport.listen("127.0.0.1", 0))
+    processes.append(echo(transport, port))
+    peer = expect(port, "came").peer
+    assert port.receive(1.0) is None
+    processes[0].send_signal(signal.SIGSTOP)
+    assert expect(port, "gone").reason == "no sign of life of the member for 0.5 s"
+    processes[0].send_signal(signal.SIGCONT)
+    assert expect(port, "came").peer != peer
+
+
+def test_a_member_whose_host_is_killed_is_told_and_finds_the_next(
+    make: Callable[..., Transport], stack: ExitStack, processes: list[subprocess.Popen[str]]
+) -> None:
+    transport = make(timeout=600.0)
+    with transport.listen("127.0.0.1", 0) as port:
+        free = number(port)
+    script = ECHO.replace('.join("127.0.0.1",', '.listen("127.0.0.1",')
+    line = [sys.executable, "-c", script, type(transport).__module__, type(transport).__name__, str(free), "", "600"]
+    processes.append(subprocess.Popen(line, stdout=subprocess.DEVNULL, text=True))
+    quick = make(timeout=2.0)
+    member = stack.enter_context(quick.join("127.0.0.1", free))
+    expect(member, "came")
+    processes[0].send_signal(signal.SIGKILL)
+    expect(member, "gone")
+    stack.enter_context(transport.listen("127.0.0.1", free))
+    expect(member, "came")
+
+
+def test_a_run_that_computes_for_long_is_not_taken_for_dead(make: Callable[..., Transport], stack: ExitStack) -> None:
+    port, member, guest, _ = meet(make(timeout=0.3), stack)
+    until = time.monotonic() + 1.0
+    while time.monotonic() < until:
+        sum(range(1000))
+    assert port.receive(0) is None
+    assert member.receive(0) is None
+    port.send(guest, b"still here")
+    assert expect(member, "frame").frame == b"still here"
+
+
+def test_who_does_not_read_is_cut_off_and_nobody_waits_for_it(
+    make: Callable[..., Transport], stack: ExitStack, processes: list[subprocess.Popen[str]]
+) -> None:
+    transport = make(timeout=600.0, queue=4)
+    port = stack.enter_context(transport.listen("127.0.0.1", 0))
+    processes.append(echo(transport, port))
+    peer = expect(port, "came").peer
+    processes[0].send_signal(signal.SIGSTOP)
+    frame = bytes(2**20)
+    for _ in range(40):
+        port.send(peer, frame)
+        if (happening := port.receive(0.05)) is not None:
+            break
+    assert happening is not None
+    assert (happening.kind, happening.reason) == ("gone", "too many frames waited for it")
+
+
+def test_a_run_that_does_not_take_its_frames_holds_few_of_them_and_its_sender_the_rest(
+    make: Callable[..., Transport], stack: ExitStack
+) -> None:
+    transport = make(timeout=0.5, maximum_frame=2**20)
+    port, member, _, home = meet(transport, stack)
+    sent, happening = 0, None
+    # Four of the longest frames may wait at each end, and the network holds some, too.
+    while happening is None and sent < 100:
+        member.send(home, bytes([sent]) * 2**20)
+        sent += 1
+        happening = member.receive(0.02)
+    assert happening is not None
+    assert happening.reason == "too many frames waited for it"
+    for place in range(4):
+        assert expect(port, "frame").frame == bytes([place]) * 2**20
+
+
+def test_not_to_read_is_no_sign_of_death(make: Callable[..., Transport], stack: ExitStack) -> None:
+    port, member, _, home = meet(make(timeout=0.3, queue=8), stack)
+    frames = [bytes([place]) * 100_000 for place in range(16)]
+    for frame in frames:
+        member.send(home, frame)
+        time.sleep(0.01)
+    time.sleep(1.0)
+    assert [expect(port, "frame").frame == frame for frame in frames] == [True] * len(frames)
+    assert port.receive(0.1) is None
+
+
+def test_a_frame_that_nobody_would_take_is_not_sent(make: Callable[..., Transport], stack: ExitStack) -> None:
+    port, member, guest, _ = meet(make(maximum_frame=2000), stack)
+    with pytest.raises(ValueError, match="2001 bytes"):
+        port.send(guest, bytes(2001))
+    port.send(guest, bytes(2000))
+    assert len(expect(member, "frame").frame) == 2000
+
+
+def test_a_member_that_takes_less_turns_away_what_is_longer(
+    kind: type[Transport], make: Callable[..., Transport], stack: ExitStack
+) -> None:
+    port = stack.enter_context(make().listen("127.0.0.1", 0))
+    member = stack.enter_context(make(maximum_frame=2000).join("127.0.0.1", number(port)))
+    guest = expect(port, "came").peer
+    expect(member, "came")
+    port.send(guest, bytes(3000))
+    expect(member, "gone")
+    assert member.rejected["oversized"] == 1
+
+
+def test_a_place_that_is_taken_is_a_clear_error(make: Callable[..., Transport], stack: ExitStack) -> None:
+    transport = make()
+    port = stack.enter_context(transport.listen("127.0.0.1", 0))
+    with pytest.raises(TransportError, match=f"cannot listen at {port.address}: .*[Aa]ddress already in use"):
+        transport.listen("127.0.0.1", number(port))
+    with pytest.raises(TransportError, match=r"cannot listen at 192\.0\.2\.1"):
+        transport.listen("192.0.2.1", 0)
+    with pytest.raises(TransportError, match="nobody can listen at port 0"):
+        transport.join("127.0.0.1", 0)
+    with pytest.raises(TransportError, match="not looked up"):
+        transport.join("robot.example", 80)
+
+
+def test_waiting_for_what_happens_can_be_interrupted(make: Callable[..., Transport], stack: ExitStack) -> None:
+    port = stack.enter_context(make().listen("127.0.0.1", 0))
+    timer = threading.Timer(0.2, os.kill, (os.getpid(), signal.SIGINT))
+    timer.start()
+    with pytest.raises(KeyboardInterrupt):
+        port.receive()
+    timer.join()
+
+
+def test_a_process_that_never_closes_its_ports_ends(kind: type[Transport]) -> None:
+    script = (
+        f"from {kind.__module__} import {kind.__name__} as kind\n"
+        "port = kind().listen('127.0.0.1', 0)\n"
+        "member = kind().join('127.0.0.1', int(port.address.rpartition(':')[2]))\n"
+        "other = kind().join('127.0.0.1', 1)\n"
+        "print(port.receive(9).kind, member.receive(9).kind)\n"
+    )
+    done = subprocess.run([sys.executable, "-W", "error", "-c", script], capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "came came\n", "")
+
+
+def test_ports_leave_no_thread_and_no_descriptor(make: Callable[..., Transport]) -> None:
+    transport = make()
+
+    def once() -> None:
+        with ExitStack() as stack:
+            meet(transport, stack)
+
+    # Libraries keep some threads of their own, and some for a while.
+    for _ in range(5):
+        once()
+    before = descriptors(), tasks()
+    for _ in range(95):
+        once()
+    assert eventually(lambda: descriptors() <= before[0] + 4 and tasks() <= before[1] + 8)
+    assert eventually(lambda: not threads())
+
+
+def test_memory_stays_within_one_process() -> None:
+    for connect in (Memory().listen, Memory().join):
+        with pytest.raises(TransportError, match="`memory` stays within one process"):
+            connect("127.0.0.1", 4321)
+
+
+def test_every_rejection_is_counted_from_nought(make: Callable[..., Transport], stack: ExitStack) -> None:
+    port = stack.enter_context(make().listen("127.0.0.1", 0))
+    assert Counter(port.rejected) == dict.fromkeys(
+        ("garbage", "oversized", "unauthenticated", "replayed", "crowded"), 0
+    )
+    with pytest.raises(TypeError):
+        port.rejected["garbage"] = 1  # type: ignore[index]

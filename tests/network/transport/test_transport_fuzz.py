@@ -1,0 +1,244 @@
+"""Thousands of malformed frames at a host while a member talks to it: all are counted, and nothing else happens."""
+
+import random
+import socket
+import struct
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from typing import Any
+
+import pytest
+from transporting import KEY, descriptors, echo, eventually, expect, number, resident
+
+from symaware_cli.core import Port, Transport
+from symaware_cli.network.transport.conversation import FRAME, PREAMBLE, PROOF, Conversation
+from symaware_cli.network.transport.tcp import Tcp
+from symaware_cli.network.transport.zenoh import Zenoh
+
+#: What a stranger says, record by record; the first one is the preamble.
+Attack = Callable[[random.Random, bytes | None], list[bytes]]
+
+
+def _preamble(key: bytes | None) -> bytes:
+    return Conversation(False, key, 2**20, 2.0, 0.0).preamble
+
+
+def _noise(dice: random.Random, key: bytes | None) -> list[bytes]:
+    return [dice.randbytes(dice.randint(1, 200))]
+
+
+def _web(dice: random.Random, key: bytes | None) -> list[bytes]:
+    return [b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n"]
+
+
+def _beginning(dice: random.Random, key: bytes | None) -> list[bytes]:
+    return [_preamble(key)[: dice.randint(1, PREAMBLE - 1)]]
+
+
+def _future(dice: random.Random, key: bytes | None) -> list[bytes]:
+    return [_preamble(key)[:8] + bytes([dice.randint(2, 255)]) + _preamble(key)[9:]]
+
+
+def _mirror(dice: random.Random, key: bytes | None) -> list[bytes]:
+    return [Conversation(True, key, 2**20, 2.0, 0.0).preamble]
+
+
+def _wrong_key(dice: random.Random, key: bytes | None) -> list[bytes]:
+    return [_preamble(None if key else b"a key")]
+
+
+def _damaged(dice: random.Random, key: bytes | None) -> list[bytes]:
+    preamble = bytearray(_preamble(key))
+    preamble[dice.randrange(8)] ^= 1 << dice.randrange(8)
+    return [bytes(preamble)]
+
+
+def _forged(dice: random.Random, key: bytes | None) -> list[bytes]:
+    return [_preamble(key), dice.choice([PROOF, FRAME, 9]).to_bytes() + dice.randbytes(dice.randint(1, 300))]
+
+
+def _oversized(dice: random.Random, key: bytes | None) -> list[bytes]:
+    return [_preamble(key), dice.randbytes(2000)]
+
+
+ATTACKS: tuple[Attack, ...] = (
+    _noise,
+    _web,
+    _beginning,
+    _future,
+    _mirror,
+    _wrong_key,
+    _damaged,
+    _forged,
+    _oversized,
+)
+
+
+@pytest.fixture
+def processes() -> Iterator[list[subprocess.Popen[str]]]:
+    started: list[subprocess.Popen[str]] = []
+    yield started
+    for process in started:
+        process.kill()
+        process.wait()
+
+
+def _over_tcp(records: list[bytes], port: Port, dice: random.Random) -> None:
+    """Say something over a connection of its own, until the host closes it."""
+    data = records[0] + b"".join(len(record).to_bytes(4) + record for record in records[1:])
+    with socket.create_connection(("127.0.0.1", number(port))) as connection:
+        # The host may have closed it before all is said.
+        with suppress(ConnectionError):
+            connection.sendall(data)
+            connection.shutdown(socket.SHUT_WR)
+        with suppress(ConnectionError):
+            while connection.recv(4096):
+                pass
+
+
+def _besiege(
+    transport: Transport,
+    key: bytes | None,
+    count: int,
+    processes: list[subprocess.Popen[str]],
+    attack: Callable[[list[bytes], Port, random.Random], None],
+) -> Port:
+    """Attack a host, while it talks with a member; returns its port, closed."""
+    dice = random.Random(1)
+    with transport.listen("127.0.0.1", 0, key) as port:
+        processes.append(echo(transport, port, key))
+        peer = expect(port, "came").peer
+        sent = received = 0
+        before = None
+        for turn in range(count):
+            if turn == count // 5:
+                # Allocators keep some of what they had once.
+                before = resident(), descriptors()
+            attack(ATTACKS[turn % len(ATTACKS)](dice, key), port, dice)
+            if turn % 5 == 0:
+                port.send(peer, struct.pack(">I", sent) + bytes(500))
+                sent += 1
+            # No more than a hundred on their way, or it is the attacks that outrun the processor.
+            while (happening := port.receive(20.0 if sent - received > 100 else 0)) is not None:
+                assert (happening.kind, happening.peer) == ("frame", peer), happening
+                assert struct.unpack(">I", happening.frame[:4]) == (received,)
+                received += 1
+        while received < sent:
+            assert struct.unpack(">I", expect(port, "frame").frame[:4]) == (received,)
+            received += 1
+        assert eventually(lambda: sum(port.rejected.values()) >= count), dict(port.rejected)
+        assert sum(port.rejected.values()) == count
+        assert before is not None
+        assert eventually(lambda: descriptors() <= before[1] + 2)
+        assert resident() - before[0] < 20e6
+        return port
+
+
+COUNTS = [1000, pytest.param(10_000, marks=pytest.mark.slow)]
+
+
+@pytest.mark.parametrize("count", COUNTS)
+@pytest.mark.parametrize("key", [None, KEY])
+def test_malformed_connections_are_counted_and_a_member_hears_nothing_of_them(
+    key: bytes | None, count: int, processes: list[subprocess.Popen[str]]
+) -> None:
+    port = _besiege(Tcp(Tcp.Parameters(timeout=60.0)), key, count, processes, _over_tcp)
+    expected = {"garbage", "oversized", "unauthenticated"}
+    assert {rejection for rejection, times in port.rejected.items() if times} == expected
+
+
+@pytest.mark.parametrize("count", COUNTS)
+@pytest.mark.parametrize("key", [None, KEY])
+def test_malformed_samples_are_counted_and_a_member_hears_nothing_of_them(
+    key: bytes | None, count: int, processes: list[subprocess.Popen[str]]
+) -> None:
+    zenoh = pytest.importorskip("zenoh")
+    numbers: list[str] = []
+    session: Any = None
+
+    def attack(records: list[bytes], port: Port, dice: random.Random) -> None:
+        nonlocal session
+        if session is None:
+            session = _session(zenoh, port)
+            seen = session.declare_subscriber(
+                "symaware/1/member/*", lambda sample: numbers.append(str(sample.key_expr))
+            )
+            numbers.clear()
+            del seen
+        name = dice.randbytes(8).hex()
+        if key and len(records) > 1 and numbers and dice.random() < 0.5:
+            # What the member itself may have sent, as its number is no secret; it is not sealed.
+            name, records = numbers[0].rpartition("/")[2], records[1:]
+        for record in records:
+            session.put(f"symaware/1/host/{name}", record, congestion_control=zenoh.CongestionControl.BLOCK)
+
+    try:
+        _besiege(Zenoh(Zenoh.Parameters(timeout=60.0, members=512)), key, count, processes, attack)
+    finally:
+        if session is not None:
+            session.close()
+
+
+def _session(zenoh: Any, port: Port) -> Any:
+    configuration = zenoh.Config()
+    configuration.insert_json5("mode", '"client"')
+    configuration.insert_json5("scouting/multicast/enabled", "false")
+    configuration.insert_json5("connect/endpoints", f'["tcp/{port.address}"]')
+    session = zenoh.open(configuration)
+    time.sleep(0.5)
+    return session
+
+
+@pytest.mark.parametrize("key", [None, KEY])
+def test_who_says_nothing_is_let_go_after_the_timeout(key: bytes | None) -> None:
+    transport = Tcp(Tcp.Parameters(timeout=0.3))
+    with transport.listen("127.0.0.1", 0, key) as port:
+        silent = [socket.create_connection(("127.0.0.1", number(port))) for _ in range(20)]
+        hesitant = [socket.create_connection(("127.0.0.1", number(port))) for _ in range(20)]
+        for connection in hesitant:
+            connection.sendall(b"SYMA")
+        for connection in (*silent, *hesitant):
+            connection.settimeout(20)
+            with suppress(ConnectionError):
+                while connection.recv(100):
+                    pass
+            connection.close()
+        assert eventually(lambda: port.rejected["garbage"] == 20)
+        assert port.receive(0) is None
+
+
+def test_a_crowd_that_says_nothing_does_not_keep_a_member_out() -> None:
+    transport = Tcp(Tcp.Parameters(timeout=60.0, members=8))
+    with transport.listen("127.0.0.1", 0) as port:
+        crowd = [socket.create_connection(("127.0.0.1", number(port))) for _ in range(100)]
+        with transport.join("127.0.0.1", number(port)) as member:
+            expect(member, "came")
+            expect(port, "came")
+        assert port.rejected["crowded"] >= 100 - 8
+        for connection in crowd:
+            connection.close()
+
+
+def test_a_record_that_was_taken_before_ends_the_connection() -> None:
+    transport = Tcp()
+    with transport.listen("127.0.0.1", 0, KEY) as port:
+        connection = socket.create_connection(("127.0.0.1", number(port)))
+        with connection, connection.makefile("rb") as stream:
+            conversation = Conversation(False, KEY, 2**20, 2.0, time.monotonic())
+            connection.sendall(conversation.preamble)
+            conversation.hear(stream.read(PREAMBLE), time.monotonic())
+            while not conversation.open or conversation.outgoing:
+                for each in conversation.outgoing:
+                    record = conversation.record(*each)
+                    connection.sendall(len(record).to_bytes(4) + record)
+                conversation.outgoing.clear()
+                if not conversation.open:
+                    conversation.hear(stream.read(int.from_bytes(stream.read(4))), time.monotonic())
+            peer = expect(port, "came").peer
+            record = conversation.record(FRAME, b"once")
+            connection.sendall(2 * (len(record).to_bytes(4) + record))
+            assert expect(port, "frame").frame == b"once"
+            assert expect(port, "gone").peer == peer
+            assert port.rejected["replayed"] == 1

@@ -1,0 +1,524 @@
+"""A run that several processes share is the run that one process makes."""
+
+import signal
+import socket
+import time
+from collections import Counter
+from contextlib import suppress
+
+import numpy as np
+import pytest
+from spreading import Spread, alone, differences, events, free_port, written
+from symaware_doubles import Progress
+
+from symaware_cli import open_log
+
+STEP = 50_000_000
+
+SHORT = ("--set", "run.duration=3")
+"""For crossing.yaml: until the first robots have met."""
+
+TALK = {
+    "symaware": 1,
+    "name": "talk",
+    "seed": 3,
+    "run": {"duration": 3.0},
+    "environment": {"use": "kinematic", "with": {"time_step": 0.05}},
+    "agents": {
+        "car": {
+            "count": 3,
+            "entity": {"shape": {"circle": {"radius": 0.3}}},
+            "model": {"use": "single-integrator"},
+            "state": [[20.0, 1.0], [20.5, -0.2], [20.5, 0.2]],
+            "components": {
+                "tell": {"use": "communication.broadcast", "period": 0.2},
+                "hear": {"use": "communication.inbox"},
+            },
+        },
+        "robot": {
+            "count": 4,
+            "entity": {"shape": {"circle": {"radius": 0.3}}},
+            "model": {"use": "single-integrator"},
+            "state": {"circle": {"radius": 1.0}},
+            "knowledge": {"goal": {"circle": {"radius": 1.0, "phase": 3.0}}},
+            "components": {
+                "sense": {"use": "perception.self"},
+                "tell": {"use": "communication.state", "period": 0.1, "with": {"knowledge": ["goal"]}},
+                "hear": {"use": "communication.inbox"},
+                "think": {"use": "doubles.thinker", "period": 0.1},
+            },
+        },
+        "walker": {
+            "count": 3,
+            "model": {"use": "unicycle", "with": {"process_noise": [0.02, 0.02, 0.01]}},
+            "state": [[-20.0, 0.0, 0.0], [-20.0, 5.0, 1.0], [-18.0, 0.0, 2.0]],
+            "components": {
+                "see": {"use": "perception.range", "with": {"range": 9.0, "position_noise": 0.1}},
+                "believe": {"use": "uncertainty.gaussian", "with": {"acceleration_noise": 0.5}},
+            },
+        },
+    },
+    "topology": {
+        "use": "range",
+        "with": {"range": 1.5, "hysteresis": 0.2},
+        "channel": {"delay": {"exponential": 0.04}, "jitter": 0.02, "loss": 0.2, "duplication": 0.1},
+        "links": [{"sender": "car.0", "channel": {"loss": 0.5}}, {"receiver": "robot.3", "channel": {"delay": 0.3}}],
+    },
+    "faults": {
+        "rest": {"at": 1.0, "for": 0.5, "stop": "walker.1"},
+        "drift": {"at": 1.2, "for": 0.5, "bias": {"of": "robot.1.sense", "state": [0.5, 0.0]}},
+        "cut": {"at": 1.5, "for": 0.5, "drop": {"sender": "robot.2"}},
+    },
+}
+
+
+def goal_seekers(wait=0.0, timeout=2.0, distance=4.0, **timing):
+    """Two robots that go to their goals, and somebody who takes some wall time in each step [s], if that is wanted.
+
+    Until both are there: then a test that kills one of them ends when it has come back, whatever the machine is like.
+    """
+    return {
+        "symaware": 1,
+        "name": "goals",
+        "run": {"duration": 1000.0, "until": "all(goals_reached)"},
+        "environment": {"use": "kinematic", "with": {"time_step": 0.05}},
+        "agents": {
+            "ticker": {
+                "model": {"use": "single-integrator"},
+                "state": [50.0, 50.0],
+                "components": {"tick": {"use": "doubles.sleeper", "with": {"duration": wait}}} if wait else {},
+            },
+            "robot": {
+                "count": 2,
+                "model": {"use": "single-integrator", "with": {"max_speed": 2.0}},
+                "state": [[0.0, 0.0], [0.0, 5.0]],
+                "knowledge": {"goal": [[distance, 0.0], [distance, 5.0]]},
+                "components": {
+                    "sense": {"use": "perception.self", **timing},
+                    "steer": {"use": "control.go-to-goal", "with": {"speed": 2.0}, **timing},
+                },
+            },
+        },
+        "transport": {"use": "tcp", "with": {"timeout": timeout}},
+    }
+
+
+@pytest.fixture
+def spread(tmp_path):
+    """Begin a run that several processes share; all of them are over when the test is."""
+    begun = []
+
+    def begin(scenario, *arguments, folder="spread", **options):
+        if isinstance(scenario, dict):
+            scenario = written(tmp_path / f"{scenario['name']}.yaml", scenario)
+        begun.append(Spread(tmp_path / folder, scenario, *arguments, **options))
+        return begun[-1]
+
+    yield begin
+    for each in begun:
+        each.close()
+
+
+def messages(log):
+    """All that a log says, in order, but for how fast the machine was."""
+    return [(each.channel.topic, each.time, each.data) for each in log.messages() if each.channel.topic != "/timing"]
+
+
+@pytest.fixture(scope="module")
+def crossings(tmp_path_factory, scenarios):
+    """crossing.yaml in one process, and twice in three: members that come after the host, and before it."""
+    folder, port = tmp_path_factory.mktemp("crossing"), free_port()
+    whole, runs = alone(folder, scenarios / "crossing.yaml", *SHORT), []
+    for name in ("host-first", "host-last"):
+        run = Spread(folder / name, scenarios / "crossing.yaml", *SHORT, port=port)
+        runs.append(run)
+        try:
+            if name == "host-first":
+                run.host().wait_for("waits at")
+                run.member("east", "robot.[6-9],robot.1?")
+            run.member("west", "agents.robot.[0-5]")
+            if name == "host-last":
+                run.member("east", "robot.[6-9],robot.1?")
+                run.host()
+            run.finish()
+        finally:
+            run.close()
+    return whole, runs
+
+
+def test_what_three_processes_record_together_is_what_one_records(crossings):
+    whole, runs = crossings
+    merged = runs[0].merged()
+    assert differences(whole, merged) == {}
+    assert whole.outcome == merged.outcome
+
+
+def test_the_host_records_the_world_as_one_process_does_to_the_byte(crossings):
+    whole, runs = crossings
+
+    def world(log):
+        return [each for each in messages(log) if each[0].startswith("/world/")]
+
+    assert len(world(whole)) == 61
+    assert world(whole) == world(open_log(runs[0].log("host")))
+
+
+def test_a_part_tells_of_its_own_agents_only(crossings):
+    _, runs = crossings
+    east, host = (open_log(runs[0].log(name)) for name in ("east", "host"))
+    assert {row for message in east.messages(["/agents/robot/control"]) for row in message.decode().rows} == {
+        *range(6, 12)
+    }
+    assert not any(topic.startswith("/world/") for topic in east.channels)
+    assert not any(topic.startswith("/agents/") for topic in host.channels)
+    assert east.manifest["part"] == {
+        "name": "east",
+        "host": False,
+        "agents": ["robot.6", "robot.7", "robot.8", "robot.9", "robot.10", "robot.11"],
+    }
+
+
+def test_who_came_first_does_not_show_and_every_run_gives_the_same_bytes(crossings):
+    _, (first, second) = crossings
+    for name in ("host", "west", "east"):
+        assert messages(open_log(first.log(name))) == messages(open_log(second.log(name)))
+
+
+def test_everybody_records_who_takes_part(crossings):
+    _, runs = crossings
+    for name in ("host", "west", "east"):
+        joined = events(open_log(runs[1].log(name)), "joined")
+        assert joined == [(0, "joined", "processes.west"), (0, "joined", "processes.east")]
+
+
+def test_python_components_messages_and_faults_are_the_same_too(spread, doubles, tmp_path):
+    run = spread(TALK)
+    run.host("--only", "car.1,walker.2")
+    run.member("west", "car.0,robot.[02],walker.[01]")
+    run.member("east", "car.2,robot.1,robot.3")
+    run.finish()
+    whole, merged = alone(tmp_path, run.scenario), run.merged()
+    assert differences(whole, merged) == {}
+    stages = Counter(each.stage for each in merged.communications())
+    assert stages["DELIVERED"] > 100
+    assert stages["DROPPED"] > 10
+    assert {source for _, _, source in events(merged, "thought")} == {f"agents.robot.{row}.think" for row in range(4)}
+
+
+def test_a_convoy_is_led_by_radio_from_another_process(spread, scenarios, tmp_path):
+    jammed = ("--set", "run.duration=4", "--set", "faults.jammer.at=2", "--set", "faults.jammer.for=1")
+    run = spread(scenarios / "convoy.yaml", *jammed)
+    run.host("--only", "south")
+    run.member("cars", "north_car.[3-4],south_car")
+    run.member("radio", "north,north_car.[0-2]")
+    run.finish()
+    assert differences(alone(tmp_path, run.scenario, *jammed), run.merged()) == {}
+
+
+def test_a_run_ends_when_goals_are_reached_in_other_processes(spread, tmp_path):
+    document = goal_seekers(distance=2.0)
+    run = spread(document)
+    run.host("--only", "ticker")
+    run.member("west", "robot.0")
+    run.member("east", "robot.1")
+    run.finish()
+    whole, merged = alone(tmp_path, run.scenario), run.merged()
+    assert differences(whole, merged) == {}
+    # Not a step later than in one process, and all say why.
+    assert whole.outcome == merged.outcome
+    texts = {[each.text for each in open_log(each.log).events()][-1] for each in run.processes}
+    assert texts == {[each.text for each in whole.events()][-1]}
+    assert "all(goals_reached)" in texts.pop()
+
+
+@pytest.fixture
+def goals(spread, doubles):
+    """Begin a run of three processes that lasts; return it, the host, and the members that run robot.0 and robot.1."""
+
+    def begin(*arguments, **options):
+        run = spread(goal_seekers(**options), *arguments)
+        processes = run.host("--only", "ticker"), run.member("west", "robot.0"), run.member("east", "robot.1")
+        for each in processes:
+            each.wait_for("east takes part")
+        return run, *processes
+
+    return begin
+
+
+def truth(log, row):
+    """Where a robot was at each step; shape (n, 2)."""
+    return np.array([message.decode().values[row] for message in log.messages(["/world/robot/state"])])
+
+
+def when(log, name):
+    """When an event was recorded, in steps; all of them."""
+    return [time // STEP for time, _, _ in events(log, name)]
+
+
+@pytest.mark.parametrize("coast", ["safe", "last"])
+def test_a_member_that_is_killed_is_reported_and_comes_back(goals, coast):
+    run, host, west, east = goals(wait=0.01, on_failure="isolate", coast=coast)
+    west.send(signal.SIGKILL)
+    for each in (host, east):
+        assert "west, which runs robot.0, is gone: " in each.wait_for("is gone")
+    back = run.member("west", "robot.0")
+    for each in (host, east, back):
+        each.wait_for("west is back")
+    assert run.end() == [0, -signal.SIGKILL, 0, 0]
+    logs = [open_log(each.log) for each in (host, east, back)]
+    [lost], [again] = (when(logs[0], name) for name in ("lost", "rejoined"))
+    assert [when(log, "lost") for log in logs] == [[lost], [lost], []]
+    assert [when(log, "rejoined") for log in logs] == [[again]] * 3
+    positions = truth(logs[0], 0)
+    if coast == "safe":
+        assert (positions[lost:again] == positions[lost]).all()
+    else:
+        assert np.allclose(np.diff(positions[lost - 1 : again], axis=0), positions[lost] - positions[lost - 1])
+    # It has come to its goal, as the run is over, and that because it moves again.
+    assert np.linalg.norm(positions[-1] - [4.0, 0.0]) < 0.3
+    assert logs[0].outcome["status"] == "finished"
+
+
+def test_the_logs_of_a_run_with_a_death_make_one_log(goals, command):
+    run, host, west, _ = goals(wait=0.02, distance=8.0, on_failure="isolate")
+    time.sleep(1.3)  # what a process has recorded is in its log after a second
+    west.send(signal.SIGKILL)
+    host.wait_for("is gone")
+    run.member("west", "robot.0")
+    run.end()
+    dead = command("inspect", west.log)
+    assert dead.returncode == 3, dead.stderr
+    merged = run.merged()
+    parts = [(part["name"], part["end_missing"]) for part in merged.manifest["parts"]]
+    assert parts == [("host", False), ("east", False), ("west", True), ("west", False)]
+    assert [len(events(merged, name)) for name in ("lost", "rejoined", "finished")] == [1, 1, 1]
+    moved = [
+        message.time // STEP for message in merged.messages(["/agents/robot/control"]) if 0 in message.decode().rows
+    ]
+    [lost], [again] = (when(merged, name) for name in ("lost", "rejoined"))
+    assert not [step for step in moved if lost < step < again]
+    assert [step for step in moved if step >= again]
+
+
+def test_by_default_the_death_of_a_member_ends_the_run(goals):
+    run, host, west, east = goals(wait=0.02, timeout=1.0, distance=1000.0)
+    west.send(signal.SIGKILL)
+    assert run.end() == [1, -signal.SIGKILL, 1]
+    for process in (host, east):
+        log = open_log(process.log)
+        assert log.outcome["status"] == "failed"
+        assert not log.damage
+        [(_, _, source)] = events(log, "lost")
+        assert source == "processes.west"
+        [failed] = [each for each in log.events() if each.name == "failed"]
+        assert "west, which runs robot.0, is gone: " in failed.text
+        assert failed.source == "agents.robot.sense"
+        assert "west, which runs robot.0, is gone: " in process.text
+
+
+@pytest.mark.slow
+def test_a_member_may_die_so_often_as_tries_says(goals):
+    run, host, west, _ = goals(wait=0.02, distance=1000.0, on_failure="restart", tries=1)
+    west.send(signal.SIGKILL)
+    host.wait_for("is gone")
+    back = run.member("west", "robot.0")
+    back.wait_for("west is back")
+    back.send(signal.SIGKILL)
+    assert run.end() == [1, -signal.SIGKILL, 1, -signal.SIGKILL]
+    assert [len(events(open_log(host.log), name)) for name in ("lost", "rejoined", "failed")] == [2, 1, 1]
+
+
+def test_members_outlive_their_host_for_a_while_and_finish_their_logs(goals):
+    run, host, west, east = goals(wait=0.02, timeout=0.4, distance=1000.0)
+    host.send(signal.SIGKILL)
+    assert run.end() == [-signal.SIGKILL, 1, 1]
+    for process in (west, east):
+        log = open_log(process.log)
+        assert (log.outcome["status"], log.damage) == ("failed", None)
+        assert [source for _, _, source in events(log, "lost")] == ["processes.host"]
+        assert "did not come back within 2 s" in process.text
+
+
+def test_ctrl_c_of_the_host_ends_all(goals):
+    run, host, *_ = goals(wait=0.02, distance=1000.0)
+    host.send(signal.SIGINT)
+    assert run.end() == [130, 130, 130]
+    for process in run.processes:
+        log = open_log(process.log)
+        assert (log.outcome["status"], log.damage) == ("interrupted", None)
+
+
+@pytest.mark.slow
+def test_ctrl_c_of_a_member_is_a_loss(goals):
+    run, _, west, east = goals(wait=0.02, distance=2.0, on_failure="isolate")
+    west.send(signal.SIGINT)
+    assert "west, which runs robot.0, is gone: it was interrupted" in east.wait_for("is gone")
+    run.member("west", "robot.0")
+    assert run.end() == [0, 130, 0, 0]
+    assert open_log(west.log).outcome["status"] == "interrupted"
+
+
+def test_a_component_that_fails_in_a_member_fails_the_run(spread, doubles):
+    document = goal_seekers(distance=1000.0)
+    document["agents"]["robot"]["components"]["trip"] = {"use": "doubles.fault", "with": {"at": 0.5}}
+    run = spread(document)
+    host, west = run.host("--only", "ticker,robot.1"), run.member("west", "robot.0")
+    assert run.end() == [1, 1]
+    for process in (host, west):
+        [failed] = [each for each in open_log(process.log).events() if each.name == "failed"]
+        assert failed.time == 10 * STEP
+        assert failed.source == "agents.robot.0.trip"
+        assert "ZeroDivisionError: a fault on purpose" in failed.text
+        assert "agents.robot.0.trip" in process.text
+
+
+def test_the_host_knows_where_everybody_is(spread, tmp_path):
+    run = spread(goal_seekers(distance=1000.0), "--set", "run.until=position['robot.0'][0] > 1.0")
+    run.host("--only", "ticker,robot.1")
+    run.member("west", "robot.0")
+    run.finish()
+    whole, merged = alone(tmp_path, run.scenario, "--set", "run.until=position['robot.0'][0] > 1.0"), run.merged()
+    assert differences(whole, merged) == {}
+    assert whole.outcome == merged.outcome
+
+
+def test_in_the_asynchronous_mode_the_host_waits_for_all_in_each_step(spread, scenarios, tmp_path):
+    # Without what depends on agents of other processes: the trigger, which would come with the next step, and the
+    # condition, which may hold for one of them.
+    alike = ("--set", "run.duration=4", "--set", "agents.robot.components.plan.trigger=null")
+    alike += ("--set", "agents.robot.components.fear.condition=null")
+    run = spread(scenarios / "asynchronous.yaml", *alike)
+    run.host("--only", "robot.[45]")
+    run.member("some", "robot.[0-3]")
+    run.finish()
+    assert differences(alone(tmp_path, run.scenario, *alike), run.merged()) == {}
+
+
+@pytest.mark.slow
+def test_an_asynchronous_run_is_repeatable(spread, scenarios):
+    port, logs = free_port(), []
+    for folder in ("one", "other"):
+        run = spread(scenarios / "asynchronous.yaml", folder=folder, port=port)
+        run.host("--only", "robot.[45]")
+        run.member("some", "robot.[01]")
+        run.member("more", "robot.[23]")
+        run.finish()
+        logs.append([messages(open_log(each.log)) for each in run.processes])
+    assert logs[0] == logs[1]
+
+
+def paced(distance, duration=None, timeout=2.0, **timing):
+    """`goal_seekers` in real time, in which both groups write down when they take their turns."""
+    document = goal_seekers(distance=distance, timeout=timeout, **timing)
+    document["run"]["pace"] = 1.0
+    if duration:
+        document["run"] = {"pace": 1.0, "duration": duration}
+    for group in document["agents"].values():
+        group["components"]["note"] = {"use": "doubles.progress"}
+    return document
+
+
+def test_in_real_time_all_keep_the_clock_of_the_host(spread, doubles, tmp_path, monkeypatch):
+    monkeypatch.setenv("PROGRESS", str(tmp_path / "progress"))
+    run = spread(paced(distance=1000.0, duration=2.0))
+    host, west = run.host("--only", "ticker,robot.1"), run.member("west", "robot.0")
+    run.finish()
+    for process in (host, west):
+        assert open_log(process.log).outcome["steps"] == 40
+    walls = {}
+    for wall, now in Progress.read(tmp_path / "progress"):
+        walls.setdefault(now, []).append(wall)
+    apart = [max(each) - min(each) for each in walls.values() if len(each) == 3]
+    assert len(apart) > 20
+    assert np.median(apart) < 0.05
+    # Control inputs come from the member.
+    assert truth(open_log(host.log), 0)[-1, 0] > 1.0
+
+
+@pytest.mark.slow
+def test_a_member_that_stands_still_for_too_long_comes_back_by_itself(spread, doubles, tmp_path, monkeypatch):
+    monkeypatch.setenv("PROGRESS", str(tmp_path / "progress"))
+    run = spread(paced(distance=10.0, timeout=1.0, on_failure="isolate"))
+    host, west = run.host("--only", "ticker,robot.1"), run.member("west", "robot.0")
+    west.wait_for("west takes part")
+    west.send(signal.SIGSTOP)
+    assert "is gone" in host.wait_for("is gone")
+    west.send(signal.SIGCONT)
+    for each in (host, west):
+        each.wait_for("west is back")
+    run.finish()
+    positions = truth(open_log(host.log), 0)
+    [lost], [again] = (when(open_log(host.log), name) for name in ("lost", "rejoined"))
+    assert (positions[lost + 1 : again] == positions[lost + 1]).all()
+    assert np.linalg.norm(positions[-1] - [10.0, 0.0]) < 0.3
+
+
+def test_garbage_at_the_port_changes_nothing_but_is_counted(goals, tmp_path):
+    run, host, *_ = goals(wait=0.02)
+    random = np.random.default_rng(1)
+    for number in range(60):
+        with socket.create_connection(("127.0.0.1", run.port)) as stranger, suppress(OSError):
+            stranger.sendall(b"GET / HTTP/1.1\r\n\r\n" if number % 2 else random.bytes(200))
+    run.finish()
+    found = differences(alone(tmp_path, run.scenario), run.merged())
+    assert found.keys() == {"/events"}
+    only_alone, only_shared = found["/events"]
+    assert not only_alone
+    assert {(name, source) for _, name, source, *_ in only_shared} == {("rejected", "run")}
+    last = [each for each in open_log(host.log).events() if each.name == "rejected"][-1]
+    assert last.data["total"]["garbage"] == 60
+    assert "garbage" in last.text
+
+
+@pytest.mark.slow
+def test_a_host_keeps_no_mail_of_agents_that_run_elsewhere(spread):
+    document = goal_seekers(distance=1e6)
+    document["run"] = {"duration": 100.0}
+    robot = document["agents"]["robot"]
+    robot |= {"count": 20, "state": {"circle": {"radius": 9.0}}, "knowledge": {"goal": [0.0, 0.0]}}
+    robot["components"] |= {"tell": {"use": "communication.broadcast"}, "hear": {"use": "communication.inbox"}}
+    run = spread(document, "--set", "recording.messages=none")
+    host, _ = run.host("--only", "ticker"), run.member("all", "robot")
+    host.wait_for("takes part")
+    resident = []
+    while host.is_running:
+        resident.append(host.memory)
+        time.sleep(0.1)
+    run.finish()
+    assert open_log(host.log).outcome["steps"] == 2000
+    used = [each for each in resident if each]
+    assert used[-1] - used[len(used) // 3] < 8e6, used
+
+
+@pytest.mark.slow
+def test_crossing_over_zenoh_is_the_same(spread, scenarios, crossings):
+    pytest.importorskip("zenoh")
+    run = spread(scenarios / "crossing.yaml", *SHORT, "--set", "transport.use=zenoh")
+    run.host("--only", "robot.[6-9],robot.1?")
+    run.member("west", "robot.[0-5]")
+    run.finish()
+    assert differences(crossings[0], run.merged()) == {}
+
+
+@pytest.mark.slow
+def test_a_death_is_noticed_over_zenoh(goals):
+    pytest.importorskip("zenoh")
+    run, host, west, east = goals("--set", "transport.use=zenoh", wait=0.02, timeout=1.0, distance=1000.0)
+    west.send(signal.SIGKILL)
+    assert run.end() == [1, -signal.SIGKILL, 1]
+    for process in (host, east):
+        assert "west, which runs robot.0, is gone: " in process.text
+
+
+@pytest.mark.slow
+def test_all_verbs_take_the_log_of_a_run_that_was_spread(crossings, command):
+    _, runs = crossings
+    logs = [each.log for each in runs[0].processes]
+    assert command("merge", *logs, "-o", "crossing.mcap").returncode == 0
+    for arguments in (
+        ("inspect", "crossing.mcap"),
+        ("replay", "crossing.mcap", "--screenshot", "crossing.png", "--at", "2"),
+        ("plot", "crossing.mcap", "-o", "risk.png"),
+    ):
+        done = command(*arguments)
+        assert done.returncode == 0, (arguments, done.stderr)

@@ -1,0 +1,56 @@
+"""What components require of their world, and the bodies that they name."""
+
+import pytest
+import yaml
+
+from symaware_cli.components.perception_camera import Camera
+from symaware_cli.scenario.build import build
+from symaware_cli.scenario.problem import ScenarioError
+
+SCENARIO = {
+    "symaware": 1,
+    "name": "watched",
+    "run": {"duration": 0.2},
+    "environment": {
+        "use": "pybullet",
+        "entities": {"tower": {"shape": {"circle": {"radius": 0.5}}, "position": [2, 0]}},
+    },
+    "agents": {
+        "robot": {
+            "count": 2,
+            "model": {"use": "unicycle"},
+            "state": {"all": [0, 0, 0]},
+            "components": {"eye": {"use": "perception.camera", "with": {"look_at": "tower"}}},
+        }
+    },
+}
+
+
+def problems(path, *overrides):
+    path = path / "watched.yaml"
+    path.write_text(yaml.safe_dump(SCENARIO))
+    try:
+        build(path, overrides).simulation.environment.close()
+    except ScenarioError as error:
+        return [(problem.code, problem.path) for problem in error.problems]
+    return []
+
+
+@pytest.mark.parametrize("whom", ["tower", "robot.1", "[1, 2, 3]", "null"])
+def test_who_has_what_it_requires_is_made(whom, tmp_path):
+    assert problems(tmp_path, f"agents.robot.components.eye.with.look_at={whom}") == []
+
+
+def test_a_body_that_is_not_there_is_told_of_where_it_is_named(tmp_path):
+    found = problems(tmp_path, "agents.robot.components.eye.with.look_at=robot")
+    assert found == [("unknown-target", "agents.robot.components.eye.with.look_at")]
+
+
+@pytest.mark.parametrize("world", ["kinematic", "pymunk"])
+def test_a_world_that_lacks_what_is_required_is_told_of_before_the_run(world, tmp_path):
+    assert problems(tmp_path, f"environment.use={world}") == [("unsuitable", "agents.robot.components.eye")]
+
+
+def test_a_component_that_names_a_parameter_it_has_not_is_at_fault_itself(tmp_path, monkeypatch):
+    monkeypatch.setattr(Camera, "bodies", {"nowhere": "agent or entity"})
+    assert problems(tmp_path) == [("broken-plugin", "agents.robot.components.eye")]
