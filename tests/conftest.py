@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 from simulating import COMMAND
-from symaware_doubles import COMPONENTS, ENVIRONMENTS
+from symaware_doubles import COMPONENTS, ENVIRONMENTS, TRANSPORTS
 
 
 def pytest_configure() -> None:
@@ -47,6 +47,7 @@ def doubles(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.Monkey
     lines = [
         *("[symaware.components]", *(f"{name} = symaware_doubles:{kind}" for name, kind in COMPONENTS.items())),
         *("[symaware.environments]", *(f"{name} = symaware_doubles:{kind}" for name, kind in ENVIRONMENTS.items())),
+        *("[symaware.transports]", *(f"{name} = symaware_doubles:{kind}" for name, kind in TRANSPORTS.items())),
     ]
     (information / "entry_points.txt").write_text("\n".join(lines))
     path = [str(installed), str(here), os.environ.get("PYTHONPATH", "")]

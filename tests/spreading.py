@@ -208,6 +208,37 @@ def events(log: Log, *names: str) -> list[tuple[int, str, str]]:
     return [(each.time, each.name, each.source) for each in log.events() if each.name in names]
 
 
+def goal_seekers(wait: float = 0.0, timeout: float = 2.0, distance: float = 4.0, **timing: object) -> dict[str, Any]:
+    """Two robots that go to their goals, and somebody who takes some wall time in each step [s], if that is wanted.
+
+    Until both are there: then a test that kills one of them ends when it has come back, whatever the machine is like.
+    """
+    return {
+        "symaware": 1,
+        "name": "goals",
+        "run": {"duration": 1000.0, "until": "all(goals_reached)"},
+        "environment": {"use": "kinematic", "with": {"time_step": 0.05}},
+        "agents": {
+            "ticker": {
+                "model": {"use": "single-integrator"},
+                "state": [50.0, 50.0],
+                "components": {"tick": {"use": "doubles.sleeper", "with": {"duration": wait}}} if wait else {},
+            },
+            "robot": {
+                "count": 2,
+                "model": {"use": "single-integrator", "with": {"max_speed": 2.0}},
+                "state": [[0.0, 0.0], [0.0, 5.0]],
+                "knowledge": {"goal": [[distance, 0.0], [distance, 5.0]]},
+                "components": {
+                    "sense": {"use": "perception.self", **timing},
+                    "steer": {"use": "control.go-to-goal", "with": {"speed": 2.0}, **timing},
+                },
+            },
+        },
+        "transport": {"use": "tcp", "with": {"timeout": timeout}},
+    }
+
+
 def written(path: Path, document: dict[str, Any]) -> Path:
     """Write a scenario."""
     path.write_text(json.dumps(document))

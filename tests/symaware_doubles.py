@@ -13,6 +13,7 @@ from pydantic import Field
 
 from symaware_cli import Component, Controller, GroupComponent, Parameters, TimeSeries
 from symaware_cli.environments.kinematic import KinematicEnvironment
+from symaware_cli.network.transport.tcp import Tcp
 
 #: What tests/conftest.py registers, by entry-point name.
 COMPONENTS = {
@@ -28,7 +29,8 @@ COMPONENTS = {
     "doubles.risk": "Risk",
     "doubles.thinker": "Thinker",
 }
-ENVIRONMENTS = {"doubles.faulty-world": "FaultyWorld"}
+ENVIRONMENTS = {"doubles.faulty-world": "FaultyWorld", "doubles.lonely-world": "LonelyWorld"}
+TRANSPORTS = {"doubles.loud": "Loud"}
 
 
 # fmt: off
@@ -248,6 +250,20 @@ class FaultyWorld(KinematicEnvironment):
     def contacts(self):
         self._broken("contacts")
         return super().contacts()
+
+
+class LonelyWorld(KinematicEnvironment):
+    """A world that other processes cannot follow."""
+
+    is_shared = False
+
+
+class Loud(Tcp):
+    """A transport of somebody else: says where it listens."""
+
+    def listen(self, host, port, key=None):
+        Path("loud.txt").write_text(f"{host}:{port}")
+        return super().listen(host, port, key)
 
 
 class Gaze(Controller):

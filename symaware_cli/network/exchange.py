@@ -15,32 +15,12 @@ from symaware_cli.core.message import EVERYBODY, Indices
 from symaware_cli.network.channel.channel import QUEUE_FULL, TOO_OLD, Fates
 from symaware_cli.network.disturbance import Disturbance
 from symaware_cli.network.inbox import Inboxes
+from symaware_cli.network.neighbours import Neighbours
 from symaware_cli.network.network import Change, Network
 from symaware_cli.network.passage import WAITS, Parcel, Passage
 from symaware_cli.network.size import mailing_size, message_size
-from symaware_cli.network.traffic import Traffic, chosen
+from symaware_cli.network.traffic import Traffic, chosen, spoken
 from symaware_cli.network.underway import UnderWay
-
-
-class _Neighbours(Sequence[str]):
-    """Ids of which few are asked for, such as one at random of a thousand."""
-
-    def __init__(self, ids: Sequence[str], indices: Indices) -> None:
-        self._ids = ids
-        self._indices = indices
-
-    def __getitem__(self, place: Any) -> Any:
-        if isinstance(place, slice):
-            return [self._ids[index] for index in self._indices[place].tolist()]
-        return self._ids[self._indices[place]]
-
-    def __len__(self) -> int:
-        return len(self._indices)
-
-    def __eq__(self, other: object) -> bool:
-        return list(self) == other
-
-    __hash__ = None  # type: ignore[assignment]
 
 
 class UnknownReceiverError(Exception):
@@ -143,7 +123,7 @@ class MemoryExchange:
         Raises:
             UnknownReceiverError: There is no such agent.
         """
-        return _Neighbours(self._ids, self._reached(self._known(sender)))
+        return Neighbours(self._ids, self._reached(self._known(sender)))
 
     def _reached(self, sender: int) -> Indices:
         network = self.network
@@ -256,7 +236,7 @@ class MemoryExchange:
     def post(self, mailing: Mailing, at: int | None = None) -> None:
         """Take the messages of many agents at once; its columns must not be changed any more. See `send`."""
         if self._muted is not None:
-            mailing = _spoken(mailing, ~self._muted[mailing.senders])
+            mailing = spoken(mailing, ~self._muted[mailing.senders])
         if self._outlet is not None:
             if len(mailing.senders):
                 self._outlet(mailing)
@@ -406,15 +386,6 @@ class MemoryExchange:
     def collect(self, reader: str) -> Sequence[Delivery | Message]:
         """Hand over what arrived for a whole group since the last call, in columns; see `Inboxes`."""
         return self.inboxes.collect(reader)
-
-
-def _spoken(mailing: Mailing, speaks: NDArray[np.bool_]) -> Mailing:
-    """What some of the senders of a mailing say."""
-    if speaks.all():
-        return mailing
-    columns = {name: values[speaks] for name, values in mailing.columns.items()}
-    receivers = None if mailing.receivers is None else mailing.receivers[speaks]
-    return replace(mailing, senders=mailing.senders[speaks], columns=columns, receivers=receivers)
 
 
 def _copied(value: Any) -> Any:

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core import Delivery, Message
+from symaware_cli.core import Delivery, Mailing, Message
 from symaware_cli.core.message import Indices
 
 Stage = Literal["sent", "delivered", "dropped"]
@@ -66,3 +66,12 @@ def chosen(delivery: Delivery, places: Indices | NDArray[np.bool_] | slice) -> D
         sequences=delivery.sequences[places],
         due=delivery.due[places],
     )
+
+
+def spoken(mailing: Mailing, speaks: NDArray[np.bool_]) -> Mailing:
+    """What some of the senders of a mailing say."""
+    if speaks.all():
+        return mailing
+    columns = {name: values[speaks] for name, values in mailing.columns.items()}
+    receivers = None if mailing.receivers is None else mailing.receivers[speaks]
+    return replace(mailing, senders=mailing.senders[speaks], columns=columns, receivers=receivers)

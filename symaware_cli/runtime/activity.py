@@ -8,7 +8,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from symaware_cli.core import Component, Event, GroupComponent, Level, SubscriberError
-from symaware_cli.core.column import Column
+from symaware_cli.core.column import Array
 from symaware_cli.core.random import generator
 from symaware_cli.runtime.agenda import Phase
 from symaware_cli.runtime.expression import EvaluationError
@@ -16,6 +16,7 @@ from symaware_cli.runtime.failure import RunError, describe
 from symaware_cli.runtime.interruption import Interrupted
 from symaware_cli.runtime.occasion import Recurrence, concerned
 from symaware_cli.runtime.scope import AgentScope
+from symaware_cli.runtime.scrutiny import Scrutiny
 from symaware_cli.runtime.supervision import Disturb, Supervision
 from symaware_cli.runtime.task import FAILED, Task
 from symaware_cli.runtime.timing import Duration
@@ -51,10 +52,8 @@ class Activity:
         self._timing = slot.timing
         self._group = slot.group
         self._is_group = isinstance(slot.components[0], GroupComponent)
-        self._columns = (
-            (slot.group.control_column, "control input"),
-            (slot.group.awareness.state_column, "state"),
-        )
+        self._scrutiny = Scrutiny(slot.group)
+        self._written = slot.group.control_column, slot.group.awareness.state_column
         self._row_of = {id: row for row, id in enumerate(slot.group.ids)}
         #: Who takes no part at present, and what faults make of the others.
         self._supervision = Supervision(run.simulation, slot)
@@ -154,9 +153,9 @@ class Activity:
             raise self._failure(component, describe(error), error) from error
         finally:
             run.interruption.shield()
-        for column, what in self._columns:
-            if column.fresh:
-                self._check(column, what, None)
+        control, state = self._written
+        if control.fresh or state.fresh:
+            self._check(None)
 
     def _take_each(self, rows: Iterable[int]) -> None:
         """Some components, each looked at by itself."""
@@ -175,7 +174,7 @@ class Activity:
                         Task(self, row, components[row]).start()
                     else:
                         self.attempt(row, components[row].compute_and_update)
-        self._check_all(before)
+        self._check(before)
         if self._timing.period == 0:
             for row in rows:
                 if row not in self._busy:
@@ -272,7 +271,7 @@ class Activity:
                     component._announce("computed")
                 self.attempt(row, component.update, value)
                 landed.append(row)
-        self._check_all(before)
+        self._check(before)
         for row in landed:
             self.over(row)
 
@@ -419,14 +418,12 @@ class Activity:
         """Go on with a turn that waited for something."""
         if not self._guarded:
             call(value)
-            for column, what in self._columns:
-                if column.fresh:
-                    self._check(column, what, None)
+            self._check(None)
             return
         before = self._before()
         with self._supervision.watched():
             call(value)
-        self._check_all(before)
+        self._check(before)
 
     def occupy(self, row: int, task: Task) -> None:
         """A component is busy with a turn that may take time."""
@@ -439,41 +436,27 @@ class Activity:
         del self._busy[row]
         return True
 
-    def _before(self) -> list[Any] | None:
+    def _before(self) -> Sequence[Array] | None:
         """What stands in the columns, to go back to if it is overwritten with what is not finite."""
-        return None if self._timing.on_failure == "stop" else [column.values for column, _ in self._columns]
+        return None if self._timing.on_failure == "stop" else self._scrutiny.present()
 
-    def _check_all(self, before: list[Any] | None) -> None:
-        for number, (column, what) in enumerate(self._columns):
-            if column.fresh:
-                self._check(column, what, None if before is None else before[number])
-
-    def _check(self, column: Column, what: str, before: Any) -> None:
+    def _check(self, before: Sequence[Array] | None) -> None:
         """Look for what is not finite in what was written.
 
         Raises:
             RunError: Something is not, and that ends the run.
         """
-        column.fresh = False
-        rows = column.non_finite_rows()
-        if not rows:
-            return
-        ids, group = [self._group.ids[row] for row in rows], self._group
-        others = f", and so for {len(ids) - 1} more agents" if len(ids) > 1 else ""
-        problem = f"its {what} is not finite: {column.row(rows[0]).tolist()}{others}"
-        source = f"agents.{ids[0]}.{self.slot.name}"
-        failure = RunError(source, self.slot.use, self._simulation.clock.now, problem)
-        if before is None:
-            raise failure
-        for row in rows:
-            column.set_row(row, before[row])
-        column.fresh = False
-        if self._is_group:
-            self.fail(0, failure, rows)
-            return
-        for row in rows:
-            source = f"agents.{group.ids[row]}.{self.slot.name}"
-            self.fail(row, RunError(source, self.slot.use, failure.time, f"its {what} is not finite"))
+        ids, name, now = self._group.ids, self.slot.name, self._simulation.clock.now
+        for rows, problem in self._scrutiny.offences(before):
+            others = f", and so for {len(rows) - 1} more agents" if len(rows) > 1 else ""
+            failure = RunError(f"agents.{ids[rows[0]]}.{name}", self.slot.use, now, problem + others)
+            if before is None:
+                raise failure
+            if self._is_group:
+                self.fail(0, failure, rows)
+                continue
+            for row in rows:
+                self.fail(row, RunError(f"agents.{ids[row]}.{name}", self.slot.use, now, problem.partition(":")[0]))
 
 
 def _is_coroutine(component: Component | GroupComponent) -> bool:

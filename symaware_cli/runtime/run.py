@@ -11,14 +11,14 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from symaware_cli.core import AgentGroup, Component, Event, GroupComponent, Level, SubscriberError
+from symaware_cli.core import AgentGroup, Event, Level, SubscriberError
 from symaware_cli.core.column import Array, Column, is_finite
-from symaware_cli.core.event import RECURRING
 from symaware_cli.recording.error import LogError
 from symaware_cli.recording.recorder import Recorder
 from symaware_cli.runtime.activity import Activity
 from symaware_cli.runtime.agenda import Agenda, LivelockError
 from symaware_cli.runtime.attendance import Attendance
+from symaware_cli.runtime.blame import blame_circle, blame_subscriber
 from symaware_cli.runtime.expression import EvaluationError, Expression
 from symaware_cli.runtime.failure import RunError, describe
 from symaware_cli.runtime.interruption import Interrupted, Interruption
@@ -30,6 +30,7 @@ from symaware_cli.runtime.simulation import Simulation
 from symaware_cli.runtime.summary import Observer, Summary
 from symaware_cli.runtime.switchboard import Switchboard
 from symaware_cli.runtime.terms import Terms
+from symaware_cli.runtime.witness import witness
 from symaware_cli.runtime.workers import Workers
 
 if TYPE_CHECKING:
@@ -117,21 +118,7 @@ class Run:
         self.workers = Workers(simulation, remote, terms.workers)
         self.ongoing_faults: dict[str, Callable[[], None]] = {}
         if recorder:
-            events, clock = simulation.events, simulation.clock
-            for name, record in (
-                ("*", lambda event: None if company and event.subject is company else recorder.event(event)),
-                ("contact", lambda event: recorder.contact(event.subject, event.time)),
-                ("sent", _singly(lambda event: recorder.message(event.subject, clock.now, delivered=False))),
-                ("received", _singly(lambda event: recorder.message(event.subject, clock.now, delivered=True))),
-                ("dropped", _singly(lambda event: recorder.lost(event.subject, clock.now, event.data["reason"]))),
-                ("traffic", lambda event: recorder.traffic(event.subject, event.time)),
-            ):
-                # Events fire within turns, too, where signals are let through.
-                events.subscribe(name, self.interruption.shielded(record))
-            simulation.recorders += 1
-            if recorder.wants_recurring:
-                for name in sorted(RECURRING - {"traffic"}):
-                    events.subscribe(name, self.interruption.shielded(recorder.recurring))
+            witness(recorder, simulation, self.interruption, company)
             if self.pacer:
                 recorder.pace = self.pacer.kept.figures
         self.activities = [Activity(self, slot, place) for place, slot in enumerate(simulation.slots)]
@@ -202,9 +189,9 @@ class Run:
             simulation.announce("finished", "run", reason, level=Level.WARNING if waiting else Level.INFO, **data)
             return reason
         except SubscriberError as error:
-            self._blame_subscriber(error)
+            raise blame_subscriber(simulation, error) from error
         except LivelockError as error:
-            self._blame_circle(error)
+            raise blame_circle(simulation, error) from error
         except (RunError, LogError):
             raise
         except Exception as error:
@@ -387,25 +374,9 @@ class Run:
                 problem = f"the state of {group.ids[row]} is not finite: {truth[row].tolist()}"
                 raise RunError("environment", simulation.environment_use, simulation.clock.now, problem)
 
-    def _blame_circle(self, error: LivelockError) -> NoReturn:
-        slots = [self.simulation.slots[place] for place in error.places if place >= 0]
-        names = ", ".join(f"`{slot.path}`" for slot in slots)
-        problem = f"no time passes any more: {names} take turn after turn at one instant"
-        source, plugin = (slots[0].path, slots[0].use) if slots else ("run", "symaware")
-        raise RunError(source, plugin, self.simulation.clock.now, problem) from error
-
     def _blame_world(self, error: BaseException) -> NoReturn:
         use, now = self.simulation.environment_use, self.simulation.clock.now
         raise RunError("environment", use, now, describe(error), error) from error
-
-    def _blame_subscriber(self, error: SubscriberError) -> NoReturn:
-        cause = error.__cause__ or error
-        problem = f"{error}: {describe(cause)}"
-        owner = getattr(error.subscriber, "__self__", None)
-        source, plugin = error.event.source, "subscriber"
-        if isinstance(owner, Component | GroupComponent):
-            source, plugin = owner.path, owner.use
-        raise RunError(source, plugin, self.simulation.clock.now, problem, cause) from error
 
     def _announce_contacts(self) -> None:
         now = self.simulation.clock.now
@@ -457,8 +428,3 @@ class Run:
             failures=sum(each.failures for each in self.activities),
             pace=self.pacer.kept if self.pacer else None,
         )
-
-
-def _singly(record: Callable[[Event], Any]) -> Callable[[Event], Any]:
-    """Leave out messages that are recorded in columns."""
-    return lambda event: None if "traffic" in event.data else record(event)

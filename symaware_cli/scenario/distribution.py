@@ -79,7 +79,7 @@ def _chosen(built: Built, place: Place) -> tuple[str, ...]:
             raise DistributionError(f"--only names `{pattern}`, and there is no such agent or group{hint}") from None
     if place.role == "member" and not chosen:
         raise DistributionError("a process that joins runs some of the agents; say which with --only")
-    if len(chosen) == len(roster):
+    if place.role == "host" and len(chosen) == len(roster):
         raise DistributionError("--only leaves nobody for other processes; without it and them, one process runs all")
     return tuple(roster.ids[index] for index in sorted(chosen))
 

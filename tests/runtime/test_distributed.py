@@ -8,7 +8,7 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
-from spreading import Spread, alone, differences, events, free_port, written
+from spreading import Spread, alone, differences, events, free_port, goal_seekers, written
 from symaware_doubles import Progress
 
 from symaware_cli import open_log
@@ -70,37 +70,6 @@ TALK = {
         "cut": {"at": 1.5, "for": 0.5, "drop": {"sender": "robot.2"}},
     },
 }
-
-
-def goal_seekers(wait=0.0, timeout=2.0, distance=4.0, **timing):
-    """Two robots that go to their goals, and somebody who takes some wall time in each step [s], if that is wanted.
-
-    Until both are there: then a test that kills one of them ends when it has come back, whatever the machine is like.
-    """
-    return {
-        "symaware": 1,
-        "name": "goals",
-        "run": {"duration": 1000.0, "until": "all(goals_reached)"},
-        "environment": {"use": "kinematic", "with": {"time_step": 0.05}},
-        "agents": {
-            "ticker": {
-                "model": {"use": "single-integrator"},
-                "state": [50.0, 50.0],
-                "components": {"tick": {"use": "doubles.sleeper", "with": {"duration": wait}}} if wait else {},
-            },
-            "robot": {
-                "count": 2,
-                "model": {"use": "single-integrator", "with": {"max_speed": 2.0}},
-                "state": [[0.0, 0.0], [0.0, 5.0]],
-                "knowledge": {"goal": [[distance, 0.0], [distance, 5.0]]},
-                "components": {
-                    "sense": {"use": "perception.self", **timing},
-                    "steer": {"use": "control.go-to-goal", "with": {"speed": 2.0}, **timing},
-                },
-            },
-        },
-        "transport": {"use": "tcp", "with": {"timeout": timeout}},
-    }
 
 
 @pytest.fixture
@@ -414,7 +383,7 @@ def paced(distance, duration=None, timeout=2.0, **timing):
     if duration:
         document["run"] = {"pace": 1.0, "duration": duration}
     for group in document["agents"].values():
-        group["components"]["note"] = {"use": "doubles.progress"}
+        group["components"]["note"] = {"use": "doubles.progress", **timing}
     return document
 
 
@@ -475,7 +444,7 @@ def test_a_host_keeps_no_mail_of_agents_that_run_elsewhere(spread):
     document = goal_seekers(distance=1e6)
     document["run"] = {"duration": 100.0}
     robot = document["agents"]["robot"]
-    robot |= {"count": 20, "state": {"circle": {"radius": 9.0}}, "knowledge": {"goal": [0.0, 0.0]}}
+    robot |= {"count": 5, "state": {"circle": {"radius": 9.0}}, "knowledge": {"goal": [0.0, 0.0]}}
     robot["components"] |= {"tell": {"use": "communication.broadcast"}, "hear": {"use": "communication.inbox"}}
     run = spread(document, "--set", "recording.messages=none")
     host, _ = run.host("--only", "ticker"), run.member("all", "robot")

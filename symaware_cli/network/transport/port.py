@@ -17,11 +17,14 @@ from typing import Any, get_args
 
 from symaware_cli.core import Happening, Port, TransportError, TransportParameters
 from symaware_cli.core.transport import Rejection
-from symaware_cli.network.transport.connection import Connection
+from symaware_cli.network.transport.connection import PARTING, Connection
 from symaware_cli.network.transport.conversation import Conversation, Over
 
 #: The time before a member tries to connect again, at first [s].
 _FIRST_PAUSE = 0.05
+
+#: How long it may take to close a port; what is still not over then goes on without anybody to wait for it [s].
+_CLOSING = 1.25 * PARTING
 
 #: How often a port looks at the clock within the timeout.
 _TICKS = 16
@@ -127,7 +130,7 @@ class LoopPort(Port):
         self.later(self._end.set)
         self._closed = True
         if self._thread.is_alive():
-            self._thread.join()
+            self._thread.join(_CLOSING)
         atexit.unregister(self.close)
 
     def _hand_over(self, peer: int, what: bytes | str) -> None:

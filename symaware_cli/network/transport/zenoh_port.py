@@ -188,6 +188,10 @@ class ZenohPort(LoopPort):
             self._room.notify_all()
         if session is None:
             return
+        if self.ending:
+            # Right here, as the interpreter may be about to end, and then lets nobody start a thread any more.
+            session.close()
+            return
         closed = asyncio.Event()
 
         def work() -> None:

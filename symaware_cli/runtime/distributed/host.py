@@ -260,6 +260,10 @@ class Host(Company):
         if run.is_under_way:
             text = f"{member.name} is back and runs {listed(agents)}"
             self._tell_all("rejoined", member, text, Level.WARNING)
+        elif missing := self._missing:
+            # For who watches; the log tells of all when the run begins.
+            text = f"{member.name} is there; waits for {listed(missing)}"
+            self._fire(Notice("waiting", "run", "INFO", text, {"agents": missing}), recorded=False)
 
     def _objection(self, peer: int, hello: Hello) -> Refusal | None:
         """What speaks against taking a process in."""

@@ -65,7 +65,8 @@ class Member(Company):
         self._rows = [(group, rows) for group in simulation.groups if len(rows := rows_of(group, here))]
         simulation.exchange.divert(self._post)
         simulation.events.subscribe("*", self._on_event)
-        step = self._await(-1, time.monotonic() + self._patience, f"no host at {self.port.address} took us in")
+        problem = f"no host at {self.port.address} took us in within {self._patience:g} s"
+        step = self._await(-1, time.monotonic() + self._patience, problem)
         if step is None:
             self._blame_end()
         run.join(step.step, step.time)

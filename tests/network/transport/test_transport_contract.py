@@ -361,6 +361,18 @@ def test_a_process_that_never_closes_its_ports_ends(kind: type[Transport]) -> No
     assert (done.returncode, done.stdout, done.stderr) == (0, "came came\n", "")
 
 
+def test_a_transport_whose_library_is_not_there_says_what_to_install() -> None:
+    script = (
+        "import sys\n"
+        "sys.modules['zenoh'] = None\n"
+        "from symaware_cli.core import TransportError\n"
+        "from symaware_cli.network.transport.zenoh import Zenoh\n"
+        "try:\n    Zenoh().listen('127.0.0.1', 0)\nexcept TransportError as error:\n    print(error)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert "pip install 'symaware-cli[zenoh]'" in done.stdout
+
+
 def test_ports_leave_no_thread_and_no_descriptor(make: Callable[..., Transport]) -> None:
     transport = make()
 

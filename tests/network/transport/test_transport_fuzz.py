@@ -221,24 +221,95 @@ def test_a_crowd_that_says_nothing_does_not_keep_a_member_out() -> None:
             connection.close()
 
 
+class Member:
+    """A member that says what it is told to, over a plain socket."""
+
+    def __init__(self, port: Port, key: bytes | None) -> None:
+        self._socket = socket.create_connection(("127.0.0.1", number(port)))
+        self._stream = self._socket.makefile("rb")
+        self._conversation = Conversation(False, key, 2**20, 2.0, time.monotonic())
+        self.say(self._conversation.preamble)
+        self._conversation.hear(self._stream.read(PREAMBLE), time.monotonic())
+        while True:
+            for each in self._conversation.outgoing:
+                self.say(self.record(*each))
+            self._conversation.outgoing.clear()
+            if self._conversation.open:
+                break
+            length = int.from_bytes(self._stream.read(4))
+            self._conversation.hear(self._stream.read(length), time.monotonic())
+        self.peer = expect(port, "came").peer
+
+    def record(self, kind: int, content: bytes) -> bytes:
+        record = self._conversation.record(kind, content)
+        return len(record).to_bytes(4) + record
+
+    def say(self, data: bytes) -> None:
+        self._socket.sendall(data)
+
+    def close(self) -> None:
+        self._stream.close()
+        self._socket.close()
+
+
+@pytest.fixture(params=[None, KEY], ids=["open", "sealed"])
+def guest(request: pytest.FixtureRequest) -> Iterator[tuple[Port, Member]]:
+    with Tcp(Tcp.Parameters(timeout=60.0, maximum_frame=2000)).listen("127.0.0.1", 0, request.param) as port:
+        member = Member(port, request.param)
+        yield port, member
+        member.close()
+
+
+def test_records_may_arrive_in_any_pieces(guest: tuple[Port, Member]) -> None:
+    port, member = guest
+    dice = random.Random(2)
+    frames = [dice.randbytes(dice.choice([0, 1, 5, 300, 2000])) for _ in range(60)]
+    data = b"".join(member.record(FRAME, frame) for frame in frames)
+    while data:
+        size = dice.choice([1, 2, 3, 50, 3000])
+        member.say(data[:size])
+        data = data[size:]
+    assert [expect(port, "frame").frame for _ in frames] == frames
+
+
+@pytest.mark.parametrize(
+    ("said", "rejection"),
+    [
+        (b"\xff\xff\xff\xff", "oversized"),
+        ((2000 + 1 + 41).to_bytes(4), "oversized"),
+        (bytes(4), None),
+        ((100).to_bytes(4) + bytes(100), None),
+    ],
+)
+def test_what_is_no_record_ends_the_connection(
+    guest: tuple[Port, Member], said: bytes, rejection: str | None, request: pytest.FixtureRequest
+) -> None:
+    port, member = guest
+    member.say(member.record(FRAME, b"well") + said)
+    assert expect(port, "frame").frame == b"well"
+    assert expect(port, "gone").peer == member.peer
+    sealed = "sealed" in request.node.name
+    assert port.rejected[rejection or ("unauthenticated" if sealed else "garbage")] == 1  # type: ignore[index]
+    assert sum(port.rejected.values()) == 1
+
+
 def test_a_record_that_was_taken_before_ends_the_connection() -> None:
-    transport = Tcp()
-    with transport.listen("127.0.0.1", 0, KEY) as port:
-        connection = socket.create_connection(("127.0.0.1", number(port)))
-        with connection, connection.makefile("rb") as stream:
-            conversation = Conversation(False, KEY, 2**20, 2.0, time.monotonic())
-            connection.sendall(conversation.preamble)
-            conversation.hear(stream.read(PREAMBLE), time.monotonic())
-            while not conversation.open or conversation.outgoing:
-                for each in conversation.outgoing:
-                    record = conversation.record(*each)
-                    connection.sendall(len(record).to_bytes(4) + record)
-                conversation.outgoing.clear()
-                if not conversation.open:
-                    conversation.hear(stream.read(int.from_bytes(stream.read(4))), time.monotonic())
-            peer = expect(port, "came").peer
-            record = conversation.record(FRAME, b"once")
-            connection.sendall(2 * (len(record).to_bytes(4) + record))
-            assert expect(port, "frame").frame == b"once"
-            assert expect(port, "gone").peer == peer
-            assert port.rejected["replayed"] == 1
+    with Tcp().listen("127.0.0.1", 0, KEY) as port:
+        member = Member(port, KEY)
+        member.say(2 * member.record(FRAME, b"once"))
+        assert expect(port, "frame").frame == b"once"
+        assert expect(port, "gone").peer == member.peer
+        assert port.rejected["replayed"] == 1
+        member.close()
+
+
+def test_half_a_frame_and_then_nothing_takes_no_more_memory_than_came() -> None:
+    with Tcp(Tcp.Parameters(timeout=60.0, maximum_frame=2**30)).listen("127.0.0.1", 0) as port:
+        before = resident()
+        members = [Member(port, None) for _ in range(20)]
+        for member in members:
+            member.say((2**30).to_bytes(4) + bytes(1000))
+        assert port.receive(0.1) is None
+        assert resident() - before < 20e6
+        for member in members:
+            member.close()

@@ -1,0 +1,32 @@
+"""Whose fault it is that a run cannot go on, where the exception does not say."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from symaware_cli.core import Component, GroupComponent, SubscriberError
+from symaware_cli.runtime.agenda import LivelockError
+from symaware_cli.runtime.failure import RunError, describe
+
+if TYPE_CHECKING:
+    from symaware_cli.runtime.simulation import Simulation
+
+
+def blame_circle(simulation: Simulation, error: LivelockError) -> RunError:
+    """Name those who wake each other without end."""
+    slots = [simulation.slots[place] for place in error.places if place >= 0]
+    names = ", ".join(f"`{slot.path}`" for slot in slots)
+    problem = f"no time passes any more: {names} take turn after turn at one instant"
+    source, plugin = (slots[0].path, slots[0].use) if slots else ("run", "symaware")
+    return RunError(source, plugin, simulation.clock.now, problem)
+
+
+def blame_subscriber(simulation: Simulation, error: SubscriberError) -> RunError:
+    """Name the component that raised when it was told of an event, or else the event."""
+    cause = error.__cause__ or error
+    problem = f"{error}: {describe(cause)}"
+    owner = getattr(error.subscriber, "__self__", None)
+    source, plugin = error.event.source, "subscriber"
+    if isinstance(owner, Component | GroupComponent):
+        source, plugin = owner.path, owner.use
+    return RunError(source, plugin, simulation.clock.now, problem, cause)

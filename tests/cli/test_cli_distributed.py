@@ -1,0 +1,206 @@
+"""`symaware run` as one of several processes: what it refuses, in one sentence, and how it leaves."""
+
+import signal
+import socket
+
+import pytest
+from spreading import Spread, free_port, goal_seekers, written
+from typer.testing import CliRunner
+
+from symaware_cli import open_log
+from symaware_cli.cli.application import application
+
+
+@pytest.fixture
+def run(monkeypatch, tmp_path):
+    """Run `symaware run goals.yaml ARGUMENTS` in this process; the scenario has a ticker and two robots."""
+    monkeypatch.chdir(tmp_path)
+    written(tmp_path / "goals.yaml", goal_seekers())
+    before = signal.getsignal(signal.SIGTERM)
+
+    def invoke(*arguments, scenario="goals.yaml"):
+        done = CliRunner().invoke(application, ["run", scenario, "-o", "part.mcap", *map(str, arguments)])
+        assert done.exception is None or isinstance(done.exception, SystemExit), done.exc_info
+        return done
+
+    yield invoke
+    signal.signal(signal.SIGTERM, before)
+
+
+@pytest.fixture(scope="module")
+def waiting(tmp_path_factory):
+    """A host that runs the ticker and waits for ever, as only robot.0 has come: its address."""
+    folder = tmp_path_factory.mktemp("waiting")
+    company = Spread(folder, written(folder / "goals.yaml", goal_seekers()))
+    host, _ = company.host("--only", "ticker"), company.member("west", "robot.0")
+    assert host.wait_for("west").endswith("west is there; waits for robot.1")
+    yield f"127.0.0.1:{company.port}"
+    company.close()
+
+
+@pytest.fixture(scope="module")
+def guarded(tmp_path_factory):
+    """A host that asks for a key: its address, and a file with the key."""
+    folder = tmp_path_factory.mktemp("guarded")
+    (folder / "run.key").write_text("0123456789abcdef0123456789abcdef")
+    company = Spread(folder, written(folder / "goals.yaml", goal_seekers()))
+    company.host("--key-file", folder / "run.key").wait_for("waits at")
+    yield f"127.0.0.1:{company.port}", folder / "run.key"
+    company.close()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--only", "robot.0"], "--only is for a run of several processes: with --listen PORT or --join HOST:PORT"),
+        (["--name", "west"], "--name is for a run of several processes: with --listen PORT or --join HOST:PORT"),
+        (["--bind", "0.0.0.0"], "--bind is for a run of several processes: with --listen PORT or --join HOST:PORT"),
+        (["--key-file", "a.key"], "--key-file is for a run of several processes: with --listen PORT or --join"),
+        (
+            ["--listen", 0, "--join", "127.0.0.1:7000"],
+            "--listen is for the host and --join for all others: give one of them",
+        ),
+        (["--join", "127.0.0.1:7000", "--bind", "::1"], "--bind says where a host listens: it goes with --listen"),
+        (
+            ["--join", "127.0.0.1:7000"],
+            "a process that joins runs some of the agents; say which with --only",
+        ),
+        (
+            ["--join", "127.0.0.1:7000", "--only", "robt"],
+            "--only names `robt`, and there is no such agent or group; did you mean `agents.robot`?",
+        ),
+        (
+            ["--join", "127.0.0.1:7000", "--only", "robot.0,robot.2"],
+            "--only names `robot.2`, and there is no such agent or group; did you mean `agents.robot.1`?",
+        ),
+        (
+            ["--listen", 0, "--only", "robot,ticker"],
+            "--only leaves nobody for other processes; without it and them, one process runs all",
+        ),
+        (
+            ["--listen", 0, "--bind", "0.0.0.0"],
+            "to listen at 0.0.0.0, which is not this machine alone, all processes must share a key: --key-file FILE",
+        ),
+        (
+            ["--join", "192.0.2.7:7000", "--only", "robot"],
+            "to join 192.0.2.7, which is not this machine alone, all processes must share a key: --key-file FILE",
+        ),
+        (["--listen", 0, "--key-file", "none.key"], "the key cannot be read: none.key: No such file or directory"),
+        (["--listen", 0, "--key-file", "short.key"], "the key in short.key has 5 bytes; it needs at least 16"),
+        (
+            ["--join", "somewhere.example:7000", "--only", "robot"],
+            "`somewhere.example` is no IP address: write it in numbers, such as 192.0.2.7; names other than localhost",
+        ),
+        (["--join", "127.0.0.1", "--only", "robot"], "`127.0.0.1` has no port: expected HOST:PORT with a port of"),
+        (["--join", "127.0.0.1:0", "--only", "robot"], "nobody can listen at port 0"),
+        (["--listen", 0, "--set", "transport.use=memory"], "`memory` stays within one process"),
+    ],
+)
+def test_a_place_that_makes_no_sense_is_refused_before_anything_begins(run, tmp_path, arguments, said):
+    (tmp_path / "short.key").write_text("hello\n")
+    done = run(*arguments)
+    assert done.exit_code == 2
+    assert said in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+    assert not (tmp_path / "part.mcap").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--only", "robot.1", "--seed", 9], "the host runs another scenario: file, seed and --set must be the same"),
+        (
+            ["--only", "robot.1", "--set", "run.duration=3"],
+            "the host runs another scenario: file, seed and --set must be the same",
+        ),
+        (["--only", "robot.1,ticker"], "the host runs ticker itself"),
+        (["--only", "robot", "--wait", 1], "robot.0 run in west"),
+    ],
+)
+def test_a_member_that_does_not_fit_is_refused(run, waiting, arguments, said):
+    done = run("--join", waiting, *arguments)
+    assert done.exit_code == 1
+    assert said in done.stderr
+    assert open_log("part.mcap").outcome["status"] == "failed"
+
+
+@pytest.mark.parametrize("key", ["another", "none"])
+def test_who_does_not_know_the_key_is_turned_away(run, guarded, tmp_path, key):
+    address, _ = guarded
+    (tmp_path / "another.key").write_text("another key of sufficient length")
+    options = ["--key-file", "another.key"] if key == "another" else []
+    done = run("--join", address, "--only", "robot", *options, "--wait", 20)
+    assert done.exit_code == 1
+    assert f"the host at {address} does not take us in: " in done.stderr
+    assert "key" in done.stderr
+
+
+def test_a_key_that_the_host_does_not_ask_for_is_refused_too(run, waiting, guarded):
+    done = run("--join", waiting, "--only", "robot.1", "--key-file", guarded[1], "--wait", 20)
+    assert done.exit_code == 1
+    assert f"the host at {waiting} does not take us in: " in done.stderr
+    assert "key" in done.stderr
+
+
+def test_with_the_key_a_host_listens_anywhere(tmp_path):
+    (tmp_path / "run.key").write_text("0123456789abcdef0123456789abcdef")
+    company = Spread(tmp_path, written(tmp_path / "goals.yaml", goal_seekers(distance=1.0)), "--key-file", "run.key")
+    try:
+        company.host("--bind", "0.0.0.0")
+        company.member("all", "robot,ticker")
+        company.finish()
+    finally:
+        company.close()
+
+
+def test_a_port_in_use_is_said_to_be(run):
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        port = other.getsockname()[1]
+        done = run("--listen", port)
+    assert done.exit_code == 2
+    assert done.stderr.startswith(f"symaware: cannot listen at 127.0.0.1:{port}: ")
+    assert "address already in use" in done.stderr.lower()
+
+
+def test_it_waits_for_a_host_no_longer_than_it_is_told(run):
+    port = free_port()
+    done = run("--join", f"127.0.0.1:{port}", "--only", "robot", "--wait", 1)
+    assert done.exit_code == 1
+    assert f"no host at 127.0.0.1:{port} took us in within 1 s" in done.stderr
+    assert open_log("part.mcap").outcome["status"] == "failed"
+
+
+def test_a_host_waits_for_members_no_longer_than_it_is_told(run):
+    done = run("--listen", 0, "--only", "ticker", "--wait", 1)
+    assert done.exit_code == 1
+    assert "nobody came within 1 s for robot.0, robot.1" in done.stderr
+
+
+def test_ctrl_c_ends_the_waiting(tmp_path):
+    company = Spread(tmp_path, written(tmp_path / "goals.yaml", goal_seekers()))
+    try:
+        host = company.host()
+        host.wait_for("waits at")
+        host.send(signal.SIGINT)
+        assert host.end() == 130
+        assert open_log(host.log).outcome["status"] == "interrupted"
+    finally:
+        company.close()
+
+
+def test_a_world_that_cannot_be_followed_is_not_shared(run, doubles):
+    done = run("--listen", 0, "--set", "environment.use=doubles.lonely-world")
+    assert done.exit_code == 2
+    assert done.stderr == "symaware: the world `doubles.lonely-world` cannot be followed by other processes\n"
+
+
+def test_a_transport_may_be_a_plugin(doubles, tmp_path):
+    scenario = written(tmp_path / "goals.yaml", goal_seekers(distance=1.0))
+    company = Spread(tmp_path, scenario, "--set", "transport.use=doubles.loud")
+    try:
+        company.host("--only", "ticker")
+        company.member("all", "robot")
+        company.finish()
+    finally:
+        company.close()
+    assert (tmp_path / "loud.txt").read_text() == f"127.0.0.1:{company.port}"
