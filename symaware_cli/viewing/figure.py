@@ -52,6 +52,15 @@ class Figure:
         """What it is called; no two figures have the same."""
         return f"{self.articulation.name}.{self.number}"
 
+    @cached_property
+    def looks(self) -> list[list[int]]:
+        """The visuals that look the same, such as the wheels of a car: for each look their places in `visuals`."""
+        alike: dict[Visual, list[int]] = {}
+        for place, (visual, _) in enumerate(self.visuals):
+            look = visual.model_copy(update={"position": (0.0, 0.0, 0.0), "orientation": (0.0, 0.0, 0.0, 1.0)})
+            alike.setdefault(look, []).append(place)
+        return list(alike.values())
+
     def places(self, positions: Array, orientations: Array, joints: Array | None) -> list[tuple[Array, Array]]:
         """Where its visuals are.
 

@@ -1,5 +1,6 @@
 """A run that several processes share is the run that one process makes."""
 
+import copy
 import signal
 import socket
 import time
@@ -420,6 +421,51 @@ def test_a_member_that_stands_still_for_too_long_comes_back_by_itself(spread, do
     [lost], [again] = (when(open_log(host.log), name) for name in ("lost", "rejoined"))
     assert (positions[lost + 1 : again] == positions[lost + 1]).all()
     assert np.linalg.norm(positions[-1] - [10.0, 0.0]) < 0.3
+
+
+@pytest.mark.slow
+def test_a_host_that_stands_still_for_too_long_finds_its_members_again(goals):
+    run, host, west, east = goals(wait=0.02, timeout=1.0, distance=6.0, on_failure="isolate")
+    host.send(signal.SIGSTOP)
+    for each in (west, east):
+        each.wait_for("is gone")
+    host.send(signal.SIGCONT)
+    run.finish()
+    for process in (west, east):
+        assert ("lost", "processes.host") in {
+            (name, source) for _, name, source in events(open_log(process.log), "lost")
+        }
+    assert [source for _, _, source in events(open_log(host.log), "rejoined")]
+
+
+@pytest.mark.slow
+def test_who_comes_back_takes_up_periods_and_faults_where_the_run_is(spread, doubles):
+    document = copy.deepcopy(TALK)
+    document["run"] = {"duration": 12.0}
+    for group in document["agents"].values():
+        for component in group["components"].values():
+            component |= {"on_failure": "isolate"}
+    document["agents"]["walker"]["components"]["tick"] = {"use": "doubles.sleeper", "with": {"duration": 0.02}}
+    document["faults"]["late"] = {"at": 11.0, "for": 0.5, "bias": {"of": "robot.1.sense", "state": [0.5, 0.0]}}
+    run = spread(document)
+    host, west, east = run.host("--only", "walker"), run.member("west", "car.0,robot.[02]"), None
+    east = run.member("east", "car.[12],robot.[13]")
+    host.wait_for("east takes part")
+    east.send(signal.SIGKILL)
+    west.wait_for("is gone")
+    back = run.member("east", "car.[12],robot.[13]")
+    assert run.end() == [0, 0, -signal.SIGKILL, 0]
+    [again] = (time for time, _, _ in events(open_log(host.log), "rejoined"))
+    log, merged = open_log(back.log), run.merged()
+    times = [message.time for message in log.messages() if message.channel.topic.startswith("/agents/")]
+    assert times == sorted(times)
+    assert times[0] == again
+    thoughts = [time for time, _, source in events(log, "thought") if source == "agents.robot.1.think"]
+    assert len(thoughts) == (12_000_000_000 - again) // (10 * STEP)
+    heard = [each for each in merged.communications() if (each.receiver, each.stage) == ("robot.1", "DELIVERED")]
+    assert [each for each in heard if each.time > again]
+    for part in (merged, log):
+        assert [time for time, name, source in events(part, "fault") if source.endswith("late")] or part is merged
 
 
 def test_garbage_at_the_port_changes_nothing_but_is_counted(goals, tmp_path):

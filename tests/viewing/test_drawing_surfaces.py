@@ -173,6 +173,29 @@ def test_the_geometry_that_was_written_is_read(logged):
     assert geometry.ground == 0.0
 
 
+TROLLEY = """<robot name='trolley'><link name='base'>
+  <visual><origin xyz='1 0 0'/><geometry><mesh filename='rock.obj'/></geometry></visual>
+  <visual><origin xyz='0 1 0'/><geometry><mesh filename='rock.obj'/></geometry></visual>
+  <visual><geometry><mesh filename='rock.obj' scale='3 3 3'/></geometry></visual></link></robot>"""
+
+
+def test_parts_of_a_body_that_look_the_same_are_there_once(tmp_path):
+    (tmp_path / "rock.obj").write_text(TETRAHEDRON)
+    (tmp_path / "trolley.urdf").write_text(TROLLEY)
+    entities = "{a: {shape: {urdf: {file: trolley.urdf, radius: 1}}, position: [5, 5, 1]}}"
+    text = f"""symaware: 1
+name: trolley
+run: {{duration: 0.1}}
+environment: {{use: pybullet, entities: {entities}}}
+agents: {{r: {{model: {{use: single-integrator}}, state: [0, 0]}}}}
+"""
+    recording = saved(log_of(tmp_path, text), tmp_path)
+    meshes = [name for name, component in recording.rows if component == "Asset3D:blob"]
+    small, large = sorted(meshes)
+    assert recording.values(small, "InstancePoses3D:translations") == [[[6, 5, 1], [5, 6, 1]]]
+    assert recording.values(large, "InstancePoses3D:scales") == [[[3, 3, 3]]]
+
+
 def test_a_ring_goes_around_each_vehicle_in_its_colour(logged, recording):
     cast = cast_of(logged)
     centres = np.array(recording.values("/world/agents/car/body", "Cylinders3D:centers"))

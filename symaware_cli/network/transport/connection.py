@@ -129,8 +129,9 @@ class Connection(ABC):
             return
         self.pump()
 
-    def lost(self, reason: str) -> None:
+    def lost(self) -> None:
         """Take note that nothing carries this connection any more."""
+        reason = f"the connection to {self.conversation.other} was lost"
         # To a member it happens that the host goes before it has let it in; a host is told nothing by who only begins.
         unfinished = self._port.is_host and self.conversation.heard and not self.conversation.open
         self.refuse(Over(reason, "garbage" if unfinished else None))

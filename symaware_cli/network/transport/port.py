@@ -173,6 +173,9 @@ class LoopPort(Port):
 
     def enter(self, connection: Connection) -> None:
         """Take in a connection that has not said anything yet; where there are too many, the oldest of them goes."""
+        if self.ending:
+            connection.drop()
+            return
         self._strangers[connection.peer] = connection
         if len(self._strangers) > self.parameters.members:
             oldest = next(iter(self._strangers.values()))

@@ -55,10 +55,9 @@ class _TcpPort(LoopPort):
     async def shut(self) -> None:
         if self.sockets:
             await asyncio.wait([each.closed for each in self.sockets], timeout=PARTING)
-        left = list(self.sockets)
-        for connection in left:
-            connection.drop()
-        if left:
+        while left := list(self.sockets):
+            for connection in left:
+                connection.drop()
             await asyncio.wait([each.closed for each in left])
 
 
@@ -78,6 +77,9 @@ class _HostPort(_TcpPort):
     async def shut(self) -> None:
         if self._server is not None:
             self._server.close()
+        # Whoever was let in just now is not a connection yet: that is a task of asyncio, the only one left beside this.
+        if others := asyncio.all_tasks() - {asyncio.current_task()}:
+            await asyncio.wait(others, timeout=PARTING)
         await super().shut()
 
 
@@ -133,13 +135,13 @@ class _TcpConnection(asyncio.Protocol, Connection):
         self._split()
 
     def eof_received(self) -> bool:
-        self.lost(f"{self.conversation.other} closed the connection")
+        self.lost()
         return False
 
     def connection_lost(self, error: Exception | None) -> None:
         self._sockets.discard(self)
         self._buffer.clear()
-        self.lost(f"the connection to {self.conversation.other} was lost")
+        self.lost()
         if not self.closed.done():
             self.closed.set_result(None)
 

@@ -134,7 +134,7 @@ class ZenohPort(LoopPort):
             if connection is None:
                 continue
             if record is None or (record == _CLOSED and (connection.parting or not connection.conversation.sealed)):
-                connection.lost(f"{connection.conversation.other} closed the connection")
+                connection.lost()
                 connection.drop()
             elif record != _CLOSED:
                 connection.hear(record)
@@ -261,7 +261,7 @@ class ZenohConnection(Connection):
                 for record in records:
                     self._home.put(self._key, record, wait=True)
             except self._home.zenoh.ZError:
-                self._home.later(lambda: self.lost(f"the connection to {self.conversation.other} was lost"))
+                self._home.later(self.lost)
                 return
             self._home.later(self._carried)
 

@@ -73,8 +73,8 @@ class Figures(Drawing):
             self.stage.static("world/ground", surface)
         for path, figure, like in self._shown:
             colour = _PLAIN if isinstance(like[0], Troupe) else SCENERY if like[0].moves else _STILL
-            for place, (visual, _) in enumerate(figure.visuals):
-                self.stage.static(_path(path, figure, place), self._surface(visual, colour))
+            for first, *_ in figure.looks:
+                self.stage.static(_path(path, figure, first), self._surface(figure.visuals[first][0], colour))
 
     def draw(self, excerpt: Excerpt) -> None:
         """Draw them where they are, whenever one moves."""
@@ -86,11 +86,13 @@ class Figures(Drawing):
             if not len(times):
                 continue
             placed = [self._placed(each, times, excerpt) for each in like]
-            for place, (parts, (visual, _)) in enumerate(zip(zip(*placed, strict=True), figure.visuals, strict=True)):
+            for look in figure.looks:
+                parts = [each[place] for place in look for each in placed]
                 positions = np.concatenate([position for position, _ in parts], axis=1)
                 orientations = np.concatenate([orientation for _, orientation in parts], axis=1)
+                visual, _ = figure.visuals[look[0]]
                 scale = visual.size if visual.kind == "mesh" and set(visual.size) != {1.0} else None
-                self.stage.instances(_path(path, figure, place), times, positions, orientations, scale)
+                self.stage.instances(_path(path, figure, look[0]), times, positions, orientations, scale)
         self._begun = True
 
     def _moments(self, who: Troupe | Prop, excerpt: Excerpt) -> Times:
@@ -124,7 +126,7 @@ class Figures(Drawing):
 
 
 def _path(root: str, figure: Figure, place: int) -> str:
-    """The Rerun entity of a visual."""
+    """The Rerun entity of a visual, and of those that look the same."""
     _, link = figure.visuals[place]
     return f"{root}/{_part(figure.articulation.links[link].name)}/{place}"
 

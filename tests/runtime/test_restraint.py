@@ -1,0 +1,124 @@
+"""What agents that take no part leave to the others of their group."""
+
+import numpy as np
+import pytest
+import yaml
+from simulating import Team, simulation
+
+from symaware_cli import open_log
+from symaware_cli.core import Tracks
+from symaware_cli.runtime.restraint import restrained
+from symaware_cli.scenario.build import build
+from symaware_cli.scenario.execution import execute
+
+STEP = 50_000_000
+
+
+@pytest.fixture
+def log(doubles, tmp_path):
+    """The log of three robots that meet while a fourth, far away, fails or does not, and is isolated for it."""
+
+    def run(fails, on_failure):
+        trip = {"use": "doubles.fault", "with": {"agent": "robot.3", "at": 0.5 if fails else 1e9}}
+        document = {
+            "symaware": 1,
+            "name": "held",
+            "run": {"duration": 2.0},
+            "environment": {"use": "kinematic", "with": {"time_step": 0.05}},
+            "agents": {
+                "robot": {
+                    "count": 4,
+                    "entity": {"shape": {"circle": {"radius": 0.3}}},
+                    "model": {"use": "single-integrator"},
+                    "state": [[-2.0, 0.0], [2.0, 0.1], [0.0, 2.0], [50.0, 0.0]],
+                    "knowledge": {"goal": [[2.0, 0.0], [-2.0, 0.0], [0.0, -2.0], [60.0, 0.0]]},
+                    "components": {
+                        "see": {"use": "perception.range", "with": {"range": 9.0, "position_noise": 0.1}},
+                        "believe": {"use": "uncertainty.gaussian", "with": {"acceleration_noise": 0.5}},
+                        "fear": {"use": "risk.collision", "with": {"horizon": 2.0}},
+                        "trip": {**trip, "on_failure": on_failure},
+                        "steer": {"use": "control.go-to-goal", "with": {"speed": 1.0}},
+                    },
+                }
+            },
+        }
+        path = tmp_path / "held.yaml"
+        path.write_text(yaml.safe_dump(document, sort_keys=False))
+        execute(build(path), tmp_path / "held.mcap")
+        return open_log(tmp_path / "held.mcap")
+
+    return run
+
+
+def test_an_agent_that_is_isolated_does_not_take_the_covariances_from_the_others(log):
+    uncertain = {}
+    for fails in (False, True):
+        run = log(fails, "isolate")
+        assert [event.time for event in run.events() if event.name == "terminated"] == [10 * STEP] * fails
+        risk = [run.series(f"robot.{row}", "risk") for row in range(3)]
+        beliefs = run.beliefs("robot.0", "robot.1")
+        uncertain[fails] = [each.values for each in risk], beliefs.covariances
+        assert (beliefs.covariances[-1].diagonal()[:2] > 0.0).all()
+    for alone, held in zip(uncertain[False][0], uncertain[True][0], strict=True):
+        np.testing.assert_array_equal(alone, held)
+        assert held.max() > 0.1
+    np.testing.assert_array_equal(uncertain[False][1], uncertain[True][1])
+
+
+@pytest.fixture
+def group():
+    """Three agents of one group."""
+    [group] = simulation({"robot": Team(count=3)}).groups
+    return group
+
+
+def tracks(time, *observers, covariances=True):
+    """Tracks of the others that some agents see, one each, that tell when they were made."""
+    count = len(observers)
+    return Tracks.of(
+        time,
+        3,
+        np.array(observers, np.intp),
+        (np.array(observers, np.intp) + 1) % 3,
+        np.full((count, 2), float(time)),
+        np.zeros((count, 2)),
+        covariances=np.full((count, 4, 4), float(time)) if covariances else None,
+        ages=np.zeros(count),
+    )
+
+
+def test_held_rows_keep_their_tracks(group):
+    group.awareness.tracks = tracks(1, 0, 1, 2)
+    with restrained(group, [1]):
+        group.awareness.tracks = tracks(2, 0, 1, 2)
+    merged = group.awareness.tracks
+    assert merged.positions[:, 0].tolist() == [2.0, 1.0, 2.0]
+    assert merged.covariances[:, 0, 0].tolist() == [2.0, 1.0, 2.0]
+
+
+def test_of_whom_nothing_was_said_nothing_is_said(group):
+    group.awareness.tracks = tracks(1, 1, covariances=False)
+    with restrained(group, [1]):
+        group.awareness.tracks = tracks(2, 0, 2)
+    assert group.awareness.tracks.covariances[:, 0, 0].tolist() == [2.0, 0.0, 2.0]
+
+
+def test_held_rows_without_tracks_add_no_covariances(group):
+    group.awareness.tracks = tracks(1, 0, 2)
+    with restrained(group, [1]):
+        group.awareness.tracks = tracks(2, 0, 1, 2, covariances=False)
+    assert group.awareness.tracks.observers.tolist() == [0, 2]
+    assert group.awareness.tracks.covariances is None
+
+
+def test_held_rows_see_nobody_if_they_have_not_seen_anybody_yet(group):
+    with restrained(group, [1]):
+        group.awareness.tracks = tracks(2, 0, 1, 2)
+    assert group.awareness.tracks.observers.tolist() == [0, 2]
+
+
+def test_who_leaves_held_rows_alone_recognises_its_tracks(group):
+    group.awareness.tracks = tracks(1, 0, 2)
+    with restrained(group, [1]):
+        mine = group.awareness.tracks = tracks(2, 0, 2)
+    assert group.awareness.tracks is mine
