@@ -22,6 +22,9 @@ from symaware_cli.recording.sensing import IMAGE, MEASUREMENT, SCAN, sensors
 Quantities = Sequence[tuple[str, str]]
 """Name and unit of each number."""
 
+#: What is told of the world, and the tables of it.
+_TRUTH = {"state": "world", "pose": "pose", "joints": "joints"}
+
 _SERIES = {
     "intent": "what the agent means to do at that time",
     "uncertainty": "what the agent is not sure of at that time",
@@ -93,9 +96,8 @@ def sources_of(log: Log, selection: Selection) -> dict[str, Source]:
         if chosen.any():
             sources |= _Group(log, name, ids, group.get("model", {}), chosen, extents).sources(selection)
     for name in log.manifest.get("entities", {}):
-        topic = f"/world/{name}/state"
-        if topic in log.channels and selection.has_field("world") and selection.has_agent(name):
-            sources[topic] = _Group(log, name, (name,), {}, np.ones(1, bool), extents).world(topic)
+        if selection.has_agent(name):
+            sources |= _Group(log, name, (name,), {}, np.ones(1, bool), extents).sources(selection)
     journal: Mapping[str, tuple[str, Source]] = {
         "events": ("/events", entries.event_source(selection)),
         "recurring": ("/events/recurring", entries.recurring_source(selection)),
@@ -151,7 +153,7 @@ class _Group:
         prefix = f"/agents/{self.name}"
         makers: dict[str, tuple[str, Callable[[str], Source]]] = {
             f"{prefix}/state": ("state", self.state),
-            f"/world/{self.name}/state": ("world", self.world),
+            **{f"/world/{self.name}/{kind}": ("world", partial(self.world, table)) for kind, table in _TRUTH.items()},
             f"{prefix}/control": ("control", self.control),
             f"{prefix}/awareness": ("awareness", self.awareness),
             f"{prefix}/knowledge": ("knowledge", partial(self.knowledge, selection)),
@@ -177,11 +179,11 @@ class _Group:
         lay_out = partial(rows.lay_out_rows, width=len(quantities))
         return self._source("state", _numbers(quantities, "as believed"), lay_out)
 
-    def world(self, topic: str) -> Source:
+    def world(self, table: str, topic: str) -> Source:
         """What is so."""
         quantities = self._quantities(topic)
         lay_out = partial(rows.lay_out_rows, width=len(quantities))
-        return self._source("world", _numbers(quantities, "in truth"), lay_out)
+        return self._source(table, _numbers(quantities, "in truth"), lay_out)
 
     def control(self, topic: str) -> Source:
         """The control inputs."""

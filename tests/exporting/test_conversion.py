@@ -27,6 +27,8 @@ from symaware_cli.recording import wire
 from symaware_cli.recording.error import LogError, UnknownNameError
 from symaware_cli.recording.reader import open_log
 from symaware_cli.recording.writer import LogWriter
+from symaware_cli.scenario.build import build
+from symaware_cli.scenario.execution import execute
 
 PLANAR = {"columns": "x,y,heading", "units": "m,m,rad"}
 
@@ -485,3 +487,16 @@ def test_any_states_come_back_as_they_were(messages, held):
             times, values = of(table, agent)
             np.testing.assert_array_equal(times, series.times)
             np.testing.assert_array_equal(values, series.values if len(times) else np.empty((0, 2)))
+
+
+def test_poses_and_joints_are_those_of_the_log(scenarios, tmp_path):
+    path = tmp_path / "racecars.mcap"
+    execute(build(scenarios / "racecars.yaml", ["run.duration=0.2"]), path)
+    log = open_log(path)
+    export_tables(log, tmp_path / "tables", PARQUET)
+    for kind in ("pose", "joints"):
+        times, values = of(read(tmp_path / f"tables/{kind}/inner.parquet"), "inner.1")
+        expected = log.series("inner.1", kind)
+        np.testing.assert_array_equal(times, expected.times)
+        np.testing.assert_array_equal(values, expected.values)
+        assert len(times) > 5

@@ -215,7 +215,8 @@ class ZenohPort(LoopPort):
         congestion = self.zenoh.CongestionControl
         session = self._session
         if session is not None:
-            session.put(key, record, congestion_control=congestion.BLOCK if wait else congestion.DROP, express=True)
+            # What is sent at once takes a place of its own in a short queue, and so is soon dropped.
+            session.put(key, record, congestion_control=congestion.BLOCK if wait else congestion.DROP, express=wait)
 
 
 class ZenohConnection(Connection):
@@ -240,14 +241,14 @@ class ZenohConnection(Connection):
 
     def transmit(self, records: Sequence[bytes]) -> None:
         """Put samples, from a thread of the connection: that waits for a slow link."""
-        if self.conversation.introduced:
-            self._flight.extend(map(len, records))
-            self._flying += sum(map(len, records))
-            self.stalled = self._is_stalled()
-        if not self.came:
+        if not self.conversation.introduced:
+            # The preamble; no thread for who has said nothing that makes sense.
             for record in records:
                 self._home.put(self._key, record, wait=False)
             return
+        self._flight.extend(map(len, records))
+        self._flying += sum(map(len, records))
+        self.stalled = self._is_stalled()
         if self._courier is None:
             self._courier = SimpleQueue()
             self._home.aside(self._carry, self._courier)
