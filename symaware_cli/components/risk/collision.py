@@ -37,7 +37,7 @@ def collision_probability(apart: Array, closing: Array, radius: Array, covarianc
     maneuver rate for space vehicles", NASA JSC-25898, 1992, and F. K. Chan, "Spacecraft Collision Probability", 2008,
     for short-term encounters, where the horizon is infinite. Across the motion the integral is taken by Gauss-Legendre
     quadrature where the density is, along it in closed form. The error is below 1e-5, except where the covariance is
-    all but singular and askew to the motion: up to 2e-3.
+    all but singular and askew to the motion: up to 0.01.
 
     Args:
         apart: The expected relative position [m]; shape (d, m), d = 2 or 3.
