@@ -11,9 +11,11 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from parts import contents
 from simulating import COMMAND
 
+from symaware_cli.recording import wire
 from symaware_cli.recording.merging import merge
 from symaware_cli.recording.part import open_parts
 from symaware_cli.recording.reader import Log, open_log
@@ -45,6 +47,7 @@ class Process:
         self._reader.start()
 
     def _read(self) -> None:
+        assert self._popen.stderr
         with self._popen.stderr as stream:
             for line in stream:
                 self.said.append(line.rstrip())
@@ -151,7 +154,7 @@ def free_port() -> int:
     """A port of the loopback that nobody listens at."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
+        return int(probe.getsockname()[1])
 
 
 def alone(folder: Path, scenario: Path, *arguments: object) -> Log:
@@ -189,7 +192,8 @@ def _without_repetition(said: Counter[Any]) -> Counter[Any]:
     last: dict[int, bytes] = {}
     kept: Counter[Any] = Counter()
     for instant, row, data in sorted(said):
-        if last.get(row) != data:
+        # Who is first said to be aware of nobody was so before.
+        if last.get(row, wire.encode_awareness([0], [], [], np.empty(0), [row])) != data:
             kept[instant, row, data] += 1
         last[row] = data
     return kept

@@ -12,6 +12,8 @@ import numpy as np
 from pydantic import Field
 
 from symaware_cli import Component, Controller, GroupComponent, Parameters, TimeSeries
+from symaware_cli.core import Message
+from symaware_cli.core.message import EVERYBODY
 from symaware_cli.environments.kinematic import KinematicEnvironment
 from symaware_cli.network.transport.tcp import Tcp
 
@@ -28,6 +30,7 @@ COMPONENTS = {
     "doubles.chance": "Chance",
     "doubles.risk": "Risk",
     "doubles.thinker": "Thinker",
+    "doubles.odd": "Odd",
 }
 ENVIRONMENTS = {"doubles.faulty-world": "FaultyWorld", "doubles.lonely-world": "LonelyWorld"}
 TRANSPORTS = {"doubles.loud": "Loud"}
@@ -250,6 +253,25 @@ class FaultyWorld(KinematicEnvironment):
     def contacts(self):
         self._broken("contacts")
         return super().contacts()
+
+
+class Odd(Component):
+    """Says what no protocol has a form for."""
+
+    class Parameters(Parameters):
+        """Where."""
+
+        way: Literal["event", "message"] = Field("event", description="How it says that.")
+
+    def _compute(self):
+        return {complex(1, 2)}
+
+    def _update(self, value):
+        if self.parameters.way == "event":
+            self.emit("odd", "this is odd", what=value)
+        else:
+            message = Message(self._agent.id, EVERYBODY, {"what": value}, "odd")
+            self._agent.group.surroundings.exchange.send(message)
 
 
 class LonelyWorld(KinematicEnvironment):

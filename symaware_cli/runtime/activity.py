@@ -182,8 +182,7 @@ class Activity:
 
     def _may(self, row: int) -> bool:
         """Whether a component takes a turn that is due."""
-        off = self._supervision.off
-        if len(off) == len(self._group) if self._is_group else row in off:
+        if self._supervision.keeps_off(row):
             return False
         if not self._holds(row):
             if self._timing.period == 0:
@@ -364,6 +363,11 @@ class Activity:
         if not self._is_group:
             self._abandon(agent)
         self._review()
+
+    def leave(self, agent: int) -> None:
+        """Let an agent take no part here, as it runs in another process."""
+        self._supervision.away.add(agent)
+        self.hold(agent)
 
     def release(self, agent: int) -> None:
         """Let an agent take part again, unless there are other reasons against it."""

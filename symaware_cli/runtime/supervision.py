@@ -27,12 +27,14 @@ class Supervision:
     """What stands between the components of one slot and what they do.
 
     Attributes:
-        off: Agents that take no part at present, with how many reasons there are for it.
+        off: Agents that take no part here at present, with how many reasons there are for it.
+        away: Those of them that run in another process, which is one of the reasons.
         disturbances: What is called after each turn.
     """
 
     def __init__(self, simulation: Simulation, slot: Slot) -> None:
         self.off: Counter[int] = Counter()
+        self.away: set[int] = set()
         self.disturbances: list[Disturb] = []
         self._simulation = simulation
         self._slot = slot
@@ -49,6 +51,15 @@ class Supervision:
     def slows_down(self) -> bool:
         """Whether some computations take another time than the scenario says for the component."""
         return bool(self._slowness)
+
+    def keeps_off(self, row: int) -> bool:
+        """Whether the component of a row takes no turn, as nobody whom it serves takes part."""
+        if not self._is_group:
+            return row in self.off
+        if len(self.off) < len(self._slot.group) or len(self.away) == len(self.off):
+            return len(self.off) == len(self._slot.group)
+        # Others of the group take part elsewhere. What it remembers and draws here must not fall behind.
+        return all(reasons > (agent in self.away) for agent, reasons in self.off.items())
 
     def release(self, agent: int) -> None:
         """There is a reason less against an agent."""

@@ -111,6 +111,16 @@ def test_nobody_has_to_listen():
     EventBus().fire(arrived())
 
 
+def test_of_what_comes_from_muted_sources_nobody_is_told():
+    bus, told = EventBus(), []
+    bus.subscribe("*", lambda event: told.append(event.source))
+    with bus.muted({"agents.robot.0.steer"}):
+        bus.fire(arrived())
+        bus.fire(arrived("agents.robot.1.steer"))
+    bus.fire(arrived())
+    assert told == ["agents.robot.1.steer", "agents.robot.0.steer"]
+
+
 def test_hot_paths_can_see_who_listens():
     bus = EventBus()
     assert not bus.wanted

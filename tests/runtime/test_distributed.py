@@ -13,6 +13,7 @@ from spreading import Spread, alone, differences, events, free_port, goal_seeker
 from symaware_doubles import Progress
 
 from symaware_cli import open_log
+from symaware_cli.scenario.build import build
 
 STEP = 50_000_000
 
@@ -67,6 +68,7 @@ TALK = {
     },
     "faults": {
         "rest": {"at": 1.0, "for": 0.5, "stop": "walker.1"},
+        "silence": {"at": 1.0, "for": 0.5, "stop": "car.2"},
         "drift": {"at": 1.2, "for": 0.5, "bias": {"of": "robot.1.sense", "state": [0.5, 0.0]}},
         "cut": {"at": 1.5, "for": 0.5, "drop": {"sender": "robot.2"}},
     },
@@ -163,8 +165,8 @@ def test_everybody_records_who_takes_part(crossings):
 
 def test_python_components_messages_and_faults_are_the_same_too(spread, doubles, tmp_path):
     run = spread(TALK)
-    run.host("--only", "car.1,walker.2")
-    run.member("west", "car.0,robot.[02],walker.[01]")
+    run.host("--only", "car.1,walker.[02]")
+    run.member("west", "car.0,robot.[02],walker.1")
     run.member("east", "car.2,robot.1,robot.3")
     run.finish()
     whole, merged = alone(tmp_path, run.scenario), run.merged()
@@ -175,6 +177,40 @@ def test_python_components_messages_and_faults_are_the_same_too(spread, doubles,
     assert {source for _, _, source in events(merged, "thought")} == {f"agents.robot.{row}.think" for row in range(4)}
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "world", "duration"),
+    [
+        ("three-worlds", "pymunk", 16),
+        ("three-worlds", "pybullet", 16),
+        ("drones", "pybullet", 3),
+        ("noisy", "kinematic", 3),
+        ("flooding", "kinematic", 3),
+        ("consensus", "kinematic", 3),
+    ],
+)
+def test_every_world_can_be_followed(spread, scenarios, tmp_path, name, world, duration):
+    changes = ("--set", f"run.duration={duration}", "--set", f"environment.use={world}")
+    ids = list(build(scenarios / f"{name}.yaml").simulation.environment.roster.ids)
+    run = spread(scenarios / f"{name}.yaml", *changes)
+    run.host("--only", ",".join(ids[::2]))
+    run.member("others", ",".join(ids[1::2]))
+    run.finish()
+    assert differences(alone(tmp_path, run.scenario, *changes), run.merged()) == {}
+
+
+@pytest.mark.slow
+def test_members_have_workers_of_their_own(spread, doubles, tmp_path):
+    document = copy.deepcopy(TALK)
+    document["agents"]["robot"]["components"]["think"]["run_in"] = "process"
+    run = spread(document)
+    run.host("--only", "car,walker,robot.0")
+    run.member("robots", "robot.[1-3]")
+    run.finish()
+    assert differences(alone(tmp_path, run.scenario), run.merged()) == {}
+
+
+@pytest.mark.slow
 def test_a_convoy_is_led_by_radio_from_another_process(spread, scenarios, tmp_path):
     jammed = ("--set", "run.duration=4", "--set", "faults.jammer.at=2", "--set", "faults.jammer.for=1")
     run = spread(scenarios / "convoy.yaml", *jammed)
@@ -225,7 +261,7 @@ def when(log, name):
     return [time // STEP for time, _, _ in events(log, name)]
 
 
-@pytest.mark.parametrize("coast", ["safe", "last"])
+@pytest.mark.parametrize("coast", ["safe", pytest.param("last", marks=pytest.mark.slow)])
 def test_a_member_that_is_killed_is_reported_and_comes_back(goals, coast):
     run, host, west, east = goals(wait=0.01, on_failure="isolate", coast=coast)
     west.send(signal.SIGKILL)
@@ -249,6 +285,7 @@ def test_a_member_that_is_killed_is_reported_and_comes_back(goals, coast):
     assert logs[0].outcome["status"] == "finished"
 
 
+@pytest.mark.slow
 def test_the_logs_of_a_run_with_a_death_make_one_log(goals, command):
     run, host, west, _ = goals(wait=0.02, distance=8.0, on_failure="isolate")
     time.sleep(1.3)  # what a process has recorded is in its log after a second
@@ -342,6 +379,43 @@ def test_a_component_that_fails_in_a_member_fails_the_run(spread, doubles):
         assert "agents.robot.0.trip" in process.text
 
 
+def with_odd(way, duration=0.3):
+    document = goal_seekers(distance=1000.0)
+    document["run"] = {"duration": duration}
+    document["agents"]["robot"]["components"]["odd"] = {"use": "doubles.odd", "with": {"way": way}}
+    return document
+
+
+def test_events_may_tell_what_no_frame_can_hold(spread, doubles, tmp_path):
+    run = spread(with_odd("event"))
+    run.host("--only", "ticker,robot.1")
+    run.member("west", "robot.0")
+    run.finish()
+    assert differences(alone(tmp_path, run.scenario), run.merged()) == {}
+
+
+def test_a_message_that_cannot_be_sent_is_the_failure_of_who_says_it(spread, doubles):
+    run = spread(with_odd("message"))
+    run.host("--only", "ticker,robot.1")
+    run.member("west", "robot.0")
+    assert run.end() == [1, 1]
+    for process in run.processes:
+        assert "agents.robot.0.odd" in process.text
+        assert "TypeError: a frozenset cannot be sent" in process.text
+
+
+@pytest.mark.slow
+def test_frames_that_are_too_long_end_the_run_and_say_so(spread, scenarios):
+    short = "transport={use: tcp, with: {maximum_frame: 1024}}"
+    run = spread(scenarios / "rumour.yaml", "--set", "run.duration=1", "--set", short)
+    run.host("--only", "listener")
+    run.member("one", "teller")
+    assert run.end() == [1, 1]
+    for process in run.processes:
+        assert "other processes cannot be told: a frame of" in process.text
+        assert "is longer than `maximum_frame`: 1024" in process.text
+
+
 def test_the_host_knows_where_everybody_is(spread, tmp_path):
     run = spread(goal_seekers(distance=1000.0), "--set", "run.until=position['robot.0'][0] > 1.0")
     run.host("--only", "ticker,robot.1")
@@ -428,7 +502,7 @@ def test_a_host_that_stands_still_for_too_long_finds_its_members_again(goals):
     run, host, west, east = goals(wait=0.02, timeout=1.0, distance=6.0, on_failure="isolate")
     host.send(signal.SIGSTOP)
     for each in (west, east):
-        each.wait_for("is gone")
+        each.wait_for("waits 5 s for it")
     host.send(signal.SIGCONT)
     run.finish()
     for process in (west, east):
@@ -467,9 +541,9 @@ def test_who_comes_back_takes_up_periods_and_faults_where_the_run_is(spread, dou
 
 
 def test_garbage_at_the_port_changes_nothing_but_is_counted(goals, tmp_path):
-    run, host, *_ = goals(wait=0.02)
+    run, host, *_ = goals(wait=0.02, distance=2.0)
     random = np.random.default_rng(1)
-    for number in range(60):
+    for number in range(20):
         with socket.create_connection(("127.0.0.1", run.port)) as stranger, suppress(OSError):
             stranger.sendall(b"GET / HTTP/1.1\r\n\r\n" if number % 2 else random.bytes(200))
     run.finish()
@@ -479,7 +553,7 @@ def test_garbage_at_the_port_changes_nothing_but_is_counted(goals, tmp_path):
     assert not only_alone
     assert {(name, source) for _, name, source, *_ in only_shared} == {("rejected", "run")}
     last = [each for each in open_log(host.log).events() if each.name == "rejected"][-1]
-    assert last.data["total"]["garbage"] == 60
+    assert last.data["total"]["garbage"] == 20
     assert "garbage" in last.text
 
 

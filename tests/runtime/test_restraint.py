@@ -65,6 +65,43 @@ def test_an_agent_that_is_isolated_does_not_take_the_covariances_from_the_others
     np.testing.assert_array_equal(uncertain[False][1], uncertain[True][1])
 
 
+def test_nothing_is_told_of_an_agent_that_is_isolated(doubles, tmp_path):
+    trip = {"use": "doubles.fault", "with": {"agent": "robot.0", "at": 0.5}, "on_failure": "isolate"}
+    document = {
+        "symaware": 1,
+        "name": "left",
+        "run": {"duration": 4.0},
+        "environment": {"use": "kinematic"},
+        "agents": {
+            "leader": {
+                "model": {"use": "single-integrator"},
+                "state": [1.0, 0.0],
+                "knowledge": {"goal": [50.0, 0.0]},
+                "components": {
+                    "sense": {"use": "perception.self"},
+                    "steer": {"use": "control.go-to-goal", "with": {"speed": 2.0}},
+                },
+            },
+            "robot": {
+                "count": 2,
+                "model": {"use": "single-integrator"},
+                "state": [[0.0, 0.0], [0.0, 1.0]],
+                "knowledge": {"offset": [[-1.0, 0.0], [-1.0, 1.0]]},
+                "components": {
+                    "trip": trip,
+                    "see": {"use": "perception.range", "with": {"range": 4.0}},
+                    "steer": {"use": "control.follow", "with": {"leader": "leader", "speed": 0.1}},
+                },
+            },
+        },
+    }
+    path = tmp_path / "left.yaml"
+    path.write_text(yaml.safe_dump(document, sort_keys=False))
+    execute(build(path), tmp_path / "left.mcap")
+    lost = [event.source for event in open_log(tmp_path / "left.mcap").events() if event.name == "leader-lost"]
+    assert lost == ["agents.robot.1.steer"]
+
+
 @pytest.fixture
 def group():
     """Three agents of one group."""

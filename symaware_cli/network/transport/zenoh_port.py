@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import asyncio
+import atexit
 import json
 import threading
+import time
+import weakref
 from abc import abstractmethod
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -26,6 +29,10 @@ _ARRIVALS = 256
 
 #: So many records, and so many bytes, may be sent before the other end says that it has taken them.
 _RECORDS, _BYTES = 256, 2**22
+
+#: For how long an ending process waits for threads that are within Zenoh [s]; that waits for five seconds itself if what
+#: is on its way cannot be sent.
+_PATIENCE = 6.0
 
 #: So many batches of records may be on their way to Zenoh.
 _UNDERWAY = 4
@@ -92,8 +99,10 @@ class ZenohPort(LoopPort):
             self.put_in(str(sample.key_expr).rpartition("/")[2], sample.payload.to_bytes())
 
     def aside(self, call: Callable[..., None], *arguments: Any) -> None:
-        """Call what blocks, in a thread that does not keep the interpreter from ending."""
-        threading.Thread(target=call, args=arguments, name="symaware-zenoh", daemon=True).start()
+        """Call what blocks, in a thread that keeps the interpreter from ending for a few seconds at most."""
+        thread = threading.Thread(target=call, args=arguments, name="symaware-zenoh", daemon=True)
+        _threads.add(thread)
+        thread.start()
 
     def note(self, sample: Any) -> None:
         """Take note that a liveliness token came or went."""
@@ -325,6 +334,19 @@ class ZenohConnection(Connection):
         else:
             self._courier.put([_CLOSED])
             self._courier.put(None)
+
+
+#: Threads that are, or were, within Zenoh. One that came back from there to an interpreter that has ended would bring
+#: down the process.
+_threads: weakref.WeakSet[threading.Thread] = weakref.WeakSet()
+
+
+@atexit.register  # before those of all ports, and so it is called after them
+def _wait_out() -> None:
+    """Give all threads the time to come back; their sessions are closed by now."""
+    end = time.monotonic() + _PATIENCE
+    for thread in list(_threads):
+        thread.join(max(0.0, end - time.monotonic()))
 
 
 def _library() -> Any:

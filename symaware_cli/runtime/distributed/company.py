@@ -85,7 +85,7 @@ class Company(ABC):
         for activity in run.activities:
             for row, id in enumerate(activity.slot.group.ids):
                 if id not in here:
-                    activity.hold(row)
+                    activity.leave(row)
         self._meet()
 
     @abstractmethod
@@ -164,7 +164,15 @@ class Company(ABC):
         raise RunError(source or "run", plugin, simulation.clock.now, problem) from cause
 
     def _send(self, peer: int, frame: Frame) -> None:
-        self.port.send(peer, encode(frame))
+        """Send a frame.
+
+        Raises:
+            RunError: It cannot be sent.
+        """
+        try:
+            self.port.send(peer, encode(frame))
+        except (TypeError, ValueError) as error:
+            self._fail("run", f"other processes cannot be told: {error}", error)
 
 
 def rows_of(group: AgentGroup, ids: Iterable[str]) -> Indices:

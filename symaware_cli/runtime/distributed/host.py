@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -376,8 +377,10 @@ class Host(Company):
             self._tally_due = 0.0
             self._tally()
             self._publish()
-            if status == "finished" and self._run.is_complete:
+        with suppress(RunError):
+            if status == "finished" and self._has_begun and self._run.is_complete:
                 self._tell(self._run.done)
         for member in self._in_order:
-            self._send(member.peer, End(status, reason, error.source if error else ""))
+            with suppress(RunError):
+                self._send(member.peer, End(status, reason, error.source if error else ""))
         self.port.close()

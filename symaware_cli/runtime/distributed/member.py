@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 import time
+from contextlib import suppress
+from dataclasses import replace
 from typing import NoReturn
 
 from symaware_cli.core import Contact, Delivery, Event, Level, Mailing, Message
 from symaware_cli.core.transport import Port
-from symaware_cli.network.transport.codec import decode
+from symaware_cli.network.transport.codec import decode, encode
 from symaware_cli.network.transport.frame import (
     End,
     Frame,
@@ -21,6 +23,7 @@ from symaware_cli.network.transport.frame import (
     Step,
     Welcome,
 )
+from symaware_cli.recording.text import plain
 from symaware_cli.runtime.distributed.company import Company, Identity, rows_of
 from symaware_cli.runtime.failure import RunError
 from symaware_cli.runtime.interruption import Interrupted
@@ -77,10 +80,25 @@ class Member(Company):
         if self._peer is None or event.subject is self or event.level is Level.ERROR:
             return
         if event.source.startswith(self._own):
-            self._send(self._peer, Notice(event.name, event.source, event.level.name, event.text, event.data))
+            notice = Notice(event.name, event.source, event.level.name, event.text, event.data)
+            try:
+                encode(notice)
+            except TypeError:
+                # Then it is told as it is recorded.
+                notice = replace(notice, data=plain(event.data))
+            self._send(self._peer, notice)
 
     def _post(self, content: Message | Mailing) -> None:
-        self._posts.append(Post(content, self._simulation.clock.now))
+        """Keep what one of our agents says until the host is told.
+
+        Raises:
+            TypeError: It cannot be sent.
+        """
+        post = Post(content, self._simulation.clock.now)
+        if isinstance(content, Message):
+            # Whoever says what cannot be sent shall learn of it in its own turn; columns are arrays.
+            encode(Report(0, {}, (post,)))
+        self._posts.append(post)
 
     def arrived(self) -> None:
         """Read what the host carried here."""
@@ -161,6 +179,9 @@ class Member(Company):
                     deadline = time.monotonic() + self._absence
                     text = f"the host at {self.port.address} is gone: {happening.reason}"
                     self._report(Notice("lost", "processes.host", "WARNING", text))
+                    # For who watches: the log tells of it when turns may follow from it.
+                    waits = f"{text}; waits {self._absence:g} s for it"
+                    self._fire(Notice("waiting", "run", "WARNING", waits), recorded=False)
                     problem = f"{text}, and did not come back within {self._absence:g} s"
                 elif self._world is None:
                     self._fail("run", f"the host at {self.port.address} does not take us in: {happening.reason}")
@@ -214,5 +235,6 @@ class Member(Company):
         if self._has_begun:
             self._publish()
         if self._peer is not None and self._over is None:
-            self._send(self._peer, End(status, reason, error.source if error else ""))
+            with suppress(RunError):
+                self._send(self._peer, End(status, reason, error.source if error else ""))
         self.port.close()
