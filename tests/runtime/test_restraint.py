@@ -66,7 +66,7 @@ def test_an_agent_that_is_isolated_does_not_take_the_covariances_from_the_others
 
 
 def test_nothing_is_told_of_an_agent_that_is_isolated(doubles, tmp_path):
-    trip = {"use": "doubles.fault", "with": {"agent": "robot.0", "at": 0.5}, "on_failure": "isolate"}
+    trip = {"use": "doubles.fault", "with": {"agent": "robot.0"}, "on_failure": "isolate"}
     document = {
         "symaware": 1,
         "name": "left",

@@ -30,8 +30,8 @@ _ARRIVALS = 256
 #: So many records, and so many bytes, may be sent before the other end says that it has taken them.
 _RECORDS, _BYTES = 256, 2**22
 
-#: For how long an ending process waits for threads that are within Zenoh [s]; that waits for five seconds itself if what
-#: is on its way cannot be sent.
+#: For how long an ending process waits for threads that are within Zenoh [s]; that itself waits for five seconds if
+#: something on its way cannot be sent.
 _PATIENCE = 6.0
 
 #: So many batches of records may be on their way to Zenoh.
