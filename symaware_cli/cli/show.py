@@ -43,6 +43,7 @@ def _text(description: Description) -> str:
         ("State", description.state),
         ("Control input", description.control_input),
         ("Needs the knowledge", description.knowledge),
+        ("Needs of the world", description.requires),
         ("Fires the events", description.events),
     ]
     if description.parameters:

@@ -110,6 +110,7 @@ class Run:
         self._recorder = recorder
         self._on_progress = on_progress
         self._progress_due = 0.0
+        self._waited = 0.0  # for others, before the run [s]
         self._observer = Observer(simulation)
         self._world = WorldScope(simulation, self._observer)
         self.pacer = Pacer(terms.pace) if terms.pace else None
@@ -156,7 +157,7 @@ class Run:
             if self._recorder:
                 outcome = {"status": status, "steps": self.done, "time": simulation.clock.now}
                 self._recorder.finish(simulation.clock.now, self.done, outcome)
-        return self._summary(status, failure, time.monotonic() - started)
+        return self._summary(status, failure, time.monotonic() - started - self._waited)
 
     def _begin_to_end(self) -> str:
         """Make the whole run, and say why it ended where it did.
@@ -174,7 +175,9 @@ class Run:
             self.workers.start()
             self.interruption.shield()
             if self._company:
+                began = time.monotonic()
                 self._company.begin(self)
+                self._waited = time.monotonic() - began
             self.is_under_way = True
             for activity in self.activities:
                 activity.begin()

@@ -38,7 +38,7 @@ class Description:
     """A plugin, described.
 
     Attributes:
-        kind: ``component``, ``environment`` or ``model``.
+        kind: A key of `GROUPS`, such as ``component``.
         name: What scenarios call it.
         package: The distribution that brought it.
         version: Its version.
@@ -46,6 +46,7 @@ class Description:
         parameters: What can be set.
         events: What it fires, with what each means.
         knowledge: What an agent must know for it to work.
+        requires: What the world must have for it to work, with where it is.
         state: Names and units of the state, for a model.
         control_input: Names and units of the control input, for a model.
     """
@@ -58,6 +59,7 @@ class Description:
     parameters: tuple[Parameter, ...]
     events: dict[str, str]
     knowledge: dict[str, str]
+    requires: dict[str, str]
     state: dict[str, str]
     control_input: dict[str, str]
 
@@ -109,6 +111,7 @@ def _describe(listing: Listing, plugin: Any) -> Description:
         parameters,
         dict(getattr(plugin, "events", {})),
         dict(getattr(plugin, "knowledge", {})),
+        dict(getattr(plugin, "requires", {})),
         {quantity.name: quantity.unit for quantity in plugin.state} if is_model else {},
         {quantity.name: quantity.unit for quantity in plugin.control_input} if is_model else {},
     )
