@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import socket
 import subprocess
 import threading
 import time
@@ -13,6 +12,7 @@ from typing import Any
 
 import numpy as np
 from parts import contents
+from ports import free_port
 from simulating import COMMAND
 
 from symaware_cli.recording import wire
@@ -148,13 +148,6 @@ class Spread:
         path = self.folder / "merged.mcap"
         merge(open_parts([each.log for each in self.processes]), path)
         return open_log(path)
-
-
-def free_port() -> int:
-    """A port of the loopback that nobody listens at."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 def alone(folder: Path, scenario: Path, *arguments: object) -> Log:

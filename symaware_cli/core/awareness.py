@@ -66,7 +66,7 @@ class Tracks:
         ages: Time since the other was last seen [s]; shape (m,).
     """
 
-    __slots__ = ("ages", "covariances", "others", "pointers", "positions", "time", "velocities")
+    __slots__ = ("_origin", "ages", "covariances", "others", "pointers", "positions", "time", "velocities")
 
     def __init__(
         self,
@@ -85,6 +85,7 @@ class Tracks:
         self.velocities = frozen(velocities)
         self.covariances = None if covariances is None else frozen(covariances)
         self.ages = frozen(np.zeros(len(others)) if ages is None else ages)
+        self._origin: Tracks | None = None
 
     @classmethod
     def of(
@@ -121,6 +122,18 @@ class Tracks:
 
     def __len__(self) -> int:
         return len(self.others)
+
+    @property
+    def origin(self) -> Tracks:
+        """The tracks that a component made, if those of some agents were put back in these; else these.
+
+        By it the component knows again what it has written.
+        """
+        return self if self._origin is None else self._origin
+
+    @origin.setter
+    def origin(self, tracks: Tracks) -> None:
+        self._origin = tracks
 
     def select(self, rows: NDArray[np.bool_]) -> Tracks:
         """The tracks that a mask picks out; shape (m,)."""

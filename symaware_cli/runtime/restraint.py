@@ -36,9 +36,7 @@ def restrained(group: AgentGroup, rows: Sequence[int]) -> Iterator[None]:
     yield
     for column, before in columns:
         if column.values is not before and not np.array_equal(column.values[chosen], before[chosen]):
-            values = column.values.copy()
-            values[chosen] = before[chosen]
-            column.values = values
+            column.restore(chosen, before)
     for series_column, row, own in series:
         if series_column.row(row) != own:
             series_column.set_row(row, own)
@@ -48,11 +46,7 @@ def restrained(group: AgentGroup, rows: Sequence[int]) -> Iterator[None]:
 
 def _merged(tracks: Tracks, before: Tracks | None, held: NDArray[np.bool_]) -> Tracks:
     """The tracks of some agents as they were before, those of all others as they are now."""
-    written = tracks.select(held[tracks.observers])
-    then = written.select(np.zeros(len(written), bool)) if before is None else before.select(held[before.observers])
-    if _alike(written, then):
-        # Whoever made them knows them again, and can tell them from what others make.
-        return tracks
+    then = tracks.select(np.zeros(len(tracks), bool)) if before is None else before.select(held[before.observers])
     now = tracks.select(~held[tracks.observers])
     observers = np.concatenate([now.observers, then.observers])
     order = np.argsort(observers, kind="stable")
@@ -64,7 +58,7 @@ def _merged(tracks: Tracks, before: Tracks | None, held: NDArray[np.bool_]) -> T
             np.zeros((len(each), size, size)) if each.covariances is None else each.covariances for each in (now, then)
         ]
         covariances = np.concatenate(parts)[order]
-    return Tracks.of(
+    merged = Tracks.of(
         tracks.time,
         len(held),
         observers[order],
@@ -74,10 +68,5 @@ def _merged(tracks: Tracks, before: Tracks | None, held: NDArray[np.bool_]) -> T
         covariances=covariances,
         ages=np.concatenate([now.ages, then.ages])[order],
     )
-
-
-def _alike(one: Tracks, other: Tracks) -> bool:
-    """Whether two tell the same, whenever they were made."""
-    pairs = [(getattr(one, name), getattr(other, name)) for name in ("observers", "others", "positions", "velocities")]
-    pairs += [(one.ages, other.ages), (one.covariances, other.covariances)]
-    return len(one) == len(other) and (len(one) == 0 or all(np.array_equal(*pair) for pair in pairs))
+    merged.origin = tracks.origin
+    return merged

@@ -4,7 +4,8 @@ import signal
 import socket
 
 import pytest
-from spreading import Spread, free_port, goal_seekers, written
+from ports import free_port
+from spreading import Spread, goal_seekers, written
 from typer.testing import CliRunner
 
 from symaware_cli import open_log

@@ -9,7 +9,8 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
-from spreading import Spread, alone, differences, events, free_port, goal_seekers, written
+from ports import free_port
+from spreading import Spread, alone, differences, events, goal_seekers, written
 from symaware_doubles import Progress
 
 from symaware_cli import open_log
@@ -604,7 +605,7 @@ def test_all_verbs_take_the_log_of_a_run_that_was_spread(crossings, command):
     assert command("merge", *logs, "-o", "crossing.mcap").returncode == 0
     for arguments in (
         ("inspect", "crossing.mcap"),
-        ("replay", "crossing.mcap", "--screenshot", "crossing.png", "--at", "2"),
+        ("replay", "crossing.mcap", "--save", "crossing.rrd"),
         ("plot", "crossing.mcap", "-o", "risk.png"),
     ):
         done = command(*arguments)

@@ -158,4 +158,48 @@ def test_who_leaves_held_rows_alone_recognises_its_tracks(group):
     group.awareness.tracks = tracks(1, 0, 2)
     with restrained(group, [1]):
         mine = group.awareness.tracks = tracks(2, 0, 2)
-    assert group.awareness.tracks is mine
+    assert group.awareness.tracks.origin is mine
+
+
+def test_a_component_knows_again_what_it_wrote_though_rows_of_it_were_put_back():
+    team = Team(count=3)
+    run = simulation({"robot": team})
+    (group,) = run.groups
+    written = np.ones((3, 2))
+    with restrained(group, [1]):
+        group.control_input = written
+        mine = group.control_column.origin
+    np.testing.assert_array_equal(group.control_input, [[1.0, 1.0], [0.0, 0.0], [1.0, 1.0]])
+    assert group.control_column.origin is mine
+    group.control_column.set_row(0, np.zeros(2))
+    assert group.control_column.origin is not mine
+
+
+def test_what_was_told_ages_though_an_agent_of_the_group_has_stopped(tmp_path):
+    document = {
+        "symaware": 1,
+        "name": "silence",
+        "run": {"duration": 2.0},
+        "environment": {"use": "kinematic", "with": {"time_step": 0.1}},
+        "agents": {
+            "robot": {
+                "count": 3,
+                "model": {"use": "single-integrator"},
+                "state": [[0.0, 0.0], [3.0, 0.0], [6.0, 0.0]],
+                "components": {
+                    "see": {"use": "perception.self"},
+                    "tell": {"use": "communication.state"},
+                    "hear": {"use": "communication.inbox"},
+                },
+            }
+        },
+        "faults": {
+            "halt": {"at": 0.5, "stop": "robot.2"},
+            "hush": {"at": 1.0, "drop": {"sender": "robot.1"}},
+        },
+    }
+    path = tmp_path / "silence.yaml"
+    path.write_text(yaml.safe_dump(document, sort_keys=False))
+    execute(build(path), tmp_path / "silence.mcap")
+    beliefs = open_log(tmp_path / "silence.mcap").beliefs("robot.0", "robot.1")
+    assert beliefs.ages[-1] == pytest.approx(0.9, abs=0.11)

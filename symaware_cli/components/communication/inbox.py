@@ -200,7 +200,7 @@ class Inbox(GroupCommunicationReceiver):
     def _merge(self) -> None:
         """Make tracks of what was told, and of what perception sees."""
         awareness = self._group.awareness
-        if awareness.tracks is not self._made:
+        if awareness.tracks is None or awareness.tracks.origin is not self._made:
             self._seen = awareness.tracks
         told = self._tracks()
         self._made = told if self._seen is None else _joined(told, self._seen, self._everybody)

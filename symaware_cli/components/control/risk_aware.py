@@ -65,7 +65,7 @@ class RiskAware(GroupComponent):
         elapsed = 0.0 if self._last is None else (self.now - self._last) / SECOND
         factor = np.minimum(wanted, self._factor + parameters.recovery * elapsed)
         requested = group.control_input
-        if requested is self._written and self._requested is not None:
+        if group.control_column.origin is self._written and self._requested is not None:
             # Nobody chose anew since the last turn: slow down the choice, not what was made of it.
             requested = self._requested
         return requested, group.model.slowed(group.awareness.state, requested, factor), factor

@@ -291,20 +291,19 @@ class Host(Company):
             if known is None or inputs.shape != (len(rows), known[2].shape[1]) or not np.isfinite(inputs).all():
                 raise FrameError(f"control inputs of `{name}` that cannot be")
             group, own, latest = known
-            if not all(0 <= row < len(group) and group.ids[row] in member.agents for row in rows.tolist()):
+            if not _are_there(member, self._simulation.environment.roster.start(name) + rows, rows, len(group)):
                 raise FrameError(f"control inputs of agents of `{name}` that are not its own")
             latest = latest.copy()
             latest[np.searchsorted(own, rows)] = inputs
             self._inputs[name] = (group, own, latest)
-        ids = self._simulation.environment.roster.ids
+        everybody = len(member.is_here)
         for post in report.posts:
             content = post.content
-            senders = (
-                [content.sender]
-                if isinstance(content, Message)
-                else [ids[sender] if 0 <= sender < len(ids) else "" for sender in content.senders.tolist()]
-            )
-            if not set(senders) <= set(member.agents):
+            if isinstance(content, Message):
+                is_own = content.sender in member.agents
+            else:
+                is_own = _are_there(member, content.senders, content.senders, everybody)
+            if not is_own:
                 raise FrameError("messages of agents that are not its own")
             self._posts.append((member.rank, post))
         member.reported = max(member.reported, report.step)
@@ -384,3 +383,8 @@ class Host(Company):
             with suppress(RunError):
                 self._send(member.peer, End(status, reason, error.source if error else ""))
         self.port.close()
+
+
+def _are_there(member: _Member, indices: Indices, numbers: Indices, count: int) -> bool:
+    """Whether numbers that came from outside are within their bounds, and a member runs the agents that they mean."""
+    return bool(((numbers >= 0) & (numbers < count)).all() and member.is_here[indices].all())

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 
 import pytest
+from ports import free_port
 from transporting import ECHO, KEY, descriptors, echo, eventually, expect, number, tasks, threads
 
 from symaware_cli.core import Port, Transport, TransportError
@@ -93,8 +94,7 @@ def test_many_members_are_told_apart(make: Callable[..., Transport], stack: Exit
 
 def test_a_member_may_come_before_its_host(make: Callable[..., Transport], stack: ExitStack) -> None:
     transport = make()
-    with transport.listen("127.0.0.1", 0) as port:
-        free = number(port)
+    free = free_port()
     member = stack.enter_context(transport.join("127.0.0.1", free))
     assert member.receive(0.2) is None
     stack.enter_context(transport.listen("127.0.0.1", free))
@@ -237,8 +237,7 @@ def test_a_member_whose_host_is_killed_is_told_and_finds_the_next(
     make: Callable[..., Transport], stack: ExitStack, processes: list[subprocess.Popen[str]]
 ) -> None:
     transport = make(timeout=600.0)
-    with transport.listen("127.0.0.1", 0) as port:
-        free = number(port)
+    free = free_port()
     script = ECHO.replace('.join("127.0.0.1",', '.listen("127.0.0.1",')
     line = [sys.executable, "-c", script, type(transport).__module__, type(transport).__name__, str(free), "", "600"]
     processes.append(subprocess.Popen(line, stdout=subprocess.DEVNULL, text=True))
