@@ -116,6 +116,7 @@ def test_a_place_that_makes_no_sense_is_refused_before_anything_begins(run, tmp_
         ),
         (["--only", "robot.1,ticker"], "the host runs ticker itself"),
         (["--only", "robot", "--wait", 1], "robot.0 run in west"),
+        (["--only", "robot.1", "--name", "west"], "another process is called west; give this one a --name of its own"),
     ],
 )
 def test_a_member_that_does_not_fit_is_refused(run, waiting, arguments, said):

@@ -282,6 +282,8 @@ class Host(Company):
             taken = [id for id in member.agents if id in hello.agents]
             if taken:
                 return Refusal(f"{listed(taken)} run in {member.name}", final=False)
+        if hello.name in (identity.name, *(member.name for member in self._members.values())):
+            return Refusal(f"another process is called {hello.name}; give this one a --name of its own")
         return None
 
     def _hear(self, member: _Member, report: Report) -> None:
