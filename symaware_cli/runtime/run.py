@@ -78,6 +78,7 @@ class Run:
         interruption: Holds signals back and lets them through.
         asynchronous: Whether components may wait within their turns.
         workers: The processes of components that compute in one of their own.
+        observer: Watches it for what the summary tells.
         outside: What lets components await real input and output; None where they must not.
         next_step: The next instant at which the world will have moved, in nanoseconds.
         ongoing_faults: What ends each fault that has begun, by its name.
@@ -111,8 +112,8 @@ class Run:
         self._on_progress = on_progress
         self._progress_due = 0.0
         self._waited = 0.0  # for others, before the run [s]
-        self._observer = Observer(simulation)
-        self._world = WorldScope(simulation, self._observer)
+        self.observer = Observer(simulation)
+        self._world = WorldScope(simulation, self.observer)
         self.pacer = Pacer(terms.pace) if terms.pace else None
         self.outside: Outside | None = None
         remote = [slot for slot in simulation.slots if slot.timing.in_process]
@@ -204,7 +205,7 @@ class Run:
         """Go from instant to instant, and say why the last one was the last."""
         simulation, recorder, agenda = self.simulation, self._recorder, self.agenda
         entries = agenda.entries
-        clock, exchange, observer = simulation.clock, simulation.exchange, self._observer
+        clock, exchange, observer = simulation.clock, simulation.exchange, self.observer
         time_step, until = simulation.environment.time_step, self._terms.until
         steady = [(each.place, each.take) for each in self.activities if each.is_steady]
         latched: list[tuple[Column, Array]] | None = None
@@ -234,8 +235,6 @@ class Run:
                     take()
             if entries:
                 agenda.run()
-            if steps:
-                observer.look(now)
             if recorder:
                 recorder.record(now, self.done)
             if "iterated" in events.wanted:
@@ -243,6 +242,7 @@ class Run:
             if company:
                 company.acted()
             if steps:
+                observer.look(now)
                 if until is not None and self._is_over(until):
                     return f"{self.done} steps made; {until.text}"
                 simulation.announce("stepping", "environment")
@@ -409,7 +409,7 @@ class Run:
             self._on_progress(now)
 
     def _summary(self, status: str, failure: RunError | None, wall_time: float) -> Summary:
-        simulation, recorder, observer = self.simulation, self._recorder, self._observer
+        simulation, recorder, observer = self.simulation, self._recorder, self.observer
         return Summary(
             name=simulation.name,
             seed=simulation.seed,

@@ -130,8 +130,8 @@ class WorldScope:
             case "goals_reached":
                 return np.array([id in self._observer.goals for id in self._with_goal], bool)
             case "highest_risk":
-                peaks = [group.awareness.risk.maximum() for group in simulation.groups]
-                return max((peak[0] for peak in peaks if peak is not None), default=0.0)
+                peak = self._observer.peak()
+                return 0.0 if peak is None else peak[0]
             case "min_separation":
                 positions = simulation.environment.snapshot().positions
                 return simulation.environment.proximity.nearest(positions) if len(positions) > 1 else np.inf

@@ -85,13 +85,20 @@ class Summary:
 
 
 class Observer:
-    """Watches a run for what the summary tells."""
+    """Watches a run for what the summary tells.
+
+    Attributes:
+        contacts: How many contacts began.
+        goals: The agents that reached their goal.
+        reported: The greatest risk that each other process reported last, and who sees it.
+    """
 
     def __init__(self, simulation: Simulation) -> None:
         self._simulation = simulation
         self._environment: Environment = simulation.environment
         self.contacts = 0
         self.goals: set[str] = set()
+        self.reported: dict[object, tuple[float, str]] = {}
         self._separation = math.inf
         self._separation_time = 0
         self._separation_pair = (0, 0)
@@ -110,10 +117,21 @@ class Observer:
         """Take note of what the world and the agents are like now."""
         if self._simulation.agent_count > 1:
             self._look_at_distances(now)
-        for group in self._simulation.groups:
-            peak = group.awareness.risk.maximum()
-            if peak is not None and (self._risk is None or peak[0] > self._risk.value):
-                self._risk = Extreme(peak[0], seconds(now), (group.ids[peak[1]],))
+        peak = self.peak()
+        if peak is not None and (self._risk is None or peak[0] > self._risk.value):
+            self._risk = Extreme(peak[0], seconds(now), (peak[1],))
+
+    def peak(self) -> tuple[float, str] | None:
+        """The greatest risk that an agent sees now, and the first in the roster that does; None if nobody sees any."""
+        peaks = [
+            (peak[0], group.ids[peak[1]])
+            for group in self._simulation.groups
+            if (peak := group.awareness.risk.maximum()) is not None
+        ]
+        if not self.reported:
+            return max(peaks, key=lambda each: each[0], default=None)
+        index = self._environment.roster.index
+        return max((*peaks, *self.reported.values()), key=lambda each: (each[0], -index(each[1])), default=None)
 
     def _look_at_distances(self, now: int) -> None:
         positions = self._environment.snapshot().positions

@@ -1,6 +1,7 @@
 """A run that several processes share is the run that one process makes."""
 
 import copy
+import hashlib
 import signal
 import socket
 import time
@@ -13,7 +14,10 @@ from ports import free_port
 from spreading import Spread, alone, differences, events, goal_seekers, written
 from symaware_doubles import Progress
 
-from symaware_cli import open_log
+from symaware_cli import Mailing, Message, __version__, open_log
+from symaware_cli.network.transport.codec import decode, encode
+from symaware_cli.network.transport.frame import Hello, Post, Report, Welcome
+from symaware_cli.network.transport.tcp import Tcp
 from symaware_cli.scenario.build import build
 
 STEP = 50_000_000
@@ -427,6 +431,19 @@ def test_the_host_knows_where_everybody_is(spread, tmp_path):
     assert whole.outcome == merged.outcome
 
 
+def test_the_host_knows_the_greatest_risk_that_anybody_sees(spread, scenarios, tmp_path):
+    until = ("--set", "run.until=highest_risk > 0.05")
+    run = spread(scenarios / "crossing.yaml", *until)
+    run.host("--only", "robot.0")
+    run.member("west", "robot.[1-5]")
+    run.member("east", "robot.[6-9],robot.1?")
+    run.finish()
+    whole, merged = alone(tmp_path, run.scenario, *until), run.merged()
+    assert whole.outcome["steps"] == 160
+    assert differences(whole, merged) == {}
+    assert whole.outcome == merged.outcome
+
+
 def test_in_the_asynchronous_mode_the_host_waits_for_all_in_each_step(spread, scenarios, tmp_path):
     # Without what depends on agents of other processes: the trigger, which would come with the next step, and the
     # condition, which may hold for one of them.
@@ -556,6 +573,52 @@ def test_garbage_at_the_port_changes_nothing_but_is_counted(goals, tmp_path):
     last = [each for each in open_log(host.log).events() if each.name == "rejected"][-1]
     assert last.data["total"]["garbage"] == 20
     assert "garbage" in last.text
+
+
+def _inputs(row, value=0.0):
+    return {"robot": (np.array([row], np.intp), np.full((1, 2), value))}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("frame", "objection"),
+    [
+        (Report(0, _inputs(1)), "control inputs of agents of `robot` that are not its own"),
+        (Report(0, _inputs(9)), "control inputs of agents of `robot` that are not its own"),
+        (Report(0, _inputs(0, np.nan)), "control inputs of `robot` that cannot be"),
+        (Report(0, {"ghost": _inputs(0)["robot"]}), "control inputs of `ghost` that cannot be"),
+        (Report(0, {}, (Post(Message("robot.1", "robot.0", {}), 0),)), "messages of agents that are not its own"),
+        (Report(0, {}, (Post(Mailing(np.array([1]), {}), 0),)), "messages of agents that are not its own"),
+        (Report(0, {}, (Post(Message("robot.0", "ghost", {}), 0),)), "messages to agents that do not exist"),
+        (Report(0, {}, (Post(Mailing(np.array([0]), {}, receivers=np.array([4])), 0),)), "agents that do not exist"),
+        (Report(0, {}, (), (1.0, "robot.1")), "a risk that none of its agents can see"),
+        (Report(0, {}, (), (np.nan, "robot.0")), "a risk that none of its agents can see"),
+        (Welcome(0, 0, 0.0, 0.0), "a member does not say Welcome"),
+    ],
+)
+def test_who_says_what_a_member_cannot_say_is_sent_off_and_the_run_goes_on(spread, frame, objection):
+    document = goal_seekers(distance=1000.0, on_failure="isolate")
+    document["run"] = {"duration": 1.0}
+    run = spread(document)
+    host = run.host("--only", "ticker,robot.1")
+    digest = hashlib.sha256(build(run.scenario).resolved).digest()
+    with Tcp().join("127.0.0.1", run.port) as port:
+        peer = came(port, "came").peer
+        port.send(peer, encode(Hello("liar", digest, __version__, ("robot.0",))))
+        assert isinstance(decode(came(port, "frame").frame), Welcome)
+        port.send(peer, encode(frame))
+        assert objection in host.wait_for("what liar said is not taken")
+        run.finish()
+    log = open_log(host.log)
+    assert log.outcome["steps"] == 20
+    assert [source for _, _, source in events(log, "lost")] == ["processes.liar"]
+
+
+def came(port, kind):
+    while (happening := port.receive(60.0)) is not None:
+        if happening.kind == kind:
+            return happening
+    raise AssertionError(f"nothing of kind {kind}")
 
 
 @pytest.mark.slow

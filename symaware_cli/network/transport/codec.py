@@ -143,6 +143,7 @@ def _report(frame: Report) -> wire.Report:
         step=frame.step,
         inputs=[each.SerializeToString() for each in inputs],
         posts=_serialised(_post, frame.posts),
+        peak=None if frame.peak is None else wire.Peak(risk=frame.peak[0], agent=frame.peak[1]),
     )
 
 
@@ -158,7 +159,8 @@ def _read_report(message: wire.Report) -> Report:
             raise FrameError(f"{len(rows)} rows do not fit control inputs of shape {values.shape}")
         inputs[part.group] = rows, values
     posts = tuple(_read_post(parsed(wire.Post, data)) for data in message.posts)
-    return Report(message.step, inputs, posts)
+    peak = (message.peak.risk, message.peak.agent) if message.HasField("peak") else None
+    return Report(message.step, inputs, posts, peak)
 
 
 def _post(post: Post) -> wire.Post:

@@ -110,11 +110,13 @@ class Report:
         step: How many steps were made until then.
         inputs: By group, the rows that are the member's, and their control inputs; shapes (m,) and (m, nu).
         posts: What they said.
+        peak: The greatest risk that one of them sees, and which; None if nobody sees any.
     """
 
     step: int
     inputs: Mapping[str, tuple[Indices, Array]]
     posts: tuple[Post, ...] = ()
+    peak: tuple[float, str] | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -78,14 +78,24 @@ class Step(_message.Message):
     def __init__(self, step: _Optional[int] = ..., time: _Optional[int] = ..., world: _Optional[_Iterable[bytes]] = ..., contacts: _Optional[_Iterable[bytes]] = ..., letters: _Optional[_Iterable[bytes]] = ..., mailings: _Optional[_Iterable[bytes]] = ..., deliveries: _Optional[_Iterable[bytes]] = ..., started: _Optional[float] = ...) -> None: ...
 
 class Report(_message.Message):
-    __slots__ = ("step", "inputs", "posts")
+    __slots__ = ("step", "inputs", "posts", "peak")
     STEP_FIELD_NUMBER: _ClassVar[int]
     INPUTS_FIELD_NUMBER: _ClassVar[int]
     POSTS_FIELD_NUMBER: _ClassVar[int]
+    PEAK_FIELD_NUMBER: _ClassVar[int]
     step: int
     inputs: _containers.RepeatedScalarFieldContainer[bytes]
     posts: _containers.RepeatedScalarFieldContainer[bytes]
-    def __init__(self, step: _Optional[int] = ..., inputs: _Optional[_Iterable[bytes]] = ..., posts: _Optional[_Iterable[bytes]] = ...) -> None: ...
+    peak: Peak
+    def __init__(self, step: _Optional[int] = ..., inputs: _Optional[_Iterable[bytes]] = ..., posts: _Optional[_Iterable[bytes]] = ..., peak: _Optional[_Union[Peak, _Mapping]] = ...) -> None: ...
+
+class Peak(_message.Message):
+    __slots__ = ("risk", "agent")
+    RISK_FIELD_NUMBER: _ClassVar[int]
+    AGENT_FIELD_NUMBER: _ClassVar[int]
+    risk: float
+    agent: str
+    def __init__(self, risk: _Optional[float] = ..., agent: _Optional[str] = ...) -> None: ...
 
 class Notice(_message.Message):
     __slots__ = ("name", "source", "level", "text", "data")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections import Counter
 from contextlib import suppress
@@ -13,9 +14,8 @@ from numpy.typing import NDArray
 
 from symaware_cli.core import AgentGroup, Delivery, Level, Message
 from symaware_cli.core.column import Array, Column
-from symaware_cli.core.message import Indices
+from symaware_cli.core.message import EVERYBODY, Indices
 from symaware_cli.core.transport import Happening, Port
-from symaware_cli.network.exchange import UnknownReceiverError
 from symaware_cli.network.traffic import chosen
 from symaware_cli.network.transport.codec import decode
 from symaware_cli.network.transport.frame import (
@@ -233,7 +233,7 @@ class Host(Company):
                 self._part(member, frame)
             else:
                 raise FrameError(f"a member does not say {type(frame).__name__}")
-        except (FrameError, UnknownReceiverError) as error:
+        except FrameError as error:
             self.port.cut(happening.peer, str(error))
             text = f"what {member.name if member else 'a stranger'} said is not taken: {error}"
             self._report(Notice("rejected", "run", "WARNING", text))
@@ -302,12 +302,23 @@ class Host(Company):
         for post in report.posts:
             content = post.content
             if isinstance(content, Message):
-                is_own = content.sender in member.agents
+                is_own, receiver = content.sender in member.agents, content.receiver
+                is_known = receiver == EVERYBODY or receiver in self._simulation.environment.roster
             else:
-                is_own = _are_there(member, content.senders, content.senders, everybody)
+                is_own, receivers = _are_there(member, content.senders, content.senders, everybody), content.receivers
+                is_known = receivers is None or bool((receivers < everybody).all())
             if not is_own:
                 raise FrameError("messages of agents that are not its own")
+            if not is_known:
+                raise FrameError("messages to agents that do not exist")
             self._posts.append((member.rank, post))
+        if report.peak is not None:
+            risk, agent = report.peak
+            if agent not in member.agents or math.isnan(risk):
+                raise FrameError("a risk that none of its agents can see")
+            self._run.observer.reported[member.rank] = report.peak
+        else:
+            self._run.observer.reported.pop(member.rank, None)
         member.reported = max(member.reported, report.step)
 
     def _part(self, member: _Member, end: End) -> None:

@@ -118,7 +118,7 @@ class Member(Company):
             return
         requested = {group.name: (rows, group.control_input[rows]) for group, rows in self._rows} if inputs else {}
         posts, self._posts = tuple(self._posts), []
-        self._send(self._peer, Report(self._run.done, requested, posts))
+        self._send(self._peer, Report(self._run.done, requested, posts, self._run.observer.peak()))
 
     def step(self) -> str | None:
         """Wait for the world to have made its step."""

@@ -121,7 +121,9 @@ def reports(draw: st.DrawFn) -> Report:
     for group in sorted(groups):
         count = draw(st.integers(0, 3))
         inputs[group] = draw(indices(count)), draw(arrays.arrays(np.float64, (count, draw(st.integers(0, 3)))))
-    return Report(draw(COUNTS), inputs, tuple(draw(st.lists(st.builds(Post, LETTERS | mailings(), TIMES), max_size=2))))
+    posts = st.lists(st.builds(Post, LETTERS | mailings(), TIMES), max_size=2)
+    peak = st.none() | st.tuples(NUMBERS, TEXTS)
+    return Report(draw(COUNTS), inputs, tuple(draw(posts)), draw(peak))
 
 
 FRAMES = st.one_of(
