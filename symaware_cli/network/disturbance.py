@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Container, Sequence
 from dataclasses import dataclass
 
@@ -21,6 +22,7 @@ class Disturbance:
         receivers: To whom.
         loss: Probability that a message is lost.
         delay: How much later a message arrives, in nanoseconds.
+        bandwidth: How much gets into each link at most [bytes/s].
     """
 
     name: str
@@ -28,6 +30,7 @@ class Disturbance:
     receivers: Container[str]
     loss: float
     delay: int
+    bandwidth: float = math.inf
 
     def concerned(self, ids: Sequence[str], senders: Indices, receivers: Indices) -> NDArray[np.bool_]:
         """Which messages are among those; shape (m,)."""

@@ -205,7 +205,7 @@ class MemoryExchange:
             letters.append(letter)
             self.sent += 1
             self._on_sent(letter)
-        if self._passage.is_free:
+        if self._passage.is_free(self.now):
             due = self._arrival(self.now)
             for letter, receiver in zip(letters, receivers, strict=True):
                 self._under_way.put(letter, sender, receiver, due)
@@ -254,7 +254,7 @@ class MemoryExchange:
         sent = Delivery(mailing, rows, receivers, sequences, self.now if at is None else at, due)
         self.sent += len(rows)
         self._on_traffic(Traffic("sent", sent, size))
-        if self._passage.is_free:
+        if self._passage.is_free(self.now):
             self._under_way.launch(sent, np.zeros(len(rows), np.uint8), size)
             return
         linked = mailing.receivers is None

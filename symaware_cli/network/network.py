@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from symaware_cli.core import Links, Roster, Topology
 from symaware_cli.core.message import Indices, Times
 from symaware_cli.network.channel.channel import NO_LINK, Channel, Fates
+from symaware_cli.network.channel.impairment import Impairment
 from symaware_cli.network.channel.ledger import Ledger
 from symaware_cli.network.channel.parameters import ChannelParameters
 
@@ -209,6 +210,7 @@ class Network:
         sizes: NDArray[np.int64],
         linked: NDArray[np.bool_] | None,
         waits: NDArray[np.bool_] | None = None,
+        impairment: Impairment | None = None,
     ) -> Fates:
         """Decide the fates of messages that are sent now; see `Channel.carry`.
 
@@ -220,9 +222,10 @@ class Network:
             sizes: In bytes; shape (m,).
             linked: Which of them are links at present; None for all.
             waits: Which of them are left as they are; None for none.
+            impairment: What disturbs them; None for nothing.
         """
         if linked is None and waits is None and len(self._channels) == 1:
-            return self._channels[0].carry(ledger, rows, numbers, now, sizes)
+            return self._channels[0].carry(ledger, rows, numbers, now, sizes, impairment)
         due, reason = np.full(len(rows), now, np.int64), np.zeros(len(rows), np.uint8)
         copies, copies_due = [np.empty(0, np.intp)], [np.empty(0, np.int64)]
         if linked is not None:
@@ -231,7 +234,8 @@ class Network:
         for number, channel in enumerate(self._channels):
             chosen = np.flatnonzero(decided & (ledger.channel[rows] == number))
             if len(chosen):
-                fates = channel.carry(ledger, rows[chosen], numbers[chosen], now, sizes[chosen])
+                worse = None if impairment is None else impairment.take(chosen)
+                fates = channel.carry(ledger, rows[chosen], numbers[chosen], now, sizes[chosen], worse)
                 due[chosen], reason[chosen] = fates.due, fates.reason
                 copies.append(chosen[fates.copies])
                 copies_due.append(fates.copies_due)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,14 +13,19 @@ from numpy.typing import NDArray
 
 from symaware_cli.core.message import Indices, Times
 from symaware_cli.network.chance import agent_keys, uniforms
-from symaware_cli.network.channel.channel import NO_LINK, REASONS, TOO_OLD, Fates
+from symaware_cli.network.channel.channel import NO_LINK, REASONS, Channel, Fates
+from symaware_cli.network.channel.impairment import Impairment
 from symaware_cli.network.channel.ledger import Ledger
 from symaware_cli.network.channel.line import Line
+from symaware_cli.network.channel.parameters import ChannelParameters
 from symaware_cli.network.disturbance import Disturbance
 from symaware_cli.network.network import Network
 
 #: Stands among the reasons for what is not decided yet.
 WAITS = 255
+
+#: Where there is no network.
+_PERFECT = Channel(ChannelParameters())
 
 #: The pages of a message's draws before this one belong to its channel.
 _OWN_PAGE = 2
@@ -69,10 +75,13 @@ class Passage:
     def _ledger(self) -> Ledger:
         return Ledger(self._seed, self._ids)
 
-    @property
-    def is_free(self) -> bool:
+    def is_free(self, now: int) -> bool:
         """Whether all messages pass, at once."""
-        return self.network is None and not self.disturbances
+        return self.network is None and self._is_undisturbed(now)
+
+    def _is_undisturbed(self, now: int) -> bool:
+        """Whether there is no disturbance, and no message waits for a link because of one that is over."""
+        return not self.disturbances and self._ledger.congestion <= now
 
     @property
     def waiting(self) -> int:
@@ -103,27 +112,26 @@ class Passage:
             dropped from a full queue now.
         """
         network = self.network
-        if network is not None and network.is_perfect and not self.disturbances:
+        if network is not None and network.is_perfect and self._is_undisturbed(now):
             return _at_once(None if linked else network.has(senders, receivers), len(senders), now), []
         ledger = self._ledger
         rows, new = ledger.rows(senders, receivers)
         if new is not None and network is not None:
             network.enter(ledger, new)
-        numbers = ledger.number(rows)
+        numbers, sizes = ledger.number(rows), np.full(len(rows), size, np.int64)
+        impairment = self._impairment(senders, receivers, rows, numbers)
         victims: list[Parcel] = []
         if network is None:
-            fates = _at_once(None, len(rows), now)
-        else:
-            has = None if linked else network.has(senders, receivers)
-            sizes = np.full(len(rows), size, np.int64)
-            waits = network.waits(ledger, rows, has) if network.has_lines else np.zeros(len(rows), bool)
-            fates = network.carry(ledger, rows, numbers, now, sizes, has, waits if waits.any() else None)
-            for place in np.flatnonzero(waits).tolist():
-                sender, receiver, row = int(senders[place]), int(receivers[place]), int(rows[place])
-                parcel = Parcel(content, place, sender, receiver, row, int(numbers[place]), now)
-                victims += self._wait(network, parcel, size, now)
-                fates.reason[place] = WAITS
-        return self._disturbed(fates, senders, receivers, rows, numbers), victims
+            return _PERFECT.carry(ledger, rows, numbers, now, sizes, impairment), victims
+        has = None if linked else network.has(senders, receivers)
+        waits = network.waits(ledger, rows, has) if network.has_lines else np.zeros(len(rows), bool)
+        fates = network.carry(ledger, rows, numbers, now, sizes, has, waits if waits.any() else None, impairment)
+        for place in np.flatnonzero(waits).tolist():
+            sender, receiver, row = int(senders[place]), int(receivers[place]), int(rows[place])
+            parcel = Parcel(content, place, sender, receiver, row, int(numbers[place]), now)
+            victims += self._wait(network, parcel, size, now)
+            fates.reason[place] = WAITS
+        return fates, victims
 
     def _wait(self, network: Network, parcel: Parcel, size: int, now: int) -> list[Parcel]:
         line = self._lines.get(parcel.row)
@@ -140,30 +148,34 @@ class Passage:
         done = []
         for row in sorted(self._lines):
             line, channel = self._lines[row], network.channel(int(ledger.channel[row]))
-            rows = np.array([row])
-            for parcel, leaving in line.advance(now):
-                numbers = np.array([parcel.number])
-                fates = channel.transmit(ledger, rows, numbers, np.array([parcel.sent]), np.array([leaving]))
-                ends = np.array([parcel.sender]), np.array([parcel.receiver])
-                done.append((parcel, self._disturbed(fates, *ends, rows, numbers)))
+            rows, ends = np.array([row]), ledger.ends(slice(row, row + 1))
+            for parcel, leaving in line.advance(now, self._bandwidth(*ends)):
+                numbers, sent = np.array([parcel.number]), np.array([parcel.sent])
+                impairment = self._impairment(*ends, rows, numbers)
+                fates = channel.transmit(ledger, rows, numbers, sent, np.array([leaving]), impairment=impairment)
+                done.append((parcel, fates))
         return done
 
-    def _disturbed(self, fates: Fates, senders: Indices, receivers: Indices, rows: Indices, numbers: Times) -> Fates:
-        """What disturbances make of the fates of messages."""
-        due, reason, copies, copies_due = fates
+    def _bandwidth(self, sender: Indices, receiver: Indices) -> float:
+        """How much gets into a link at most, as far as disturbances go [bytes/s]."""
+        limits = [each.bandwidth for each in self.disturbances if each.concerned(self._ids, sender, receiver)[0]]
+        return min(limits, default=math.inf)
+
+    def _impairment(self, senders: Indices, receivers: Indices, rows: Indices, numbers: Times) -> Impairment | None:
+        """What disturbs messages; None if there are no disturbances."""
+        if not self.disturbances:
+            return None
+        delay, bandwidth, reason = Impairment.none(len(rows))
         for disturbance in self.disturbances:
             hit = disturbance.concerned(self._ids, senders, receivers)
-            hit &= (reason == 0) | (reason == TOO_OLD)
             if not hit.any():
                 continue
-            due = np.where(hit, due + disturbance.delay, due)
-            copies_due = copies_due + np.where(hit[copies], disturbance.delay, 0)
+            delay[hit] += disturbance.delay
+            bandwidth[hit] = np.minimum(bandwidth[hit], disturbance.bandwidth)
             if disturbance.loss:
-                struck = hit & self._struck(disturbance, rows, numbers)
-                reason = np.where(struck, self._reason(disturbance.name), reason).astype(np.uint8)
-                kept = ~struck[copies]
-                copies, copies_due = copies[kept], copies_due[kept]
-        return Fates(due, reason, copies, copies_due)
+                struck = hit & (reason == 0) & self._struck(disturbance, rows, numbers)
+                reason[struck] = self._reason(disturbance.name)
+        return Impairment(delay, bandwidth, reason)
 
     def _struck(self, disturbance: Disturbance, rows: Indices, numbers: Times) -> NDArray[np.bool_]:
         """Which messages a disturbance would lose: drawn from the link's chance, so that nobody else's matters."""

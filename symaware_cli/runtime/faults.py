@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -247,15 +248,17 @@ class Cut(Effect):
         ways: Whose messages, and to whom.
         loss: Probability that one is lost.
         delay: How much later one arrives, in nanoseconds.
+        bandwidth: How much gets into each link at most [bytes/s].
     """
 
     ways: Sequence[tuple[frozenset[str], frozenset[str]]]
-    loss: float
-    delay: int
+    loss: float = 0.0
+    delay: int = 0
+    bandwidth: float = math.inf
 
     def begin(self, run: Run, name: str) -> Any:
         """Disturb the exchange."""
-        disturbances = [Disturbance(name, *ends, self.loss, self.delay) for ends in self.ways]
+        disturbances = [Disturbance(name, *ends, self.loss, self.delay, self.bandwidth) for ends in self.ways]
         run.simulation.exchange.disturbances.extend(disturbances)
         return disturbances
 

@@ -254,11 +254,14 @@ class Degradation(Part):
     receiver: Target = Field("*", description=_AGENTS)
     loss: float = Field(0.0, ge=0, le=1, description="Probability that a message is lost besides.")
     delay: float = Field(0.0, ge=0, le=1e9, description="How much later messages arrive [s].")
+    bandwidth: float | None = Field(
+        None, gt=0, le=1e15, description="How much gets into each link at most [bytes/s]; no limit besides if left out."
+    )
 
     @model_validator(mode="after")
     def _is_something(self) -> Self:
-        if not self.loss and not self.delay:
-            raise ValueError("say a `loss` or a `delay`, or both")
+        if not self.loss and not self.delay and self.bandwidth is None:
+            raise ValueError("say a `loss`, a `delay` or a `bandwidth`")
         return self
 
 
@@ -289,7 +292,7 @@ class FaultUse(Part):
     drop: Loss | None = Field(None, description="Messages that do not arrive.")
     delay: Delay | None = Field(None, description="Messages that arrive late.")
     cut: Severance | None = Field(None, description="Links that carry nothing, in either direction.")
-    degrade: Degradation | None = Field(None, description="Links that lose and delay messages besides.")
+    degrade: Degradation | None = Field(None, description="Links that are worse than they are.")
     partition: list[list[Target]] | None = Field(
         None,
         min_length=1,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fnmatch
+import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -125,20 +126,20 @@ class FaultBuilder:
                 self._ids(each, (*path, "cut", "between", place)) for place, each in enumerate(use.cut.between)
             )
             text = f"cuts the links between {' and '.join(use.cut.between)}"
-            return "exchange", text, Cut([(one, other), (other, one)] if one != other else [(one, other)], 1.0, 0)
+            return "exchange", text, Cut([(one, other), (other, one)] if one != other else [(one, other)], loss=1.0)
         if use.degrade:
             worse, where = use.degrade, (*path, "degrade")
             ends = self._ids(worse.sender, (*where, "sender")), self._ids(worse.receiver, (*where, "receiver"))
             text = f"degrades the links from {worse.sender} to {worse.receiver}"
-            return "exchange", text, Cut([ends], worse.loss, nanoseconds(worse.delay))
+            return "exchange", text, Cut([ends], worse.loss, nanoseconds(worse.delay), worse.bandwidth or math.inf)
         link = use.drop or use.delay
         assert link is not None
         where = (*path, "drop" if use.drop else "delay")
         senders, receivers = self._ids(link.sender, (*where, "sender")), self._ids(link.receiver, (*where, "receiver"))
         way = f"messages from {link.sender} to {link.receiver}"
         if isinstance(link, Loss):
-            return "exchange", f"drops {way}", Cut([(senders, receivers)], link.probability, 0)
-        return "exchange", f"delays {way} by {link.by:g} s", Cut([(senders, receivers)], 0.0, nanoseconds(link.by))
+            return "exchange", f"drops {way}", Cut([(senders, receivers)], loss=link.probability)
+        return "exchange", f"delays {way} by {link.by:g} s", Cut([(senders, receivers)], delay=nanoseconds(link.by))
 
     def _measured(
         self, of: str, values: Sequence[float], path: Path, key: str
@@ -168,7 +169,7 @@ class FaultBuilder:
         rest = frozenset(everybody).difference(*parts)
         ways = [(part, frozenset(everybody) - part) for part in (*parts, rest) if part]
         text = f"parts {', '.join('+'.join(each) for each in sets)} from each other and from all others"
-        return "exchange", text, Cut(ways, 1.0, 0)
+        return "exchange", text, Cut(ways, loss=1.0)
 
     def _push(self, push: Shove, path: Path) -> tuple[str, str, Effect]:
         agents = self._agents(push.of, (*path, "of"))

@@ -1,5 +1,7 @@
 """No message is ever lost but those that the model drops."""
 
+import math
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -51,7 +53,7 @@ actions = st.lists(
         st.tuples(st.just("letter"), st.integers(0, 4), st.integers(0, 4)),
         st.tuples(st.just("all"), st.integers(0, 4), st.just(0)),
         st.tuples(st.just("wait"), st.integers(1, 120), st.just(0)),
-        st.tuples(st.just("disturb"), probability, st.integers(0, 30)),
+        st.tuples(st.just("disturb"), st.tuples(probability, st.sampled_from([500.0, math.inf])), st.integers(0, 30)),
     ),
     min_size=5,
     max_size=40,
@@ -81,7 +83,10 @@ def test_what_was_sent_is_delivered_dropped_or_in_flight_at_every_instant(topolo
         elif what == "all":
             exchange.send(Message(ids[one], EVERYBODY, {"text": "hello"}))
         elif what == "disturb":
-            exchange.disturbances[:] = [Disturbance("storm", set(ids[:3]), set(ids), one, two * MILLISECOND)]
+            loss, bandwidth = one
+            exchange.disturbances[:] = [
+                Disturbance("storm", set(ids[:3]), set(ids), loss, two * MILLISECOND, bandwidth)
+            ]
         elif what == "wait":
             for _ in range(one):
                 now += MILLISECOND

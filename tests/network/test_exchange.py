@@ -262,3 +262,72 @@ def test_a_disturbance_takes_its_share_of_those_it_is_about():
     dropped = post.reasons()["storm"]
     assert stats.binomtest(dropped, 20 * 39 * 10, 0.25).pvalue > 1e-3
     assert all((each.delivery.senders < 20).all() for each in post.traffic if each.stage == "dropped")
+
+
+def due(post):
+    """When messages of mailings arrived [ms]."""
+    delivered = [each.delivery for each in post.traffic if each.stage == "delivered"]
+    return [time // 1_000_000 for each in delivered for time in each.due.tolist()]
+
+
+def delayed_at_first(channel):
+    """One robot tells another something every 50 ms, the first three times under a fault that delays it by 0.2 s."""
+    post = Post(laid(Line, world(2)), channel)
+    fault = Disturbance("fog", {"robot.0"}, {"robot.1"}, 0.0, 200_000_000)
+    post.exchange.disturbances.append(fault)
+    for step in range(12):
+        post.exchange.deliver(step * STEP)
+        if step == 3:
+            post.exchange.disturbances.remove(fault)
+        if step < 6:
+            post.post([0])
+    return post
+
+
+def test_what_a_fault_delays_is_overtaken_by_what_is_sent_after_it():
+    assert due(delayed_at_first({"delay": 0.01})) == [160, 210, 210, 260, 260, 310]
+
+
+def test_in_order_what_a_fault_delays_holds_up_what_is_sent_after_it():
+    assert due(delayed_at_first({"delay": 0.01, "in_order": True})) == [210, 260, 310, 310, 310, 310]
+
+
+def test_what_a_fault_delays_may_be_too_old():
+    post = delayed_at_first({"delay": 0.01, "max_age": 0.2})
+    assert due(post) == [160, 210, 260]
+    assert post.reasons() == {"too-old": 3}
+
+
+@pytest.mark.parametrize("channel", [None, {}, {"bandwidth": 1e6}, {"bandwidth": 1e6, "queue": 1e5, "drop": "head"}])
+def test_a_fault_narrows_links_of_any_kind(channel):
+    post = Post(ids=["robot.0", "robot.1"]) if channel is None else Post(laid(Line, world(2)), channel)
+    # 40 bytes each.
+    mud = Disturbance("mud", {"robot.0"}, {"robot.1"}, 0.0, 0, bandwidth=400.0)
+    post.exchange.disturbances.append(mud)
+    for step in range(20):
+        post.exchange.deliver(step * STEP)
+        if step == 3:
+            post.exchange.disturbances.remove(mud)
+        if step in (0, 1, 2, 4, 10):
+            post.post([0])
+    first, *others, last = due(post)
+    assert first == 100
+    if channel and "drop" in channel:
+        # What still waits when the mud is over goes on at the usual rate.
+        assert others == [200, 200, 200]
+    else:
+        # What was sent into the mud goes at its pace, and nothing passes it there.
+        assert others == [200, 300, 300]
+    assert 500 <= last <= 550
+
+
+def test_a_narrowed_link_drops_what_its_queue_does_not_hold():
+    post = Post(laid(Line, world(2)), {"bandwidth": 1e6, "queue": 100.0})
+    post.exchange.disturbances.append(Disturbance("mud", {"robot.0"}, {"robot.1"}, 0.0, 0, bandwidth=400.0))
+    for step in range(40):
+        post.exchange.deliver(step * STEP)
+        if step < 20:
+            post.post([0])
+    # 400 bytes/s take 10 messages in the second, and one and a half stand in the queue.
+    assert len(due(post)) == pytest.approx(11, abs=1)
+    assert post.reasons().keys() == {"queue-full"}

@@ -247,6 +247,14 @@ def test_links_can_be_cut_parted_degraded_and_restored(tmp_path):
     assert over == [(800_000_000, "axe"), (1_200_000_000, "river")]
 
 
+def test_links_can_be_narrowed(tmp_path):
+    faults = {"sand": {"at": 0.4, "for": 0.4, "degrade": {"receiver": "robot.2", "bandwidth": 1000.0}}}
+    log = ran(tmp_path, changed(topology={"use": "complete"}, faults=faults))
+    delivered = [entry for entry in log.communications() if entry.stage == "DELIVERED"]
+    late = {(each.receiver, each.time - each.latency) for each in delivered if each.latency > 50_000_000}
+    assert late == {("robot.2", time * 100_000_000) for time in (4, 5, 6, 7)}
+
+
 def test_a_fault_of_a_link_is_drawn_from_the_chance_of_the_link(tmp_path):
     faults = {"storm": {"at": 0.0, "drop": {"probability": 0.4}}}
     turned = changed(topology={"use": "complete"}, faults=faults)

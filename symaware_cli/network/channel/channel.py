@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -11,6 +12,7 @@ from symaware_cli.core import nanoseconds
 from symaware_cli.core.message import Indices, Times
 from symaware_cli.network.chance import Array, uniforms
 from symaware_cli.network.channel.delay import delays
+from symaware_cli.network.channel.impairment import Impairment
 from symaware_cli.network.channel.ledger import Ledger
 from symaware_cli.network.channel.parameters import Bursts, ChannelParameters
 
@@ -56,11 +58,24 @@ class Channel:
         self._oldest = None if parameters.max_age is None else nanoseconds(parameters.max_age)
 
     @property
+    def bandwidth(self) -> float:
+        """How much gets into each link [bytes/s]; infinite where there is no limit."""
+        return math.inf if self.parameters.bandwidth is None else self.parameters.bandwidth
+
+    @property
     def drops_heads(self) -> bool:
         """Whether what waits may still be dropped when something else is sent."""
         return self.parameters.queue is not None and self.parameters.drop == "head"
 
-    def carry(self, ledger: Ledger, links: Indices, numbers: Times, now: int, sizes: NDArray[np.int64]) -> Fates:
+    def carry(
+        self,
+        ledger: Ledger,
+        links: Indices,
+        numbers: Times,
+        now: int,
+        sizes: NDArray[np.int64],
+        impairment: Impairment | None = None,
+    ) -> Fates:
         """Decide the fates of messages that are sent now, at most one over each link.
 
         Args:
@@ -69,16 +84,22 @@ class Channel:
             numbers: Which message on its link each is; shape (m,).
             now: In nanoseconds.
             sizes: In bytes; shape (m,).
+            impairment: What disturbs them; None for nothing.
         """
         parameters = self.parameters
         leaving, full = np.full(len(links), now, np.int64), np.zeros(len(links), bool)
-        if parameters.bandwidth is not None:
+        if parameters.bandwidth is not None or impairment is not None or ledger.congestion > now:
+            bandwidth = np.full(len(links), self.bandwidth)
+            if impairment is not None:
+                bandwidth = np.minimum(bandwidth, impairment.bandwidth)
             free = np.maximum(ledger.free[links], now)
             if parameters.queue is not None:
-                full = (free - now) * (parameters.bandwidth / 1e9) + sizes > parameters.queue
-            leaving = free + np.rint(sizes * (1e9 / parameters.bandwidth)).astype(np.int64)
+                full = (free - now) * (bandwidth / 1e9) + sizes > parameters.queue
+            leaving = free + np.rint(sizes * (1e9 / bandwidth)).astype(np.int64)
             ledger.free[links] = np.where(full, ledger.free[links], leaving)
-        fates = self.transmit(ledger, links, numbers, np.full(len(links), now), leaving, ~full)
+            if parameters.bandwidth is None:
+                ledger.congestion = max(ledger.congestion, int(leaving.max(initial=0)))
+        fates = self.transmit(ledger, links, numbers, np.full(len(links), now), leaving, ~full, impairment)
         fates.reason[full] = QUEUE_FULL
         return fates
 
@@ -90,6 +111,7 @@ class Channel:
         sent: Times,
         leaving: Times,
         counts: NDArray[np.bool_] | None = None,
+        impairment: Impairment | None = None,
     ) -> Fates:
         """Decide the fates of messages that have got into their links.
 
@@ -100,6 +122,7 @@ class Channel:
             sent: When each was sent, in nanoseconds; shape (m,).
             leaving: When each is in the link, in nanoseconds; shape (m,).
             counts: Which of them really are; all if None.
+            impairment: What disturbs them; None for nothing.
         """
         parameters, nobody = self.parameters, np.empty(0, np.intp)
         reason = np.zeros(len(links), np.uint8)
@@ -115,6 +138,11 @@ class Channel:
             if more is not None and parameters.duplication:
                 copies = np.flatnonzero((more[_REPEATED] < parameters.duplication) & ~lost)
                 copies_due = (leaving + self._travel(more[_AGAIN], more[_AGAIN_JITTER]))[copies]
+        if impairment is not None:
+            due = due + impairment.delay
+            reason = np.where(reason == 0, impairment.reason, reason)
+            kept = impairment.reason[copies] == 0
+            copies, copies_due = copies[kept], (copies_due + impairment.delay[copies])[kept]
         if parameters.in_order:
             arriving = reason == 0 if counts is None else (reason == 0) & counts
             due = np.maximum(due, ledger.arrival[links])

@@ -21,6 +21,7 @@ class Ledger:
         free: When each link has carried all that waits for it, in nanoseconds.
         bad: Whether each link is in the bad state: 0 or 1, or -1 before its first message.
         channel: The number of each link's channel.
+        congestion: Until when, at most, messages wait for links that have no limit of their own, in nanoseconds.
     """
 
     def __init__(self, seed: int, ids: Sequence[str]) -> None:
@@ -31,6 +32,7 @@ class Ledger:
             ids: All agents, in the roster's order.
         """
         self._count = len(ids)
+        self.congestion = 0
         self._agents = agent_keys(seed, ids, "links")
         #: sender * count + receiver of each known link, ascending, and the row of each.
         self._known = np.empty(0, np.int64)

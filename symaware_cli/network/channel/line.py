@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from typing import Generic, TypeVar
 
@@ -19,6 +20,7 @@ class Line(Generic[Parcel]):
 
     def __init__(self, parameters: ChannelParameters) -> None:
         assert parameters.bandwidth is not None
+        self._bandwidth = parameters.bandwidth
         self._rate = parameters.bandwidth / 1e9
         self._limit = parameters.queue or 0.0
         self._free = 0
@@ -50,9 +52,15 @@ class Line(Generic[Parcel]):
         self._waiting_size += size
         return dropped
 
-    def advance(self, now: int) -> list[tuple[Parcel, int]]:
-        """Return what the link has taken until now, with when each is in the link, in nanoseconds."""
+    def advance(self, now: int, bandwidth: float = math.inf) -> list[tuple[Parcel, int]]:
+        """Return what the link has taken until now, with when each is in the link, in nanoseconds.
+
+        Args:
+            now: In nanoseconds.
+            bandwidth: How much gets into the link at most, if that is less than usual [bytes/s].
+        """
         taken = []
+        self._rate = min(self._bandwidth, bandwidth) / 1e9
         while self._waiting and (begins := max(self._free, self._waiting[0][0])) <= now:
             _, size, parcel = self._waiting.popleft()
             self._waiting_size -= size

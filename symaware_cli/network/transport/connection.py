@@ -167,7 +167,7 @@ class Connection(ABC):
         """Send what waits, say farewell and let go; for the run it is over now."""
         if self.gone or self.parting:
             return
-        if not self.conversation.open:
+        if not self.conversation.introduced:
             self.refuse(Over(reason))
             return
         self.parting = True
