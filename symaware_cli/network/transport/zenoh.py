@@ -61,10 +61,16 @@ class _HostPort(ZenohPort):
         except (OSError, OverflowError, self.zenoh.ZError) as error:
             reason = getattr(error, "strerror", None) or str(error).partition(" at /")[0]
             raise TransportError(f"cannot listen at {self.address}: {reason}") from error
-        alive = self._session.liveliness()
+        session = self._session
+
+        def note(sample: Any) -> None:
+            if sample.kind == self.zenoh.SampleKind.DELETE:
+                self.note_end(session, f"{_ROOT}/host/{str(sample.key_expr).rpartition('/')[2]}")
+
+        alive = session.liveliness()
         self._declared = [
-            self.subscribe(self._session, f"{_ROOT}/host/*"),
-            alive.declare_subscriber(f"{_ROOT}/alive/member/*", self.note),
+            self.subscribe(session, f"{_ROOT}/host/*"),
+            alive.declare_subscriber(f"{_ROOT}/alive/member/*", note),
             alive.declare_token(f"{_ROOT}/alive/host"),
         ]
 
@@ -105,7 +111,7 @@ class _MemberPort(ZenohPort):
 
             def note(sample: Any) -> None:
                 if sample.kind == self.zenoh.SampleKind.DELETE:
-                    self.put_in(name, None)
+                    self.note_end(session, f"{_ROOT}/member/{name}")
                 else:
                     self.later(found.set)
 

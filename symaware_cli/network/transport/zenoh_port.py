@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import atexit
 import json
+import secrets
 import threading
 import time
 import weakref
@@ -54,6 +55,8 @@ class ZenohPort(LoopPort):
         self._arrivals: deque[tuple[str, bytes | None]] = deque()
         self._arrived, self._most = 0, FRAMES * parameters.maximum_frame
         self._draining = self._ended = False
+        # What only this port can say to itself: that nothing more comes to a number.
+        self._mark = secrets.token_bytes(16)
         self._room = threading.Condition()
 
     def configuration(self, **changes: Any) -> Any:
@@ -96,7 +99,8 @@ class ZenohPort(LoopPort):
 
     def _read(self, samples: Any) -> None:
         for sample in samples:
-            self.put_in(str(sample.key_expr).rpartition("/")[2], sample.payload.to_bytes())
+            record = sample.payload.to_bytes()
+            self._put_in(str(sample.key_expr).rpartition("/")[2], None if record == self._mark else record)
 
     def aside(self, call: Callable[..., None], *arguments: Any) -> None:
         """Call what blocks, in a thread that keeps the interpreter from ending for a few seconds at most."""
@@ -104,12 +108,15 @@ class ZenohPort(LoopPort):
         _threads.add(thread)
         thread.start()
 
-    def note(self, sample: Any) -> None:
-        """Take note that a liveliness token came or went."""
-        if sample.kind == self.zenoh.SampleKind.DELETE:
-            self.put_in(str(sample.key_expr).rpartition("/")[2], None)
+    def note_end(self, session: Any, key: str) -> None:
+        """Take note that a process is not there any more: behind all that it sent to a key expression.
 
-    def put_in(self, name: str, record: bytes | None) -> None:
+        Liveliness tokens come another way than samples do, and so may be ahead of them.
+        """
+        with suppress(self.zenoh.ZError):  # the session is closed
+            session.put(key, self._mark, allowed_destination=self.zenoh.Locality.SESSION_LOCAL)
+
+    def _put_in(self, name: str, record: bytes | None) -> None:
         """Leave something for the port's thread; waits while that is far behind.
 
         Args:

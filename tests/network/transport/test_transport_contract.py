@@ -12,7 +12,7 @@ from contextlib import ExitStack
 
 import pytest
 from ports import free_port
-from transporting import ECHO, KEY, descriptors, echo, eventually, expect, number, tasks, threads
+from transporting import COUNT, ECHO, KEY, descriptors, echo, eventually, expect, number, tasks, threads
 
 from symaware_cli.core import Port, Transport, TransportError
 from symaware_cli.network.transport.memory import Memory
@@ -47,7 +47,7 @@ def processes() -> Iterator[list[subprocess.Popen[str]]]:
     yield started
     for process in started:
         process.kill()
-        process.wait()
+        process.communicate()
 
 
 def meet(
@@ -250,6 +250,26 @@ def test_a_member_whose_host_is_killed_is_told_and_finds_the_next(
     processes[0].wait()
     stack.enter_context(transport.listen("127.0.0.1", free))
     expect(member, "came")
+
+
+def test_a_member_that_stands_still_while_its_host_ends_is_told_all_the_same(
+    make: Callable[..., Transport], stack: ExitStack, processes: list[subprocess.Popen[str]]
+) -> None:
+    transport = make(timeout=600.0)
+    port = transport.listen("127.0.0.1", 0)
+    stack.callback(port.close)
+    processes.append(echo(transport, port, script=COUNT))
+    peer = expect(port, "came").peer
+    output = processes[0].stdout
+    assert output
+    assert output.readline() == "started\n"
+    processes[0].send_signal(signal.SIGSTOP)
+    for _ in range(10):
+        port.send(peer, bytes(1000))
+    # It waits no longer than a second.
+    port.close()
+    processes[0].send_signal(signal.SIGCONT)
+    assert output.readline() == "10 the host ended the connection\n"
 
 
 def test_a_run_that_computes_for_long_is_not_taken_for_dead(make: Callable[..., Transport], stack: ExitStack) -> None:

@@ -82,7 +82,7 @@ def processes() -> Iterator[list[subprocess.Popen[str]]]:
     yield started
     for process in started:
         process.kill()
-        process.wait()
+        process.communicate()
 
 
 def _over_tcp(records: list[bytes], port: Port, dice: random.Random) -> None:

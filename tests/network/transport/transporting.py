@@ -27,13 +27,24 @@ while True:
         port.send(happening.peer, happening.frame)
 """
 
+#: One that tells how many frames it took when its host is gone, and why that is.
+COUNT = (
+    ECHO.partition("while")[0]
+    + """
+count = 0
+while (happening := port.receive()).kind != "gone":
+    count += happening.kind == "frame"
+print(count, happening.reason)
+"""
+)
 
-def echo(transport: Transport, port: Port, key: bytes | None = None) -> subprocess.Popen[str]:
+
+def echo(transport: Transport, port: Port, key: bytes | None = None, script: str = ECHO) -> subprocess.Popen[str]:
     """Start a process that joins and sends back what it is told."""
     kind = type(transport)
     settings = [kind.__module__, kind.__name__, number(port), (key or b"").hex(), transport.parameters.timeout]
-    line = [sys.executable, "-c", ECHO, *map(str, settings)]
-    return subprocess.Popen(line, stdout=subprocess.DEVNULL, text=True)
+    line = [sys.executable, "-c", script, *map(str, settings)]
+    return subprocess.Popen(line, stdout=subprocess.PIPE, text=True)
 
 
 def number(port: Port) -> int:
