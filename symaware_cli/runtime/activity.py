@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +11,7 @@ from symaware_cli.core import Component, Event, GroupComponent, Level, Subscribe
 from symaware_cli.core.column import Array
 from symaware_cli.core.random import generator
 from symaware_cli.runtime.agenda import Phase
+from symaware_cli.runtime.computation import Computation
 from symaware_cli.runtime.expression import EvaluationError
 from symaware_cli.runtime.failure import RunError, describe
 from symaware_cli.runtime.interruption import Interrupted
@@ -20,7 +21,6 @@ from symaware_cli.runtime.scrutiny import Scrutiny
 from symaware_cli.runtime.supervision import Disturb, Supervision
 from symaware_cli.runtime.task import FAILED, Task
 from symaware_cli.runtime.timing import Duration
-from symaware_cli.runtime.workers import Computed, WorkerError
 
 if TYPE_CHECKING:
     from symaware_cli.runtime.run import Run
@@ -37,6 +37,7 @@ class Activity:
         slot: Whose turns they are.
         place: Its position among all slots.
         turns: How many turns were taken, each component's counted.
+        supervision: Who takes no part at present, and what faults make of the others.
         overruns: How many were due while the one before still computed.
         failures: How many failed without ending the run.
     """
@@ -55,10 +56,10 @@ class Activity:
         self._scrutiny = Scrutiny(slot.group)
         self._written = slot.group.control_column, slot.group.awareness.state_column
         self._row_of = {id: row for row, id in enumerate(slot.group.ids)}
-        #: Who takes no part at present, and what faults make of the others.
-        self._supervision = Supervision(run.simulation, slot)
+        self.supervision = Supervision(run.simulation, slot)
+        self._computation = Computation(self)
         #: What the components of some rows are busy with, and how many turns were put off meanwhile.
-        self._busy: dict[int, Task | object] = {}
+        self._busy: dict[int, object] = {}
         self._backlog: Counter[int] = Counter()
         self._called: set[int] = set()
         self._tries: Counter[int] = Counter()
@@ -68,7 +69,7 @@ class Activity:
 
     def _review(self) -> None:
         """Find out whether there is nothing to think of but computing and updating."""
-        timing, supervision = self._timing, self._supervision
+        timing, supervision = self._timing, self.supervision
         self._takes_time = supervision.slows_down or not timing.latency.is_zero
         self._guarded = supervision.interferes or timing.on_failure != "stop"
         self._plain = (
@@ -150,12 +151,12 @@ class Activity:
         except (SubscriberError, Interrupted, KeyboardInterrupt):
             raise
         except BaseException as error:
-            raise self._failure(component, describe(error), error) from error
+            raise self.failure(component, describe(error), error) from error
         finally:
             run.interruption.shield()
         control, state = self._written
         if control.fresh or state.fresh:
-            self._check(None)
+            self.check(None)
 
     def _take_each(self, rows: Iterable[int]) -> None:
         """Some components, each looked at by itself."""
@@ -163,18 +164,18 @@ class Activity:
         if not rows:
             return
         self.turns += len(rows)
-        before = self._before()
+        before = self.present()
         if (self._takes_time or self._timing.in_process) and not self._coroutines:
-            self._compute(rows)
+            self._computation.begin(rows)
         else:
             components = self.slot.components
-            with self._supervision.watched():
+            with self.supervision.watched():
                 for row in rows:
                     if self._coroutines:
                         Task(self, row, components[row]).start()
                     else:
                         self.attempt(row, components[row].compute_and_update)
-        self._check(before)
+        self.check(before)
         if self._timing.period == 0:
             for row in rows:
                 if row not in self._busy:
@@ -182,7 +183,7 @@ class Activity:
 
     def _may(self, row: int) -> bool:
         """Whether a component takes a turn that is due."""
-        if self._supervision.keeps_off(row):
+        if self.supervision.keeps_off(row):
             return False
         if not self._holds(row):
             if self._timing.period == 0:
@@ -198,12 +199,12 @@ class Activity:
         scope, condition = self._scope, self._timing.condition
         if scope is None or condition is None:
             return True
-        off = self._supervision.off
+        off = self.supervision.off
         rows = [each for each in range(len(self._group)) if each not in off] if self._is_group else [row]
         try:
             return any(condition.holds(partial(scope.look_up, each)) for each in rows)
         except EvaluationError as error:
-            self.fail(row, self._failure(self.slot.components[row], str(error), error))
+            self.fail(row, self.failure(self.slot.components[row], str(error), error))
             return False
 
     def _overrun(self, row: int) -> None:
@@ -213,70 +214,9 @@ class Activity:
         text = f"a turn is due while the one before still computes; it {said}"
         self._simulation.announce("overrun", component.path, text, level=Level.WARNING, overrun=overrun)
         if overrun == "fail":
-            self.fail(row, self._failure(component, "a turn was due while the one before still computed"))
+            self.fail(row, self.failure(component, "a turn was due while the one before still computed"))
         elif overrun == "queue":
             self._backlog[row] += 1
-
-    def _compute(self, rows: Sequence[int]) -> None:
-        """Compute now, with the data of now, and enter the updates for when the computations are over."""
-        now, landings = self.run.agenda.now, dict[int, list[tuple[int, object, Any]]]()
-        for row, value in self._values(rows):
-            if value is FAILED:
-                continue
-            token = self._busy[row] = object()
-            time = now + self.latency(row)
-            if time == now:
-                self._land([(row, token, value)])
-            else:
-                landings.setdefault(time, []).append((row, token, value))
-        for time, landing in sorted(landings.items()):
-            self.run.agenda.put(time, self.place, Phase.LANDING, landing[0][0], partial(self._land, landing))
-
-    def _values(self, rows: Sequence[int]) -> Iterator[tuple[int, Any]]:
-        """Yield what each component computes, one after the other; in workers they compute all at once before."""
-        run, events = self.run, self._simulation.events
-        done: dict[int, Computed | WorkerError] | None = None
-        if self._timing.in_process:
-            done = self.attempt(rows[0], run.workers.compute, self.slot, rows)
-            if done is FAILED:
-                return
-        for row in rows:
-            component = self.slot.components[row]
-            if "computing" in events.wanted:
-                component._announce("computing")
-            if done is None:
-                yield row, self.attempt(row, component._compute)
-                continue
-            outcome = done[row]
-            if isinstance(outcome, WorkerError):
-                self.fail(row, self._failure(component, outcome.problem, outcome))
-                yield row, FAILED
-                continue
-            for name, source, level, text, data in outcome.events:
-                events.fire(Event(name, source, run.agenda.now, Level(level), text, data, component))
-            yield row, outcome.value
-
-    def _land(self, landing: Sequence[tuple[int, object, Any]]) -> None:
-        """Update with values that were computed before, unless their component was stopped meanwhile."""
-        before, wanted = self._before(), self._simulation.events.wanted
-        landed = []
-        with self._supervision.watched():
-            for row, token, value in landing:
-                if self._busy.get(row) is not token:
-                    continue
-                del self._busy[row]
-                component = self.slot.components[row]
-                if "computed" in wanted:
-                    component._announce("computed")
-                self.attempt(row, component.update, value)
-                landed.append(row)
-        self._check(before)
-        for row in landed:
-            self.over(row)
-
-    def latency(self, row: int) -> int:
-        """How long the present computation of a component takes, in nanoseconds."""
-        return self._supervision.latency(row)
 
     def over(self, row: int) -> None:
         """A turn that took time is over: take the ones that were put off, or the next one."""
@@ -305,15 +245,16 @@ class Activity:
         except (SubscriberError, Interrupted, KeyboardInterrupt):
             raise
         except BaseException as error:
-            problem = self._failure(self.slot.components[row], describe(error), error)
+            problem = self.failure(self.slot.components[row], describe(error), error)
             self.fail(row, problem)
             return FAILED
         finally:
             interruption.shield()
 
-    def _failure(
+    def failure(
         self, component: Component | GroupComponent, problem: str, cause: BaseException | None = None
     ) -> RunError:
+        """What to say of a component that failed."""
         return RunError(component.path, self.slot.use, self._simulation.clock.now, problem, cause)
 
     def fail(self, row: int, failure: RunError, agents: Sequence[int] | None = None) -> None:
@@ -359,19 +300,19 @@ class Activity:
 
     def hold(self, agent: int) -> None:
         """Let an agent take no part until it is released as often as it was held."""
-        self._supervision.off[agent] += 1
+        self.supervision.off[agent] += 1
         if not self._is_group:
             self._abandon(agent)
         self._review()
 
     def leave(self, agent: int) -> None:
         """Let an agent take no part here, as it runs in another process."""
-        self._supervision.away.add(agent)
+        self.supervision.away.add(agent)
         self.hold(agent)
 
     def release(self, agent: int) -> None:
         """Let an agent take part again, unless there are other reasons against it."""
-        self._supervision.release(agent)
+        self.supervision.release(agent)
         self._review()
 
     def begin_anew(self, agents: Sequence[int]) -> None:
@@ -384,17 +325,17 @@ class Activity:
 
     def slow_down(self, agents: Sequence[int], duration: Duration | None) -> None:
         """Let computations take another time than the scenario says for the component; None for that time again."""
-        self._supervision.slow_down([0] if self._is_group else agents, duration)
+        self.supervision.slow_down([0] if self._is_group else agents, duration)
         self._review()
 
     def disturb(self, disturbance: Disturb) -> None:
         """Call something after each turn, with the group and the believed states before the turn."""
-        self._supervision.disturbances.append(disturbance)
+        self.supervision.disturbances.append(disturbance)
         self._review()
 
     def undisturb(self, disturbance: Disturb) -> None:
         """Call it no more."""
-        self._supervision.disturbances.remove(disturbance)
+        self.supervision.disturbances.remove(disturbance)
         self._review()
 
     def _abandon(self, row: int) -> None:
@@ -407,7 +348,7 @@ class Activity:
         except (SubscriberError, Interrupted, KeyboardInterrupt):
             raise
         except Exception as error:
-            failure = self._failure(doing.component, f"cannot give up its turn: {describe(error)}", error)
+            failure = self.failure(doing.component, f"cannot give up its turn: {describe(error)}", error)
             self._simulation.announce("failed", failure.source, str(failure), level=Level.WARNING, **failure.data)
 
     def end(self) -> list[str]:
@@ -422,29 +363,29 @@ class Activity:
         """Go on with a turn that waited for something."""
         if not self._guarded:
             call(value)
-            self._check(None)
+            self.check(None)
             return
-        before = self._before()
-        with self._supervision.watched():
+        before = self.present()
+        with self.supervision.watched():
             call(value)
-        self._check(before)
+        self.check(before)
 
-    def occupy(self, row: int, task: Task) -> None:
+    def occupy(self, row: int, turn: object) -> None:
         """A component is busy with a turn that may take time."""
-        self._busy[row] = task
+        self._busy[row] = turn
 
-    def vacate(self, row: int, task: Task) -> bool:
+    def vacate(self, row: int, turn: object) -> bool:
         """A component is done with a turn; False if it was made to give it up before."""
-        if self._busy.get(row) is not task:
+        if self._busy.get(row) is not turn:
             return False
         del self._busy[row]
         return True
 
-    def _before(self) -> Sequence[Array] | None:
+    def present(self) -> Sequence[Array] | None:
         """What stands in the columns, to go back to if it is overwritten with what is not finite."""
         return None if self._timing.on_failure == "stop" else self._scrutiny.present()
 
-    def _check(self, before: Sequence[Array] | None) -> None:
+    def check(self, before: Sequence[Array] | None) -> None:
         """Look for what is not finite in what was written.
 
         Raises:

@@ -291,7 +291,7 @@ class Push(Effect):
     def begin(self, run: Run, name: str) -> Any:
         """Push them."""
         for group, rows in self.agents:
-            run.push(group, rows, self.change)
+            run.motion.push(group, rows, self.change)
 
 
 @dataclass(frozen=True)

@@ -9,10 +9,10 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any
 
-from symaware_cli.core import AgentGroup, Event, Level, SubscriberError
-from symaware_cli.core.column import Array, Column, is_finite
+from symaware_cli.core import Level, SubscriberError
+from symaware_cli.core.column import Array, Column
 from symaware_cli.recording.error import LogError
 from symaware_cli.recording.recorder import Recorder
 from symaware_cli.runtime.activity import Activity
@@ -23,11 +23,12 @@ from symaware_cli.runtime.expression import EvaluationError, Expression
 from symaware_cli.runtime.failure import RunError, describe
 from symaware_cli.runtime.interruption import Interrupted, Interruption
 from symaware_cli.runtime.last_resort import last_resort
+from symaware_cli.runtime.motion import Motion
 from symaware_cli.runtime.outside import Outside
 from symaware_cli.runtime.pacer import Pacer
 from symaware_cli.runtime.scope import WorldScope
 from symaware_cli.runtime.simulation import Simulation
-from symaware_cli.runtime.summary import Observer, Summary
+from symaware_cli.runtime.summary import Observer, Summary, summarise
 from symaware_cli.runtime.switchboard import Switchboard
 from symaware_cli.runtime.terms import Terms
 from symaware_cli.runtime.witness import witness
@@ -76,8 +77,10 @@ class Run:
         attendance: Which agents take part.
         switchboard: Connects events with what they trigger.
         interruption: Holds signals back and lets them through.
+        motion: What the world does.
         asynchronous: Whether components may wait within their turns.
         workers: The processes of components that compute in one of their own.
+        recorder: Writes it down; None where nobody does.
         observer: Watches it for what the summary tells.
         outside: What lets components await real input and output; None where they must not.
         next_step: The next instant at which the world will have moved, in nanoseconds.
@@ -103,12 +106,13 @@ class Run:
         self.switchboard = Switchboard(simulation.events)
         self.interruption = Interruption(terms.timeout, terms.turn_limit)
         self.next_step = simulation.environment.time_step
+        self.motion = Motion(simulation, self.interruption)
         self.is_under_way = self.is_at_step = False
         self.done = 0
         self._terms = terms
         self._company = company
         self._steps = steps
-        self._recorder = recorder
+        self.recorder = recorder
         self._on_progress = on_progress
         self._progress_due = 0.0
         self._waited = 0.0  # for others, before the run [s]
@@ -133,7 +137,7 @@ class Run:
         simulation = self.simulation
         started = time.monotonic()
         status, failure, ending = "finished", None, ""
-        with self.interruption as interruption, last_resort(self._terms.timeout, self._recorder):
+        with self.interruption as interruption, last_resort(self._terms.timeout, self.recorder):
             interruption.shield()
             try:
                 ending = self._begin_to_end()
@@ -155,10 +159,10 @@ class Run:
             if self.outside:
                 self.outside.close()
             self.workers.close()
-            if self._recorder:
+            if self.recorder:
                 outcome = {"status": status, "steps": self.done, "time": simulation.clock.now}
-                self._recorder.finish(simulation.clock.now, self.done, outcome)
-        return self._summary(status, failure, time.monotonic() - started - self._waited)
+                self.recorder.finish(simulation.clock.now, self.done, outcome)
+        return summarise(self, status, failure, time.monotonic() - started - self._waited)
 
     def _begin_to_end(self) -> str:
         """Make the whole run, and say why it ended where it did.
@@ -184,7 +188,7 @@ class Run:
                 activity.begin()
             for fault in self._terms.faults:
                 fault.await_turn(self)
-            self._announce_contacts()
+            self.motion.announce_contacts()
             reason = self._loop()
             waiting = [each for activity in self.activities for each in activity.end()]
             if waiting:
@@ -203,7 +207,7 @@ class Run:
 
     def _loop(self) -> str:
         """Go from instant to instant, and say why the last one was the last."""
-        simulation, recorder, agenda = self.simulation, self._recorder, self.agenda
+        simulation, recorder, agenda = self.simulation, self.recorder, self.agenda
         entries = agenda.entries
         clock, exchange, observer = simulation.clock, simulation.exchange, self.observer
         time_step, until = simulation.environment.time_step, self._terms.until
@@ -271,8 +275,8 @@ class Run:
             clock.now = upcoming
             agenda.begin(upcoming)
             self.done += 1
-            self._check_world()
-            self._announce_contacts()
+            self.motion.check()
+            self.motion.announce_contacts()
             simulation.announce("stepped", "environment")
             if self._on_progress:
                 self._progress(upcoming)
@@ -314,13 +318,6 @@ class Run:
         finally:
             self.interruption.shield()
 
-    def push(self, group: AgentGroup, rows: Sequence[int], change: Array) -> None:
-        """Change the true states of agents."""
-        try:
-            self.simulation.environment.push(group, rows, change)
-        except Exception as error:
-            self._blame_world(error)
-
     def join(self, step: int, time: int) -> None:
         """Begin where the world of others is by now.
 
@@ -347,52 +344,11 @@ class Run:
         try:
             if self._company:
                 return self._company.step()
-            self.move_world()
+            self.motion.step()
             return None
         finally:
             for column, values in present:
                 column.exchange(values)
-
-    def move_world(self) -> None:
-        """Let the world make one step, with signals let through."""
-        self.interruption.unshield()
-        try:
-            self.simulation.environment.step()
-        except (Interrupted, KeyboardInterrupt):
-            raise
-        except BaseException as error:
-            self._blame_world(error)
-        finally:
-            self.interruption.shield()
-
-    def _check_world(self) -> None:
-        simulation = self.simulation
-        for group in simulation.groups:
-            try:
-                truth = simulation.environment.state(group)
-            except Exception as error:
-                self._blame_world(error)
-            if not is_finite(truth):
-                row = next(row for row, state in enumerate(truth) if not is_finite(state))
-                problem = f"the state of {group.ids[row]} is not finite: {truth[row].tolist()}"
-                raise RunError("environment", simulation.environment_use, simulation.clock.now, problem)
-
-    def _blame_world(self, error: BaseException) -> NoReturn:
-        use, now = self.simulation.environment_use, self.simulation.clock.now
-        raise RunError("environment", use, now, describe(error), error) from error
-
-    def _announce_contacts(self) -> None:
-        now = self.simulation.clock.now
-        try:
-            contacts = self.simulation.environment.contacts()
-        except Exception as error:
-            self._blame_world(error)
-        for contact in contacts:
-            verb = "touch" if contact.begins else "part"
-            text = f"{contact.first} and {contact.second} {verb}"
-            data = {"first": contact.first, "second": contact.second, "begins": contact.begins}
-            event = Event("contact", "environment", now, Level.WARNING, text, data, contact)
-            self.simulation.events.fire(event)
 
     def _announce_end(self, name: str, source: str, text: str, level: Level, **data: Any) -> None:
         try:
@@ -407,27 +363,3 @@ class Run:
         if monotonic >= self._progress_due and self._on_progress:
             self._progress_due = monotonic + _PROGRESS_INTERVAL
             self._on_progress(now)
-
-    def _summary(self, status: str, failure: RunError | None, wall_time: float) -> Summary:
-        simulation, recorder, observer = self.simulation, self._recorder, self.observer
-        return Summary(
-            name=simulation.name,
-            seed=simulation.seed,
-            status=status,
-            agents=simulation.agent_count,
-            steps=self.done,
-            simulated_time=simulation.clock.now / 1e9,
-            wall_time=wall_time,
-            updates=recorder.updates if recorder else 0,
-            contacts=observer.contacts,
-            minimum_separation=observer.minimum_separation,
-            highest_risk=observer.highest_risk,
-            goals_reached=tuple(sorted(observer.goals)),
-            log=str(recorder.writer.path) if recorder else None,
-            log_size=recorder.writer.size if recorder else None,
-            failure=str(failure) if failure else None,
-            turns=sum(each.turns for each in self.activities),
-            overruns=sum(each.overruns for each in self.activities),
-            failures=sum(each.failures for each in self.activities),
-            pace=self.pacer.kept if self.pacer else None,
-        )

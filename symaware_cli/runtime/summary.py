@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from symaware_cli.core import Contact, Environment, Event, seconds
 from symaware_cli.runtime.pacer import Pace
 from symaware_cli.runtime.simulation import Simulation
+
+if TYPE_CHECKING:
+    from symaware_cli.runtime.failure import RunError
+    from symaware_cli.runtime.run import Run
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,3 +162,36 @@ class Observer:
     def highest_risk(self) -> Extreme | None:
         """The greatest risk so far."""
         return self._risk
+
+
+def summarise(run: Run, status: str, failure: RunError | None, wall_time: float) -> Summary:
+    """The figures of a run that is over.
+
+    Args:
+        run: The run.
+        status: See `Summary`.
+        failure: Why it failed, if it did.
+        wall_time: How long it took [s].
+    """
+    simulation, recorder, observer = run.simulation, run.recorder, run.observer
+    return Summary(
+        name=simulation.name,
+        seed=simulation.seed,
+        status=status,
+        agents=simulation.agent_count,
+        steps=run.done,
+        simulated_time=simulation.clock.now / 1e9,
+        wall_time=wall_time,
+        updates=recorder.updates if recorder else 0,
+        contacts=observer.contacts,
+        minimum_separation=observer.minimum_separation,
+        highest_risk=observer.highest_risk,
+        goals_reached=tuple(sorted(observer.goals)),
+        log=str(recorder.writer.path) if recorder else None,
+        log_size=recorder.writer.size if recorder else None,
+        failure=str(failure) if failure else None,
+        turns=sum(each.turns for each in run.activities),
+        overruns=sum(each.overruns for each in run.activities),
+        failures=sum(each.failures for each in run.activities),
+        pace=run.pacer.kept if run.pacer else None,
+    )

@@ -56,7 +56,7 @@ class Task:
 
     async def _turn(self) -> None:
         """What `async_compute_and_update` does, with the latency between its halves."""
-        component, latency = self.component, self._activity.latency(self._row)
+        component, latency = self.component, self._activity.supervision.latency(self._row)
         if not latency:
             await component.async_compute_and_update()
             return

@@ -204,7 +204,7 @@ class Host(Company):
             values[rows] = inputs
             present.append((group.control_column, group.control_column.exchange(values)))
         try:
-            self._run.move_world()
+            self._run.motion.step()
         finally:
             # Components know again what they have written themselves.
             for column, values in present:

@@ -1,0 +1,88 @@
+"""Motion: what the world does in a run."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NoReturn
+
+from symaware_cli.core import AgentGroup, Event, Level
+from symaware_cli.core.column import Array, is_finite
+from symaware_cli.runtime.failure import RunError, describe
+from symaware_cli.runtime.interruption import Interrupted, Interruption
+from symaware_cli.runtime.simulation import Simulation
+
+
+class Motion:
+    """Lets the world move, looks at what came of it, and takes its failures for those of the run."""
+
+    def __init__(self, simulation: Simulation, interruption: Interruption) -> None:
+        self._simulation = simulation
+        self._environment = simulation.environment
+        self._interruption = interruption
+
+    def step(self) -> None:
+        """Let the world make one step, with signals let through.
+
+        Raises:
+            RunError: It cannot.
+        """
+        interruption = self._interruption
+        interruption.unshield()
+        try:
+            self._environment.step()
+        except (Interrupted, KeyboardInterrupt):
+            raise
+        except BaseException as error:
+            self._blame(error)
+        finally:
+            interruption.shield()
+
+    def push(self, group: AgentGroup, rows: Sequence[int], change: Array) -> None:
+        """Change the true states of agents.
+
+        Raises:
+            RunError: The world does not let it.
+        """
+        try:
+            self._environment.push(group, rows, change)
+        except Exception as error:
+            self._blame(error)
+
+    def check(self) -> None:
+        """Look for what is not finite in the true states.
+
+        Raises:
+            RunError: Something is not.
+        """
+        simulation = self._simulation
+        for group in simulation.groups:
+            try:
+                truth = self._environment.state(group)
+            except Exception as error:
+                self._blame(error)
+            if not is_finite(truth):
+                row = next(row for row, state in enumerate(truth) if not is_finite(state))
+                problem = f"the state of {group.ids[row]} is not finite: {truth[row].tolist()}"
+                raise RunError("environment", simulation.environment_use, simulation.clock.now, problem)
+
+    def announce_contacts(self) -> None:
+        """Fire the events of the contacts that began or ended.
+
+        Raises:
+            RunError: The world cannot tell them.
+        """
+        now = self._simulation.clock.now
+        try:
+            contacts = self._environment.contacts()
+        except Exception as error:
+            self._blame(error)
+        for contact in contacts:
+            verb = "touch" if contact.begins else "part"
+            text = f"{contact.first} and {contact.second} {verb}"
+            data = {"first": contact.first, "second": contact.second, "begins": contact.begins}
+            event = Event("contact", "environment", now, Level.WARNING, text, data, contact)
+            self._simulation.events.fire(event)
+
+    def _blame(self, error: BaseException) -> NoReturn:
+        use, now = self._simulation.environment_use, self._simulation.clock.now
+        raise RunError("environment", use, now, describe(error), error) from error
