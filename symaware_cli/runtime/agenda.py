@@ -9,6 +9,9 @@ from enum import IntEnum
 
 Call = Callable[[], object]
 
+#: The place of faults, before the first component; and where an instant begins, before that.
+OF_FAULTS, BEFORE_ALL = -1, -2
+
 #: So many rounds at one instant are a circle: nothing that is right wakes itself a thousand times in no time.
 _MOST_ROUNDS = 1000
 
@@ -45,7 +48,7 @@ class Agenda:
         grid: Every instant is rounded up to a multiple of this, in nanoseconds; 0 for none.
         entries: What is entered, as a heap; the first element of the first one is the next instant. Public, as is
             `place`, because a run looks at both before each turn.
-        place: Whose place it is at present; -1 before the first.
+        place: Whose place it is at present; before the first, `BEFORE_ALL`.
     """
 
     __slots__ = ("_number", "_recent", "_round", "entries", "grid", "now", "place")
@@ -56,7 +59,7 @@ class Agenda:
         self.entries: list[tuple[int, int, int, int, int, int, Call]] = []
         self._number = 0
         self._round = 0
-        self.place = -1
+        self.place = BEFORE_ALL
         self._recent: deque[int] = deque(maxlen=256)
 
     def put(self, time: int, place: int, phase: Phase, row: int, call: Call) -> None:
@@ -86,7 +89,7 @@ class Agenda:
         """Come to an instant; all places are still to come."""
         self.now = now
         self._round = 0
-        self.place = -1
+        self.place = BEFORE_ALL
 
     def run(self, place: int | None = None) -> None:
         """Call all that is entered for this instant, or what comes before the turn of a place in the first round.

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from symaware_cli.core import AgentGroup, Event, Level
 from symaware_cli.core.random import generator
 from symaware_cli.network.disturbance import Disturbance
-from symaware_cli.runtime.agenda import Phase
+from symaware_cli.runtime.agenda import OF_FAULTS, Phase
 from symaware_cli.runtime.timing import Duration, Trigger
 
 if TYPE_CHECKING:
@@ -24,9 +24,6 @@ if TYPE_CHECKING:
     from symaware_cli.runtime.simulation import Slot
 
 Array = NDArray[np.float64]
-
-#: Before the place of the first component.
-_FIRST = -1
 
 
 class Agents(NamedTuple):
@@ -322,13 +319,13 @@ class Fault:
             # Who joins a run late finds some faults over, and others begun.
             missed = max(0, run.agenda.now - self.at)
             if self.lasting is None or missed < self.lasting or not missed:
-                run.agenda.put(self.at + missed, _FIRST, Phase.LANDING, 0, partial(self._begin, run, missed))
+                run.agenda.put(self.at + missed, OF_FAULTS, Phase.LANDING, 0, partial(self._begin, run, missed))
         elif self.on is not None:
             connection = run.switchboard.connect(self.on.event, self.on.source, lambda event: come(event))
 
             def come(event: Event) -> None:
                 connection.cancel()
-                run.agenda.put(run.agenda.now, _FIRST, Phase.LANDING, 0, partial(self._begin, run))
+                run.agenda.put(run.agenda.now, OF_FAULTS, Phase.LANDING, 0, partial(self._begin, run))
 
     def _begin(self, run: Run, missed: int = 0) -> None:
         lasts = "" if self.lasting is None else f" for {self.lasting / 1e9:g} s"
@@ -337,7 +334,7 @@ class Fault:
         begun = self.effect.begin(run, self.name)
         end = run.ongoing_faults[self.name] = partial(self._end, run, begun)
         if self.lasting is not None:
-            run.agenda.put(run.agenda.now + self.lasting - missed, _FIRST, Phase.LANDING, 0, end)
+            run.agenda.put(run.agenda.now + self.lasting - missed, OF_FAULTS, Phase.LANDING, 0, end)
 
     def _end(self, run: Run, begun: Any) -> None:
         if run.ongoing_faults.pop(self.name, None) is None:

@@ -247,6 +247,19 @@ def test_links_can_be_cut_parted_degraded_and_restored(tmp_path):
     assert over == [(800_000_000, "axe"), (1_200_000_000, "river")]
 
 
+@pytest.mark.parametrize("mode", ["synchronous", "asynchronous"])
+def test_a_fault_at_0_comes_before_the_first_turns(tmp_path, mode):
+    faults = {"axe": {"at": 0.0, "cut": {"between": ["robot", "car"]}}}
+    document = changed(topology={"use": "complete"}, faults=faults)
+    document["run"] = {**document["run"], "mode": mode}
+    log = ran(tmp_path, document)
+    [begun] = (event for event in log.events() if event.name == "fault")
+    assert begun.time == 0
+    delivered = {(each.sender, each.receiver) for each in log.communications() if each.stage == "DELIVERED"}
+    assert delivered
+    assert not [pair for pair in delivered if "car" in pair]
+
+
 def test_links_can_be_narrowed(tmp_path):
     faults = {"sand": {"at": 0.4, "for": 0.4, "degrade": {"receiver": "robot.2", "bandwidth": 1000.0}}}
     log = ran(tmp_path, changed(topology={"use": "complete"}, faults=faults))
