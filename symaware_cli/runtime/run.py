@@ -86,6 +86,7 @@ class Run:
         next_step: The next instant at which the world will have moved, in nanoseconds.
         ongoing_faults: What ends each fault that has begun, by its name.
         pacer: What ties simulated time to wall time; None where nothing does.
+        began: The first instant, in nanoseconds: later than 0 where this process joined a run of others.
         done: How many steps were made.
         is_under_way: Whether the first instant has come.
         is_at_step: Whether the present instant is one at which the world has moved.
@@ -107,6 +108,7 @@ class Run:
         self.interruption = Interruption(terms.timeout, terms.turn_limit)
         self.next_step = simulation.environment.time_step
         self.motion = Motion(simulation, self.interruption)
+        self.began = 0
         self.is_under_way = self.is_at_step = False
         self.done = 0
         self._terms = terms
@@ -217,7 +219,8 @@ class Run:
         if self.pacer:
             self.pacer.lead(0)  # the clock on the wall starts
         company = self._company
-        self.next_step = clock.now
+        decides = company is None or company.decides
+        self.began = self.next_step = clock.now
         while True:
             now = clock.now
             steps = self.is_at_step = now == self.next_step
@@ -247,7 +250,7 @@ class Run:
                 company.acted()
             if steps:
                 observer.look(now)
-                if until is not None and self._is_over(until):
+                if until is not None and decides and self._is_over(until):
                     return f"{self.done} steps made; {until.text}"
                 simulation.announce("stepping", "environment")
                 latched = None

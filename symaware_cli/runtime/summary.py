@@ -56,6 +56,7 @@ class Summary:
         overruns: How many turns were due while the one before still computed.
         failures: How many times a component failed without ending the run.
         pace: How well the pace was kept, if one was asked for.
+        began: The simulated time at which this process began to take part [s].
     """
 
     name: str
@@ -77,11 +78,12 @@ class Summary:
     overruns: int = 0
     failures: int = 0
     pace: Pace | None = None
+    began: float = 0.0
 
     @property
     def real_time_factor(self) -> float:
         """Simulated time for each second of wall time."""
-        return self.simulated_time / self.wall_time if self.wall_time > 0 else math.inf
+        return (self.simulated_time - self.began) / self.wall_time if self.wall_time > 0 else math.inf
 
     def to_json(self) -> dict[str, Any]:
         """Return the figures as plain data."""
@@ -194,4 +196,5 @@ def summarise(run: Run, status: str, failure: RunError | None, wall_time: float)
         overruns=sum(each.overruns for each in run.activities),
         failures=sum(each.failures for each in run.activities),
         pace=run.pacer.kept if run.pacer else None,
+        began=run.began / 1e9,
     )

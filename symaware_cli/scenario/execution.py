@@ -111,8 +111,8 @@ def execute(
             stack.callback(company.port.close)
             share = distribution.part(place, company)
             if place.role == "member":
-                # The host has the world, carries all messages, and says when the run is over.
-                omit, messages, terms = [*omit, "world"], "none", replace(terms, until=None)
+                # The host has the world and carries all messages.
+                omit, messages = [*omit, "world"], "none"
         if log is not None:
             writer = stack.enter_context(LogWriter(log))
             notes = _attach(writer, built, share)

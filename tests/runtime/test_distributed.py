@@ -324,8 +324,30 @@ def test_by_default_the_death_of_a_member_ends_the_run(goals):
         assert source == "processes.west"
         [failed] = [each for each in log.events() if each.name == "failed"]
         assert "west, which runs robot.0, is gone: " in failed.text
-        assert failed.source == "agents.robot.sense"
+        assert failed.source == "processes.west"
+        assert "`agents.robot.sense` has `on_failure: stop`" in failed.text
         assert "west, which runs robot.0, is gone: " in process.text
+
+
+def test_without_a_pace_the_run_waits_for_a_member_that_shall_be_restarted(goals):
+    run, host, west, east = goals(wait=0.02, distance=2.0, on_failure="restart")
+    west.send(signal.SIGKILL)
+    host.wait_for("waits 60 s for west to come back")
+    run.member("west", "robot.0")
+    assert run.end() == [0, -signal.SIGKILL, 0, 0]
+    for each in (host, east):
+        [lost], [again] = (when(open_log(each.log), name) for name in ("lost", "rejoined"))
+        assert again - lost <= 1
+
+
+@pytest.mark.slow
+def test_a_run_does_not_wait_for_ever_for_a_member_that_shall_be_restarted(spread, doubles):
+    run = spread(goal_seekers(wait=0.02, distance=1000.0, on_failure="restart"))
+    host, west = run.host("--only", "ticker,robot.1", "--wait", "3"), run.member("west", "robot.0")
+    west.wait_for("west takes part")
+    west.send(signal.SIGKILL)
+    assert run.end() == [1, -signal.SIGKILL]
+    assert "nobody came back within 3 s for robot.0" in host.text
 
 
 @pytest.mark.slow

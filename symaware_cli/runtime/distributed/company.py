@@ -6,7 +6,7 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, ClassVar, NoReturn
 
 import numpy as np
 
@@ -51,7 +51,10 @@ class Company(ABC):
     Attributes:
         identity: Which one.
         port: Where the others are.
+        decides: Whether this process says when the run is over.
     """
+
+    decides: ClassVar[bool]
 
     def __init__(self, identity: Identity, port: Port, patience: float) -> None:
         """Prepare.

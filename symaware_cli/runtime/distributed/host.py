@@ -69,6 +69,8 @@ class Host(Company):
     With one it waits for nobody: the world moves under the last control input of each agent.
     """
 
+    decides = True
+
     def __init__(self, identity: Identity, port: Port, patience: float) -> None:
         super().__init__(identity, port, patience)
         self._members: dict[int, _Member] = {}
@@ -77,6 +79,9 @@ class Host(Company):
         self._posts: list[tuple[int, Post]] = []
         self._notices: list[tuple[int, int, Notice]] = []
         self._losses: Counter[str] = Counter()
+        #: For whose return the run waits, and how long.
+        self._awaited: set[str] = set()
+        self._return_due = 0.0
         self._rejected: dict[Any, int] = {}
         self._tally_due = 0.0
 
@@ -159,14 +164,17 @@ class Host(Company):
         return None
 
     def _collect(self) -> None:
-        """Take what has come; without a pace, wait until all members have reported."""
+        """Take what has come; without a pace, wait until all members have reported, and who is lost is back."""
         while (happening := self.port.receive(0.0)) is not None:
             self._take(happening)
         if self._run.pacer is None:
-            while any(member.reported < self._run.done for member in self._members.values()):
-                happening = self._wait()
+            while self._awaited or any(member.reported < self._run.done for member in self._members.values()):
+                happening = self._wait(self._return_due if self._awaited else None)
                 if happening is not None:
                     self._take(happening)
+                elif self._awaited:
+                    ids = listed(id for id in self._simulation.environment.roster.ids if id in self._awaited)
+                    self._fail("run", f"nobody came back within {self._patience:g} s for {ids}")
         self._deliver_posts()
         self._deliver_notices()
 
@@ -258,6 +266,7 @@ class Host(Company):
         member = self._members[peer] = _Member(peer, hello.name, agents, is_here, indices[0], reported)
         pace = run.pacer.factor if run.pacer else 0.0
         self._send(peer, Welcome(run.done, self._simulation.clock.now, pace, self._started))
+        self._awaited.difference_update(agents)
         if run.is_under_way:
             text = f"{member.name} is back and runs {listed(agents)}"
             self._tell_all("rejoined", member, text, Level.WARNING)
@@ -342,17 +351,26 @@ class Host(Company):
         self._tell_all("lost", member, text, Level.WARNING)
         if not run.is_under_way:
             return
+        self._return_due = time.monotonic() + self._patience
         for activity in run.activities:
             group, timing = activity.slot.group, activity.slot.timing
             rows = rows_of(group, member.agents)
             if not len(rows):
                 continue
             self._losses[activity.slot.path] += 1
-            weary = timing.on_failure == "restart" and self._losses[activity.slot.path] > timing.tries
-            if timing.on_failure == "stop" or weary:
-                self._fail(activity.slot.path, text)
+            path, restarts = activity.slot.path, timing.on_failure == "restart"
+            if timing.on_failure == "stop":
+                self._fail(f"processes.{member.name}", f"{text}; `{path}` has `on_failure: stop`")
+            if restarts and self._losses[path] > timing.tries:
+                self._fail(f"processes.{member.name}", f"{text}; `{path}` has `tries: {timing.tries}`")
+            if restarts and run.pacer is None:
+                self._awaited.update(id for id in member.agents if id in group.ids)
             if timing.coast == "safe":
                 self._slow_down(group, rows)
+        if self._awaited:
+            # For who watches.
+            text = f"waits {self._patience:g} s for {member.name} to come back"
+            self._fire(Notice("waiting", "run", "WARNING", text), recorded=False)
 
     def _slow_down(self, group: AgentGroup, rows: Indices) -> None:
         """Let agents stop as far as they can."""

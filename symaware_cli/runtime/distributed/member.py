@@ -39,6 +39,8 @@ class Member(Company):
     for the steps that it missed one after the other, in the world as it is by then.
     """
 
+    decides = False
+
     def __init__(self, identity: Identity, port: Port, patience: float, absence: float) -> None:
         """Prepare.
 
