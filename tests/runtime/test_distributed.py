@@ -332,7 +332,7 @@ def test_by_default_the_death_of_a_member_ends_the_run(goals):
 def test_without_a_pace_the_run_waits_for_a_member_that_shall_be_restarted(goals):
     run, host, west, east = goals(wait=0.02, distance=2.0, on_failure="restart")
     west.send(signal.SIGKILL)
-    host.wait_for("waits 60 s for west to come back")
+    host.wait_for("waits 60 s for it")
     run.member("west", "robot.0")
     assert run.end() == [0, -signal.SIGKILL, 0, 0]
     for each in (host, east):

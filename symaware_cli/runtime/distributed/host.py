@@ -368,9 +368,9 @@ class Host(Company):
             if timing.coast == "safe":
                 self._slow_down(group, rows)
         if self._awaited:
-            # For who watches.
-            text = f"waits {self._patience:g} s for {member.name} to come back"
-            self._fire(Notice("waiting", "run", "WARNING", text), recorded=False)
+            # For who watches; the log tells of it when turns may follow from it.
+            waits = f"{text}; waits {self._patience:g} s for it"
+            self._fire(Notice("waiting", "run", "WARNING", waits), recorded=False)
 
     def _slow_down(self, group: AgentGroup, rows: Indices) -> None:
         """Let agents stop as far as they can."""
