@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from hypothesis import settings
+from hypothesis import HealthCheck, settings
 from simulating import COMMAND
 from symaware_doubles import COMPONENTS, ENVIRONMENTS, TRANSPORTS
 
@@ -18,7 +18,7 @@ def pytest_configure() -> None:
 
 
 # How long an example takes says more about the machine than about the code.
-settings.register_profile("symaware", deadline=None)
+settings.register_profile("symaware", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("symaware")
 
 

@@ -20,7 +20,7 @@ from symaware_cli.recording.merging import merge
 from symaware_cli.recording.part import open_parts
 from symaware_cli.recording.reader import Log, open_log
 
-PATIENCE = 60
+PATIENCE = 180
 """So long a test waits for what should happen soon, s."""
 
 GATHERING = frozenset({"started", "finished", "waiting", "joined"})

@@ -52,7 +52,7 @@ def number(port: Port) -> int:
     return int(port.address.rpartition(":")[2])
 
 
-def expect(port: Port, kind: str, within: float = 20.0) -> Happening:
+def expect(port: Port, kind: str, within: float = 60.0) -> Happening:
     """What happens next at a port, which must be of a kind."""
     happening = port.receive(within)
     assert happening is not None, f"nothing happened, where {kind} should"
@@ -60,7 +60,7 @@ def expect(port: Port, kind: str, within: float = 20.0) -> Happening:
     return happening
 
 
-def eventually(condition: Callable[[], bool], within: float = 20.0) -> bool:
+def eventually(condition: Callable[[], bool], within: float = 60.0) -> bool:
     """Whether something comes true, if one waits for it."""
     deadline = time.monotonic() + within
     while not condition():
