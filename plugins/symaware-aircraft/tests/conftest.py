@@ -8,9 +8,14 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, settings
 from numpy.typing import NDArray
 
 from symaware_cli import open_log
+
+# How long an example takes says more about the machine than about the code.
+settings.register_profile("aircraft", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("aircraft")
 
 SCENARIOS = Path(__file__).parent.parent / "scenarios"
 
