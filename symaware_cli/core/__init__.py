@@ -1,7 +1,7 @@
 """The vocabulary: time, awareness, knowledge, agent, component, entity, model, environment, message, event."""
 
 from symaware_cli.core.agent import Agent, AgentGroup, Surroundings
-from symaware_cli.core.awareness import AwarenessDatabase, AwarenessVector, GroupAwareness, Observation, Tracks
+from symaware_cli.core.awareness import AwarenessDatabase, AwarenessVector, GroupAwareness, Observation
 from symaware_cli.core.component import (
     CommunicationReceiver,
     CommunicationSender,
@@ -14,7 +14,7 @@ from symaware_cli.core.component import (
     UncertaintyEstimator,
 )
 from symaware_cli.core.entity import Entity, Obstacle, Pose, ScriptedPath
-from symaware_cli.core.environment import Environment, EnvironmentParameters, WorldError
+from symaware_cli.core.environment import Attempts, Environment, EnvironmentParameters, WorldError
 from symaware_cli.core.event import Event, EventBus, Level, SubscriberError, Subscription
 from symaware_cli.core.knowledge import KnowledgeDatabase
 from symaware_cli.core.message import EVERYBODY, Delivery, Exchange, Mailing, Message
@@ -26,6 +26,7 @@ from symaware_cli.core.series import TimeSeries
 from symaware_cli.core.shape import Box, Circle, Cylinder, Mesh, Polygon, Shape, Urdf, Wall
 from symaware_cli.core.time import Clock, nanoseconds, seconds
 from symaware_cli.core.topology import Links, Topology, TopologyError, TopologyParameters
+from symaware_cli.core.tracks import Tracks
 from symaware_cli.core.transport import Happening, Port, Transport, TransportError, TransportParameters
 from symaware_cli.core.vehicle import Vehicle
 from symaware_cli.core.world import Contact, Roster, Snapshot
@@ -34,6 +35,7 @@ __all__ = [
     "EVERYBODY",
     "Agent",
     "AgentGroup",
+    "Attempts",
     "AwarenessDatabase",
     "AwarenessVector",
     "Box",

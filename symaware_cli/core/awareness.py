@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from symaware_cli.core.column import Column, SeriesColumn, frozen
 from symaware_cli.core.reading import Reading
 from symaware_cli.core.series import TimeSeries
+from symaware_cli.core.tracks import Tracks
 
 if TYPE_CHECKING:
     from symaware_cli.core.world import Roster, Snapshot
@@ -50,105 +51,6 @@ class AwarenessVector:
         return f"AwarenessVector({self.id!r}, state={np.array2string(self.state, precision=4)})"
 
 
-class Tracks:
-    """What the agents of a group believe of others, sparsely: a row for each agent and each other it knows of.
-
-    Rows stand in the order of the agents, and within an agent in the order of the roster. Arrays are read-only.
-
-    Attributes:
-        time: When this was believed, in nanoseconds.
-        pointers: Where the rows of each agent begin, and at last their number; shape (n + 1,).
-        others: Whom each row is about, as an index in the roster; shape (m,).
-        positions: Where the other is believed to be [m]; shape (m, d).
-        velocities: How fast it is believed to move [m/s]; shape (m, d).
-        covariances: Covariance of position and velocity, in this order [m^2, m^2/s, m^2/s^2]; shape (m, 2d, 2d), or
-            None where nothing is said of it.
-        ages: Time since the other was last seen [s]; shape (m,).
-    """
-
-    __slots__ = ("_origin", "ages", "covariances", "others", "pointers", "positions", "time", "velocities")
-
-    def __init__(
-        self,
-        time: int,
-        pointers: NDArray[np.intp],
-        others: NDArray[np.intp],
-        positions: Array,
-        velocities: Array,
-        covariances: Array | None = None,
-        ages: Array | None = None,
-    ) -> None:
-        self.time = time
-        self.pointers = pointers
-        self.others = others
-        self.positions = frozen(positions)
-        self.velocities = frozen(velocities)
-        self.covariances = None if covariances is None else frozen(covariances)
-        self.ages = frozen(np.zeros(len(others)) if ages is None else ages)
-        self._origin: Tracks | None = None
-
-    @classmethod
-    def of(
-        cls,
-        time: int,
-        count: int,
-        observers: NDArray[np.intp],
-        others: NDArray[np.intp],
-        positions: Array,
-        velocities: Array,
-        covariances: Array | None = None,
-        ages: Array | None = None,
-    ) -> Tracks:
-        """Make tracks from the agent that each row belongs to.
-
-        Args:
-            time: See the class, as for what is not said here.
-            count: How many agents the group has.
-            observers: The agent of each row, ascending; shape (m,).
-            others: Within an agent ascending; shape (m,).
-            positions: Shape (m, d).
-            velocities: Shape (m, d).
-            covariances: Shape (m, 2d, 2d).
-            ages: Shape (m,).
-        """
-        pointers = np.zeros(count + 1, np.intp)
-        np.cumsum(np.bincount(observers, minlength=count), out=pointers[1:])
-        return cls(time, pointers, others, positions, velocities, covariances, ages)
-
-    @property
-    def observers(self) -> NDArray[np.intp]:
-        """The agent that each row belongs to, as a row of the group; shape (m,)."""
-        return np.repeat(np.arange(len(self.pointers) - 1), np.diff(self.pointers))
-
-    def __len__(self) -> int:
-        return len(self.others)
-
-    @property
-    def origin(self) -> Tracks:
-        """The tracks that a component made, if those of some agents were put back in these; else these.
-
-        By it the component knows again what it has written.
-        """
-        return self if self._origin is None else self._origin
-
-    @origin.setter
-    def origin(self, tracks: Tracks) -> None:
-        self._origin = tracks
-
-    def select(self, rows: NDArray[np.bool_]) -> Tracks:
-        """The tracks that a mask picks out; shape (m,)."""
-        return Tracks.of(
-            self.time,
-            len(self.pointers) - 1,
-            self.observers[rows],
-            self.others[rows],
-            self.positions[rows],
-            self.velocities[rows],
-            covariances=None if self.covariances is None else self.covariances[rows],
-            ages=self.ages[rows],
-        )
-
-
 @dataclass(frozen=True, slots=True)
 class Observation:
     """What a perception measured in a step, before anybody makes a belief of it.
@@ -180,36 +82,69 @@ class GroupAwareness:
         world: What all agents of the group know of everybody, where they perceive everything; one shared
             read-only snapshot, never a copy for each pair.
         observation: What perception measured last, for those who estimate.
-        tracks: What each agent believes of the others it perceives or perceived.
+        seen: What each agent believes of the others it perceives or perceived, as perception or an estimator wrote it.
+        told: What each agent believes of others by what they say.
         readings: What further sensors measured last, by the name of the component, for those who use it.
         roster: Who the indices in `tracks` stand for; set when the world is.
         others_changed: The rows whose own components wrote about others since the last record.
     """
 
     __slots__ = (
+        "_joined",
+        "_joined_of",
+        "_name",
         "intent",
         "observation",
         "others_changed",
         "readings",
         "risk",
         "roster",
+        "seen",
         "state_column",
-        "tracks",
+        "told",
         "uncertainty",
         "world",
     )
 
-    def __init__(self, state: Array) -> None:
+    def __init__(self, state: Array, name: str = "") -> None:
         self.state_column = Column(state)
         self.intent = SeriesColumn(len(state))
         self.uncertainty = SeriesColumn(len(state))
         self.risk = SeriesColumn(len(state))
         self.world: Snapshot | None = None
         self.observation: Observation | None = None
-        self.tracks: Tracks | None = None
+        self.seen: Tracks | None = None
+        self.told: Tracks | None = None
         self.readings: dict[str, Reading] = {}
         self.roster: Roster | None = None
         self.others_changed: set[int] = set()
+        self._name = name
+        self._joined: Tracks | None = None
+        self._joined_of: tuple[Tracks | None, Tracks | None, Snapshot | None] = (None, None, None)
+
+    @property
+    def tracks(self) -> Tracks | None:
+        """What each agent believes of others: what is seen wins over what was told, unless that is more recent.
+
+        None where nobody believes anything, or where all that counts is the `world`.
+        """
+        if self.told is None:
+            return self.seen
+        known = (self.seen, self.told, self.world)
+        if any(one is not other for one, other in zip(known, self._joined_of, strict=True)):
+            self._joined, self._joined_of = self._join(self.seen, self.told, self.world), known
+        return self._joined
+
+    def _join(self, seen: Tracks | None, told: Tracks, world: Snapshot | None) -> Tracks | None:
+        if seen is None and world is not None:
+            if told.instants.max(initial=world.time) <= world.time:
+                return None
+            seen = self.everybody(world)
+        return told if seen is None else seen.updated(told)
+
+    def everybody(self, world: Snapshot) -> Tracks:
+        """Write out a snapshot that all agents share: a row for each of them and each other."""
+        return Tracks.of_everybody(world, world.roster.start(self._name), len(self.state))
 
     @property
     def state(self) -> Array:
@@ -271,10 +206,14 @@ class SelfAwareness(AwarenessVector):
 class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
     """All that one agent is aware of, by id: itself, whom it perceives and whom it heard of.
 
-    What the agent's own components wrote of another wins over what the group's perception shares.
+    What the agent's own components wrote of another wins over what the group's components share. What another tells of
+    its intent and risk stands beside where it is believed to be.
+
+    Attributes:
+        told: What others told of themselves, as of then, by id.
     """
 
-    __slots__ = ("_awareness", "_others", "_own", "_row", "_world")
+    __slots__ = ("_awareness", "_others", "_own", "_row", "_world", "told")
 
     def __init__(self, own: SelfAwareness, awareness: GroupAwareness, row: int) -> None:
         self._own = own
@@ -282,6 +221,7 @@ class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
         self._row = row
         self._others: dict[str, AwarenessVector] = {}
         self._world: Snapshot | None = None
+        self.told: dict[str, AwarenessVector] = {}
 
     @property
     def world(self) -> Snapshot | None:
@@ -301,16 +241,27 @@ class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
     def __getitem__(self, id: str) -> AwarenessVector:
         if id == self._own.id:
             return self._own
-        vector = self._others.get(id) or self._tracked(id)
+        vector, told = self._others.get(id) or self._tracked(id), self.told.get(id)
         if vector is None:
             world = self.world
-            if world is None:
+            if world is not None and id in world.roster:
+                vector = AwarenessVector(id, world.state(id))
+            elif told is not None:
+                return told
+            else:
                 raise KeyError(id)
-            vector = AwarenessVector(id, world.state(id))
-        return vector
+        if told is None:
+            return vector
+        return AwarenessVector(
+            id,
+            vector.state,
+            vector.intent if len(vector.intent) else told.intent,
+            vector.uncertainty,
+            vector.risk if len(vector.risk) else told.risk,
+        )
 
     def _tracked(self, id: str) -> AwarenessVector | None:
-        """What the group's perception tells of another: position and velocity, and their covariance."""
+        """What the group's components tell of another: position and velocity, and their covariance."""
         tracks, roster = self._awareness.tracks, self._awareness.roster
         if tracks is None or roster is None or id not in roster:
             return None
@@ -326,7 +277,7 @@ class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
         return AwarenessVector(id, state, uncertainty=uncertainty)
 
     def _known(self) -> Sequence[str]:
-        """Whom the group's perception tells of, in the roster's order."""
+        """Whom the group's components tell of, in the roster's order."""
         world, tracks, roster = self.world, self._awareness.tracks, self._awareness.roster
         if world:
             return world.roster.ids
@@ -353,10 +304,10 @@ class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
         known = self._known()
         yield from (id for id in known if id != self._own.id)
         seen = set(known)
-        yield from (id for id in sorted(self._others) if id not in seen)
+        yield from (id for id in sorted({*self._others, *self.told}) if id not in seen and id != self._own.id)
 
     def __len__(self) -> int:
         return sum(1 for _ in self)
 
     def __contains__(self, id: object) -> bool:
-        return id == self._own.id or id in self._others or id in self._known()
+        return id == self._own.id or id in self._others or id in self.told or id in self._known()

@@ -46,6 +46,8 @@ class Inboxes:
         self._anyone = any(self._listens)
         self._readers: list[Reader] = []
         self._readers_of: dict[tuple[int, str], tuple[Reader, ...]] = {}
+        self._is_closed = np.zeros(len(ids), bool)
+        self._closed = 0
         self._letters: dict[tuple[str, str], list[Message]] = {}
         self._columns: dict[str, list[Delivery | Message]] = {}
 
@@ -62,6 +64,25 @@ class Inboxes:
         self._readers.append(Reader(name, first, first + len(agents), frozenset(kinds), columns))
         self._readers_of.clear()
 
+    def close(self, id: str) -> None:
+        """Throw away what an agent has not read yet, and keep nothing more for it, as it takes no part any more."""
+        receiver = self._rank[id]
+        self._is_closed[receiver] = True
+        self._closed = int(self._is_closed.sum())
+        for key in [key for key in self._letters if key[0] == id]:
+            del self._letters[key]
+        for name, arrived in list(self._columns.items()):
+            kept = [rest for each in arrived if (rest := _without(each, id, receiver)) is not None]
+            if kept:
+                self._columns[name] = kept
+            else:
+                del self._columns[name]
+
+    def reopen(self, id: str) -> None:
+        """Keep again what arrives for an agent."""
+        self._is_closed[self._rank[id]] = False
+        self._closed = int(self._is_closed.sum())
+
     def _of(self, receiver: int, kind: str) -> tuple[Reader, ...]:
         readers = self._readers_of.get((receiver, kind))
         if readers is None:
@@ -72,6 +93,8 @@ class Inboxes:
 
     def put(self, message: Message, receiver: int) -> None:
         """Take in a message that arrived for an agent, given as an index in the roster."""
+        if self._closed and self._is_closed[receiver]:
+            return
         readers = self._of(receiver, message.kind)
         for reader in readers:
             if reader.columns:
@@ -83,6 +106,11 @@ class Inboxes:
 
     def put_columns(self, delivery: Delivery) -> None:
         """Take in messages of a mailing."""
+        if self._closed:
+            wanted = ~self._is_closed[delivery.receivers]
+            if not wanted.any():
+                return
+            delivery = chosen(delivery, wanted)
         kind, receivers = delivery.mailing.kind, delivery.receivers
         singly = self._anyone
         for reader in self._readers:
@@ -97,8 +125,8 @@ class Inboxes:
                 self._columns.setdefault(reader.name, []).append(part)
         if not singly:
             return
-        wanted = [self._wants_letters(receiver, kind) for receiver in range(len(self._ids))]
-        part = chosen(delivery, np.array(wanted)[receivers])
+        singled = [self._wants_letters(receiver, kind) for receiver in range(len(self._ids))]
+        part = chosen(delivery, np.array(singled)[receivers])
         for message, receiver in zip(messages(part, self._ids), part.receivers.tolist(), strict=True):
             readers = self._of(receiver, kind)
             for reader in readers:
@@ -122,3 +150,11 @@ class Inboxes:
     def collect(self, reader: str) -> Sequence[Delivery | Message]:
         """Hand over what arrived for a group since the last call, oldest first."""
         return self._columns.pop(reader, ())
+
+
+def _without(arrived: Delivery | Message, id: str, receiver: int) -> Delivery | Message | None:
+    """What arrived, but for what is for one agent; None if that is all of it."""
+    if isinstance(arrived, Message):
+        return None if arrived.receiver == id else arrived
+    others = arrived.receivers != receiver
+    return (arrived if others.all() else chosen(arrived, others)) if others.any() else None

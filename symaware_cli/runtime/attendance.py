@@ -27,6 +27,8 @@ class Attendance:
     def retire(self, group: AgentGroup, rows: Iterable[int], coast: Coast, reason: str) -> None:
         """Take agents out of the run: their components take no further turns, and the world moves them on.
 
+        What has arrived for them and was not read is thrown away, and what still arrives is not kept.
+
         Args:
             group: Their group.
             rows: Which agents of it.
@@ -44,6 +46,7 @@ class Attendance:
             for activity in self._activities:
                 if activity.slot.group is group:
                     activity.hold(row)
+            self._simulation.exchange.inboxes.close(group.ids[row])
             self._simulation.announce("terminated", f"agents.{group.ids[row]}", reason, level=Level.WARNING)
 
     def is_retired(self, group: AgentGroup, row: int) -> bool:
@@ -54,6 +57,7 @@ class Attendance:
         """Let agents that were taken out of the run begin anew, with components that were initialised again."""
         for row in rows:
             self._retired.discard((group.name, row))
+            self._simulation.exchange.inboxes.reopen(group.ids[row])
         for activity in self._activities:
             if activity.slot.group is group:
                 for row in rows:

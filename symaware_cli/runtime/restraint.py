@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.core import AgentGroup, Tracks
+from symaware_cli.core.time import SECOND
 
 
 @contextmanager
@@ -32,7 +33,7 @@ def restrained(group: AgentGroup, rows: Sequence[int]) -> Iterator[None]:
         for column in (awareness.intent, awareness.uncertainty, awareness.risk)
         for row in chosen
     ]
-    tracks = awareness.tracks
+    seen, told = awareness.seen, awareness.told
     yield
     for column, before in columns:
         if column.values is not before and not np.array_equal(column.values[chosen], before[chosen]):
@@ -40,14 +41,18 @@ def restrained(group: AgentGroup, rows: Sequence[int]) -> Iterator[None]:
     for series_column, row, own in series:
         if series_column.row(row) != own:
             series_column.set_row(row, own)
-    if awareness.tracks is not None and awareness.tracks is not tracks:
-        awareness.tracks = _merged(awareness.tracks, tracks, np.isin(np.arange(len(group)), chosen))
+    held = np.isin(np.arange(len(group)), chosen)
+    if awareness.seen is not None and awareness.seen is not seen:
+        awareness.seen = _merged(awareness.seen, seen, held)
+    if awareness.told is not None and awareness.told is not told:
+        awareness.told = _merged(awareness.told, told, held)
 
 
 def _merged(tracks: Tracks, before: Tracks | None, held: NDArray[np.bool_]) -> Tracks:
     """The tracks of some agents as they were before, those of all others as they are now."""
     then = tracks.select(np.zeros(len(tracks), bool)) if before is None else before.select(held[before.observers])
     now = tracks.select(~held[tracks.observers])
+    since = (tracks.time - then.time) / SECOND
     observers = np.concatenate([now.observers, then.observers])
     order = np.argsort(observers, kind="stable")
     covariances = None
@@ -58,7 +63,7 @@ def _merged(tracks: Tracks, before: Tracks | None, held: NDArray[np.bool_]) -> T
             np.zeros((len(each), size, size)) if each.covariances is None else each.covariances for each in (now, then)
         ]
         covariances = np.concatenate(parts)[order]
-    merged = Tracks.of(
+    return Tracks.of(
         tracks.time,
         len(held),
         observers[order],
@@ -66,7 +71,5 @@ def _merged(tracks: Tracks, before: Tracks | None, held: NDArray[np.bool_]) -> T
         np.concatenate([now.positions, then.positions])[order],
         np.concatenate([now.velocities, then.velocities])[order],
         covariances=covariances,
-        ages=np.concatenate([now.ages, then.ages])[order],
+        ages=np.concatenate([now.ages, then.ages + since])[order],
     )
-    merged.origin = tracks.origin
-    return merged

@@ -223,14 +223,16 @@ def group_data(group: AgentGroup) -> dict[str, Any]:
         "control_input": group.control_input,
         "world": awareness.world,
         "observation": awareness.observation,
-        "tracks": awareness.tracks,
+        "seen": awareness.seen,
+        "told": awareness.told,
         "readings": dict(awareness.readings),
         "knowledge": [dict(each) for each in group.knowledge],
     }
     for name in ("intent", "uncertainty", "risk"):
         data[name] = _series_data(getattr(awareness, name))
     if "agents" in vars(group):
-        data["others"] = [(each.awareness_database._others, each.awareness_database._world) for each in group.agents]
+        databases = [each.awareness_database for each in group.agents]
+        data["others"] = [(each._others, each._world, each.told) for each in databases]
     return data
 
 
@@ -242,16 +244,17 @@ def _take_group_data(group: AgentGroup, data: Mapping[str, Any]) -> None:
     awareness = group.awareness
     awareness.state_column = _column(awareness.state_column, data["state"])
     group.control_column.values = data["control_input"]
-    awareness.world, awareness.observation, awareness.tracks = data["world"], data["observation"], data["tracks"]
-    awareness.readings = data["readings"]
+    awareness.world, awareness.observation = data["world"], data["observation"]
+    awareness.seen, awareness.told, awareness.readings = data["seen"], data["told"], data["readings"]
     for own, known in zip(group.knowledge, data["knowledge"], strict=True):
         dict.clear(own)
         dict.update(own, known)
     for name in ("intent", "uncertainty", "risk"):
         column = getattr(awareness, name)
         column._times, column._values, column._width, column._rows = data[name]
-    for agent, (others, world) in zip(group.agents, data.get("others", ()), strict=False):
-        agent.awareness_database._others, agent.awareness_database._world = others, world
+    for agent, (others, world, told) in zip(group.agents, data.get("others", ()), strict=False):
+        database = agent.awareness_database
+        database._others, database._world, database.told = others, world, told
 
 
 def _column(column: Column, values: Any) -> Column:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+import numpy as np
 from pydantic import Field
 
+from symaware_cli.components.communication.body import ToldAlong, position_covariance
 from symaware_cli.core import EVERYBODY, AgentGroup, AwarenessVector, CommunicationSender, Message, Parameters
 
 #: The kind of its messages.
@@ -15,15 +17,16 @@ BROADCAST = "broadcast"
 class Broadcast(CommunicationSender):
     """Tells all whom an agent reaches its whole awareness of itself, and chosen knowledge of any kind.
 
-    The awareness has state, intent, uncertainty and risk, as they are at its turn. `communication.inbox` reads its
-    messages; for states alone `communication.state` is many times as fast.
+    The awareness has state, intent, uncertainty and risk, as they are at its turn; position and velocity, and the
+    covariance of the position where it is estimated, are told with it, for those who do not know the sender's model.
+    `communication.inbox` reads its messages; for states alone `communication.state` is many times as fast.
     """
 
     class Parameters(Parameters):
         """What is told."""
 
         awareness: bool = Field(True, description="Whether the agent's awareness of itself is told.")
-        knowledge: tuple[str, ...] = Field((), description="Which knowledge is told, by name.")
+        knowledge: tuple[ToldAlong, ...] = Field((), description="Which knowledge is told, by name.")
 
     def check(self, group: AgentGroup) -> None:
         """What is told is known."""
@@ -37,6 +40,12 @@ class Broadcast(CommunicationSender):
         agent = self._agent
         payload = {name: agent.self_knowledge[name] for name in self.parameters.knowledge}
         if self.parameters.awareness:
-            own = agent.self_awareness
-            payload["awareness"] = AwarenessVector(agent.id, own.state, own.intent, own.uncertainty, own.risk)
+            own, model = agent.self_awareness, agent.group.model
+            state = own.state
+            payload["awareness"] = AwarenessVector(agent.id, state, own.intent, own.uncertainty, own.risk)
+            payload["position"] = model.positions(state[None])[0]
+            payload["velocity"] = model.velocity(state[None], agent.control_input[None])[0]
+            covariance = position_covariance(model, own.uncertainty)
+            if not np.isnan(covariance).any():
+                payload["covariance"] = covariance
         return [Message(agent.id, EVERYBODY, payload, BROADCAST)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping, Sequence
 from typing import ClassVar
 
@@ -9,15 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from symaware_cli.core import AgentGroup, Delivery, GroupCommunicationReceiver, Mailing, Message, Parameters
+from symaware_cli.components.communication.running_sums import Flows, History
+from symaware_cli.core import AgentGroup, Delivery, GroupCommunicationReceiver, Level, Mailing, Message, Parameters
+from symaware_cli.core.column import is_finite
 
 Array = NDArray[np.float64]
 
 #: The kind of its messages.
 CONSENSUS = "consensus"
-
-#: So many turns back an agent knows its own sums; what is older than that comes too late.
-_HISTORY = 256
 
 
 class Consensus(GroupCommunicationReceiver):
@@ -34,9 +34,17 @@ class Consensus(GroupCommunicationReceiver):
     made up for by any later message (running sums are due to N. H. Vaidya, C. N. Hadjicostis, A. D. Dominguez-Garcia,
     "Robust Distributed Average Consensus via Exchange of Running Sums", IEEE Transactions on Automatic Control 61,
     2016). All agents must take their turns at the same times.
+
+    Messages that come d turns late make it x(k + 1) = x(k) - e L x(k - d), which converges if and only if e lambda_n <
+    2 sin(pi / (4 d + 2)) (S. A. Levin, R. M. May, "A Note on Difference-Delay Equations", Theoretical Population
+    Biology 9, 1976, for each eigenvalue). As lambda_n is at most twice the greatest degree, a gain below
+    sin(pi / (4 d + 2)) over that degree is small enough on every graph.
     """
 
-    events: ClassVar[Mapping[str, str]] = {"agreed": "the agent and all whom it hears of differ by no more than asked"}
+    events: ClassVar[Mapping[str, str]] = {
+        "agreed": "the agent and all whom it hears of differ by no more than asked",
+        "unstable": "the gain is so great, for so many neighbours and so late messages, that values may grow for ever",
+    }
 
     class Parameters(Parameters):
         """On what to agree, and how fast."""
@@ -45,7 +53,8 @@ class Consensus(GroupCommunicationReceiver):
         gain: float = Field(
             gt=0,
             le=1,
-            description="How far to move at each turn; less than one over the greatest number of neighbours.",
+            description="How far to move at each turn; less than one over the greatest number of neighbours, and still "
+            "less where messages are late.",
         )
         tolerance: float = Field(1e-6, gt=0, description="When agents count as agreed, in the units of the value.")
 
@@ -61,72 +70,89 @@ class Consensus(GroupCommunicationReceiver):
     def check(self, group: AgentGroup) -> None:
         """All agents know a value, of one shape."""
         try:
-            group.known(self.parameters.name)
+            known = group.known(self.parameters.name)
         except KeyError:
             raise ValueError(f"the agents do not know `{self.parameters.name}`") from None
+        if not is_finite(known):
+            raise ValueError(f"the knowledge `{self.parameters.name}` is not finite")
 
     def initialise_component(self, group: AgentGroup) -> None:
         """Begin with what each agent knows."""
         super().initialise_component(group)
         self._start = self.environment.roster.start(group.name)
-        self._everybody = len(self.environment.roster)
         known = group.known(self.parameters.name)
-        self._is_scalar = known.ndim == 1
-        self._first = known.reshape(len(group), -1)
-        self._value = self._first
-        self._sum = np.zeros_like(self._first)
-        #: The sums of the last turns; a turn's stand at its number modulo their count.
-        self._sums = np.zeros((_HISTORY, *self._first.shape))
-        self._turn = 0
-        #: For each neighbour that was heard of: row * everybody + its index, the turn it told of, what flowed from it.
-        self._keys = np.empty(0, np.int64)
-        self._turns = np.empty(0, np.int64)
-        self._flows = np.empty((0, self._first.shape[1]))
-        self._told = np.empty((0, self._first.shape[1]))
+        self._shape = known.shape
         self._agreed = np.zeros(len(group), bool)
+        self._is_warned = False
+        self._begin(known.reshape(len(group), -1))
+
+    def _begin(self, value: Array) -> None:
+        """Begin a new epoch with the values at hand."""
+        self._first = self._value = value
+        self._history = History(value.shape)
+        self._flows = Flows(value.shape, self._start, len(self.environment.roster))
 
     def _update(self, value: Sequence[Delivery | Message]) -> None:
-        for each in value:
-            if isinstance(each, Delivery):
-                self._hear(each)
-        group, name, gain = self._group, self.parameters.name, self.parameters.gain
-        if self._turn:
-            rows = self._keys // self._everybody
-            flow = np.zeros_like(self._first)
-            np.add.at(flow, rows, self._flows)
-            self._value = self._first + gain * flow
-            for row, known in enumerate(self._value[:, 0].tolist() if self._is_scalar else self._value.tolist()):
-                group.knowledge[row][name] = known
-            self._announce_agreement(rows)
-        self._sum = self._sum + self._value
-        self._sums[self._turn % _HISTORY] = self._sum
-        columns = {"value": self._value, "sum": self._sum, "turn": np.full(len(group), float(self._turn))}
-        self._turn += 1
-        self._surroundings.exchange.post(Mailing(np.arange(len(group)) + self._start, columns, self._kind))
+        history, now = self._history, self.now
+        has_missed = False
+        # What grows beyond all bounds is told below, and not by NumPy.
+        with np.errstate(over="ignore", invalid="ignore"):
+            for each in value:
+                if isinstance(each, Delivery):
+                    has_missed |= history.misses(each.sent_time)
+                    self._flows.hear(each, history)
+            if history.count:
+                self._set(self._first + self.parameters.gain * self._flows.total())
+            if has_missed:
+                # Others went on in the meantime: their sums and these are not of the same turns any more.
+                self._begin(self._value)
+                history = self._history
+            elif history.at(now) is not None:
+                return  # a second turn at one instant, of which the first was told already
+            turn = history.add(now, self._value)
+            self._look_at(turn.after)
+        columns = {"value": self._value, "sum": turn.before, "epoch": np.full(len(self._value), float(history.epoch))}
+        self._surroundings.exchange.post(Mailing(np.arange(len(self._value)) + self._start, columns, self._kind))
 
-    def _hear(self, delivery: Delivery) -> None:
-        """Take over what flowed from neighbours since they were heard of last."""
-        rows = delivery.receivers - self._start
-        keys = rows.astype(np.int64) * self._everybody + delivery.senders
-        turns = delivery.column("turn").astype(np.int64)
-        recent = (self._turn - turns <= _HISTORY) & (turns < self._turn)
-        flows = delivery.column("sum") - self._sums[turns % _HISTORY, rows]
-        told = delivery.column("value")
-        keys, turns, flows, told = (
-            np.concatenate([before, now[recent]])
-            for before, now in (
-                (self._keys, keys),
-                (self._turns, turns),
-                (self._flows, flows),
-                (self._told, told),
-            )
-        )
-        order = np.lexsort((turns, keys))
-        last = order[np.r_[keys[order][1:] != keys[order][:-1], True]] if len(order) else order
-        self._keys, self._turns, self._flows, self._told = keys[last], turns[last], flows[last], told[last]
+    def _set(self, value: Array) -> None:
+        """Let the agents know their new values.
 
-    def _announce_agreement(self, rows: NDArray[np.int64]) -> None:
-        apart = np.abs(self._told - self._value[rows]).max(axis=1)
+        Raises:
+            ArithmeticError: They are not finite.
+        """
+        self._look_at(value)
+        self._value = value
+        told = value.reshape(self._shape)
+        for row, knowledge in enumerate(self._group.knowledge):
+            knowledge[self.parameters.name] = told[row].tolist()
+        if not self._is_warned:
+            self._warn()
+        self._announce_agreement()
+
+    def _look_at(self, value: Array) -> None:
+        if not is_finite(value):
+            row = int(np.flatnonzero(~np.isfinite(value).all(axis=1))[0])
+            told = f"the consensus on `{self.parameters.name}` diverges: that of {self._group.ids[row]}"
+            raise ArithmeticError(f"{told} was {self._value.reshape(self._shape)[row].tolist()} and is not finite now")
+
+    def _warn(self) -> None:
+        """Tell once where the gain is not small enough for every graph with so many links and such a delay."""
+        rows, late = self._flows.heard(self._history.count)
+        if not len(rows):
+            return
+        neighbours = np.bincount(rows)
+        row, delay, gain = int(neighbours.argmax()), float(late.mean()), self.parameters.gain
+        limit = math.sin(math.pi / (4.0 * delay + 2.0)) / int(neighbours[row])
+        if gain < limit:
+            return
+        self._is_warned = True
+        heard = f"hears {neighbours[row]} neighbours" + (f", {delay:.3g} turns late" if delay else "")
+        text = f"a gain of {gain:g} is not below {limit:.3g}, for one who {heard}; values may grow without bound"
+        self.emit_for(row, "unstable", text, level=Level.WARNING, gain=gain, limit=limit)
+
+    def _announce_agreement(self) -> None:
+        rows, told = self._flows.rows, self._flows.told
+        apart = np.abs(told - self._value[rows]).max(axis=1)
         greatest = np.full(len(self._value), -1.0)
         np.maximum.at(greatest, rows, apart)
         agreed = (greatest >= 0.0) & (greatest <= self.parameters.tolerance)

@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 
 from pydantic import Field
 
+from symaware_cli.components.communication.sameness import kept, same
 from symaware_cli.core import (
     Agent,
     AwarenessDatabase,
@@ -15,12 +16,13 @@ from symaware_cli.core import (
     Message,
     Parameters,
     nanoseconds,
+    seconds,
 )
 
 #: The kind of its messages.
 FLOOD = "flood"
 
-#: Of each origin so many numbers are remembered, so that memory is bounded.
+#: Of what each origin told so much is remembered, so that memory is bounded.
 _MOST = 4096
 
 
@@ -57,10 +59,10 @@ class Flooding(CommunicationReceiver):
         """Nothing was told or heard yet."""
         super().initialise_component(agent, initial_awareness_database, initial_knowledge_database)
         self._told: dict[str, Any] | None = None
-        self._told_at = 0
-        self._number = 0
-        #: The numbers heard of each origin; a dictionary keeps their order.
-        self._heard: dict[str, dict[int, None]] = {}
+        self._told_at = -1
+        #: When that was told, in nanoseconds, which was heard of each component of each origin; in that order.
+        self._heard: dict[tuple[str, str], dict[int, None]] = {}
+        self._latest: dict[tuple[str, str], int] = {}
 
     def _update(self, value: Sequence[Message]) -> None:
         for message in value:
@@ -68,31 +70,31 @@ class Flooding(CommunicationReceiver):
         known, names = self._agent.self_knowledge, self.parameters.names
         present = {name: known[name] for name in names if name in known}
         if present and self._is_news(present):
-            self._told, self._told_at = present, self.now
-            payload = {"origin": self._agent.id, "number": self._number, "hops": 1, "told": present}
-            self._number += 1
-            self._send(payload, ())
+            # The time tells apart what is told, also from what was told before a restart: each is of another instant.
+            self._told, self._told_at = kept(present), max(self.now, self._told_at + 1)
+            origin = {"origin": self._agent.id, "component": self.name, "time": self._told_at}
+            self._send({**origin, "hops": 1, "told": present}, ())
 
     def _is_news(self, present: Mapping[str, Any]) -> bool:
         told, interval = self._told, self.parameters.interval
-        if told is None or told.keys() != present.keys():
-            return True
-        if any(told[name] is not value for name, value in present.items()):
+        if told is None or not same(told, present):
             return True
         return interval is not None and self.now - self._told_at >= nanoseconds(interval)
 
     def _hear(self, message: Message) -> None:
         payload, agent = message.payload, self._agent
-        origin, number, hops = payload["origin"], payload["number"], payload["hops"]
-        heard = self._heard.setdefault(origin, {})
-        if origin == agent.id or number in heard:
+        origin, time, hops = payload["origin"], payload["time"], payload["hops"]
+        source = (origin, payload["component"])
+        heard = self._heard.setdefault(source, {})
+        if origin == agent.id or time in heard:
             return
-        heard[number] = None
+        heard[time] = None
         if len(heard) > _MOST:
             del heard[next(iter(heard))]
-        if number == max(heard):
+        if time > self._latest.get(source, -1):
+            self._latest[source] = time
             agent.knowledge_database.setdefault(origin, KnowledgeDatabase()).update(payload["told"])
-        self.emit("heard", f"of {origin}, over {hops} links", origin=origin, number=number, hops=hops)
+        self.emit("heard", f"of {origin}, over {hops} links", origin=origin, told_at=seconds(time), hops=hops)
         if hops < self.parameters.time_to_live:
             self._send({**payload, "hops": hops + 1}, (message.sender, origin))
 

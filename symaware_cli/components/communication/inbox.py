@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Collection, Sequence
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
+from symaware_cli.components.communication.body import OF_THE_BODY
 from symaware_cli.components.communication.broadcast import BROADCAST
+from symaware_cli.components.communication.kept import Kept
 from symaware_cli.components.communication.state import STATE
 from symaware_cli.core import (
+    Agent,
     AgentGroup,
     AwarenessVector,
     Delivery,
@@ -20,37 +24,10 @@ from symaware_cli.core import (
     Message,
     Parameters,
     TimeSeries,
-    Tracks,
     nanoseconds,
 )
 
 Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
-
-_OWN_COLUMNS = frozenset({"position", "velocity", "state", "covariance"})
-
-
-class Kept(NamedTuple):
-    """Messages that are kept, in columns, by receiver, sender and time.
-
-    Attributes:
-        keys: receiver row * everybody + sender's index, ascending; shape (m,).
-        sent: When each was sent, in nanoseconds, ascending for each key; shape (m,).
-        positions: Where the sender was [m]; shape (m, d).
-        velocities: How fast it moved [m/s]; shape (m, d).
-        variances: Variance of the position, along any axis [m^2]; shape (m,).
-    """
-
-    keys: NDArray[np.int64]
-    sent: NDArray[np.int64]
-    positions: Array
-    velocities: Array
-    variances: Array
-
-    def some(self, places: NDArray[np.bool_] | Indices) -> Kept:
-        """Some of them."""
-        keys, sent, positions, velocities, variances = self
-        return Kept(keys[places], sent[places], positions[places], velocities[places], variances[places])
 
 
 class Inbox(GroupCommunicationReceiver):
@@ -65,9 +42,10 @@ class Inbox(GroupCommunicationReceiver):
     `all`, the messages kept are averaged, each with the inverse of its variance as its weight, and nobody becomes more
     certain by that than by the best of them, because their errors are not independent.
 
-    What one sees wins over what one is told, unless that is more recent. Put it after a perception. Knowledge that is
-    told along goes into the knowledge that an agent has of others; an awareness vector (`communication.broadcast`) into
-    its awareness, its uncertainty as old as the message.
+    What one sees wins over what one is told, unless that is more recent. A broadcast tells the same of its sender, and
+    besides an intent and a risk, which are in the awareness that the receiver has of it for as long as the sender is
+    remembered. Knowledge that is told along goes into the knowledge that an agent has of others; whatever the policy,
+    what was sent last stays, also when the sender is forgotten.
     """
 
     class Parameters(Parameters):
@@ -76,7 +54,9 @@ class Inbox(GroupCommunicationReceiver):
         policy: Literal["latest", "window", "all"] = Field(
             "latest", description="Which messages of each sender count: the latest, those of a while, or all."
         )
-        window: float = Field(1.0, gt=0, description="With the policy `window`, how old a message may be [s].")
+        window: float = Field(
+            1.0, gt=0, description="With the policy `window`, how old messages before the latest may be [s]."
+        )
         memory: float = Field(5.0, gt=0, description="For how long a sender is remembered that says nothing more [s].")
         position_noise: float = Field(
             0.0, ge=0, description="Standard deviation of positions of which nothing is said, along each axis [m]."
@@ -103,11 +83,14 @@ class Inbox(GroupCommunicationReceiver):
         environment = self.environment
         self._everybody = len(environment.roster)
         self._start = environment.roster.start(group.name)
-        dimensions = environment.snapshot().positions.shape[1]
-        nothing = np.empty((0, dimensions))
-        self._kept = Kept(np.empty(0, np.int64), np.empty(0, np.int64), nothing, nothing, np.empty(0))
-        self._made: Tracks | None = None
-        self._seen: Tracks | None = None
+        self._kept = Kept.nothing(environment.snapshot().positions.shape[1])
+        #: The number of the latest message that told each knowledge, by its name, then by receiver and sender.
+        self._learnt: defaultdict[str, dict[int, int]] = defaultdict(dict)
+        #: When each awareness vector that counts was sent, and its message's number, by the receiver's row and the id.
+        self._heard: dict[tuple[int, str], tuple[int, int]] = {}
+        group.awareness.told = None
+        for agent in vars(group).get("agents", ()):
+            agent.awareness_database.told.clear()
 
     @property
     def kept(self) -> Kept:
@@ -115,152 +98,130 @@ class Inbox(GroupCommunicationReceiver):
         return self._kept
 
     def _update(self, value: Sequence[Delivery | Message]) -> None:
-        deliveries = [each for each in value if isinstance(each, Delivery)]
+        further: list[Kept] = []
         for each in value:
-            if isinstance(each, Message):
-                self._hear(each)
-        if deliveries:
-            self._keep(deliveries)
+            further += [self._of_delivery(each)] if isinstance(each, Delivery) else self._of_broadcast(each)
+        parameters, awareness = self.parameters, self._group.awareness
+        if further:
+            self._kept = self._kept.joined(further, latest=parameters.policy == "latest")
         self._forget()
-        if len(self._kept.keys) or self._made is not None:
-            self._merge()
+        if len(self._kept.keys) or awareness.told is not None:
+            awareness.told = self._kept.tracks(
+                self.now,
+                len(self._group),
+                self._everybody,
+                parameters.velocity_noise**2,
+                parameters.acceleration_noise**2,
+            )
 
-    def _hear(self, message: Message) -> None:
-        """Take over a broadcast: an awareness vector, and knowledge."""
-        agent = self._group.agents[self.environment.roster.index(message.receiver) - self._start]
-        for name, value in message.payload.items():
+    def _of_delivery(self, delivery: Delivery) -> Kept:
+        """What messages in columns tell of their senders; takes over the knowledge that is told along."""
+        columns = delivery.mailing.columns
+        told = [name for name in columns if name not in OF_THE_BODY]
+        keys = (delivery.receivers - self._start).astype(np.int64) * self._everybody + delivery.senders
+        if told:
+            self._learn_from(delivery, keys, told)
+        covariance = delivery.column("covariance") if "covariance" in columns else None
+        return Kept(
+            keys,
+            np.full(len(delivery), delivery.sent_time, np.int64),
+            self._in_space(delivery.column("position")),
+            self._in_space(delivery.column("velocity")),
+            self._variance(covariance, len(delivery)),
+        )
+
+    def _of_broadcast(self, message: Message) -> Sequence[Kept]:
+        """What a broadcast tells of its sender, if anything; takes over the awareness vector, and knowledge."""
+        roster, payload = self.environment.roster, message.payload
+        row, sender = roster.index(message.receiver) - self._start, roster.index(message.sender)
+        agent, key = self._group.agents[row], row * self._everybody + sender
+        for name, value in payload.items():
             if isinstance(value, AwarenessVector):
-                # Its uncertainty is that of then, and says when that was.
-                uncertainty = value.uncertainty
-                if not len(uncertainty):
-                    uncertainty = TimeSeries.sampled([message.sent_time], [self.parameters.position_noise])
-                vector = AwarenessVector(value.id, value.state, value.intent, uncertainty, value.risk)
-                agent.awareness_database[value.id] = vector
-            else:
-                agent.knowledge_database.setdefault(message.sender, KnowledgeDatabase())[name] = value
+                self._hear(agent, message, value)
+            elif name not in OF_THE_BODY:
+                self._learn(agent, message.sender, key, message.sequence, name, value)
+        if "position" not in payload or "velocity" not in payload:
+            return ()
+        covariance = payload.get("covariance")
+        return [
+            Kept(
+                np.array([key], np.int64),
+                np.array([message.sent_time], np.int64),
+                self._in_space([payload["position"]]),
+                self._in_space([payload["velocity"]]),
+                self._variance(None if covariance is None else [covariance], 1),
+            )
+        ]
 
-    def _keep(self, deliveries: Sequence[Delivery]) -> None:
-        """Put messages into the inbox."""
-        dimensions = self._kept.positions.shape[1]
-        parts = [self._kept]
-        for each in deliveries:
-            keys = (each.receivers - self._start).astype(np.int64) * self._everybody + each.senders
-            sent = np.full(len(each), each.sent_time, np.int64)
-            position, velocity = (_in_space(each.column(name), dimensions) for name in ("position", "velocity"))
-            parts.append(Kept(keys, sent, position, velocity, self._variance(each)))
-            told = [name for name in each.mailing.columns if name not in _OWN_COLUMNS]
-            if told:
-                self._learn(each, told)
-        joined = Kept(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
-        # The same message may have come twice: of equal times one counts.
-        order = np.lexsort((joined.sent, joined.keys))
-        keys, sent = joined.keys[order], joined.sent[order]
-        last = np.ones(len(keys), bool)
-        if self.parameters.policy == "latest":
-            last[:-1] = keys[1:] != keys[:-1]
-        else:
-            last[:-1] = (keys[1:] != keys[:-1]) | (sent[1:] != sent[:-1])
-        self._kept = joined.some(order[last])
+    def _in_space(self, values: ArrayLike) -> Array:
+        """Vectors with as many columns as the world; who moves in the plane stands at height 0."""
+        vectors = np.asarray(values, float)
+        missing = self._kept.positions.shape[1] - vectors.shape[1]
+        return np.pad(vectors, ((0, 0), (0, missing))) if missing else vectors
 
-    def _variance(self, delivery: Delivery) -> Array:
+    def _variance(self, covariance: ArrayLike | None, count: int) -> Array:
+        """How sure senders are of their positions, as they say, or as is assumed where they say nothing."""
         own = self.parameters.position_noise**2
-        if "covariance" not in delivery.mailing.columns:
-            return np.full(len(delivery), own)
-        covariance = delivery.column("covariance")
-        said = np.trace(covariance, axis1=1, axis2=2) / covariance.shape[1]
+        if covariance is None:
+            return np.full(count, own)
+        matrices = np.asarray(covariance, float)
+        said = np.trace(matrices, axis1=1, axis2=2) / matrices.shape[1]
         variance: Array = np.where(np.isnan(said), own, said)
         return variance
 
-    def _learn(self, delivery: Delivery, names: Sequence[str]) -> None:
+    def _hear(self, agent: Agent, message: Message, vector: AwarenessVector) -> None:
+        """Take over an awareness vector, unless one is known that was sent later."""
+        heard, key, sent = self._heard, (agent.row, vector.id), (message.sent_time, message.sequence)
+        if vector.id == agent.id or heard.get(key, sent) > sent:
+            return
+        heard[key] = sent
+        if "position" not in message.payload:
+            self._group.awareness.others_changed.add(agent.row)  # no track tells of it
+        # Its uncertainty is that of then, and says when that was.
+        uncertainty = vector.uncertainty
+        if not len(uncertainty):
+            uncertainty = TimeSeries.sampled([message.sent_time], [self.parameters.position_noise])
+        agent.awareness_database.told[vector.id] = AwarenessVector(
+            vector.id, vector.state, vector.intent, uncertainty, vector.risk
+        )
+
+    def _learn_from(self, delivery: Delivery, keys: NDArray[np.int64], names: Sequence[str]) -> None:
         """Take over what senders tell of what they know."""
-        ids, agents = self.environment.roster.ids, self._group.agents
-        columns = {name: delivery.column(name) for name in names}
-        for place, (receiver, sender) in enumerate(
-            zip(delivery.receivers.tolist(), delivery.senders.tolist(), strict=True)
-        ):
-            known = agents[receiver - self._start].knowledge_database.setdefault(ids[sender], KnowledgeDatabase())
-            for name in names:
-                known[name] = columns[name][place]
+        ids, agents, start = self.environment.roster.ids, self._group.agents, self._start
+        columns = (delivery.receivers, delivery.senders, keys, delivery.sequences)
+        messages = list(zip(*(column.tolist() for column in columns), strict=True))
+        for name in names:
+            for (receiver, sender, key, sequence), value in zip(messages, delivery.column(name), strict=True):
+                self._learn(agents[receiver - start], ids[sender], key, sequence, name, value)
+
+    def _learn(self, agent: Agent, sender: str, key: int, sequence: int, name: str, value: object) -> None:
+        """Take over something that another knows, unless it told something later."""
+        learnt = self._learnt[name]
+        if learnt.get(key, -1) <= sequence:
+            learnt[key] = sequence
+            known = agent.knowledge_database
+            if sender not in known:
+                known[sender] = KnowledgeDatabase()
+            known[sender][name] = value
 
     def _forget(self) -> None:
         """Throw away what is too old to count."""
         parameters, kept = self.parameters, self._kept
+        memory = nanoseconds(parameters.memory)
+        for (row, id), (sent, _) in list(self._heard.items()):
+            if self.now - sent > memory:
+                del self._heard[row, id]
+                self._group.agents[row].awareness_database.told.pop(id, None)
         if not len(kept.keys):
             return
-        oldest = min(parameters.memory, parameters.window) if parameters.policy == "window" else parameters.memory
-        recent = self.now - kept.sent <= nanoseconds(oldest)
-        if parameters.policy == "all":
+        recent = self.now - kept.sent <= memory
+        if parameters.policy != "latest":
+            # How many messages of the same sender are not older, and whether the sender is remembered.
             ends = np.searchsorted(kept.keys, kept.keys, "right")
-            # All messages count as long as their sender is remembered.
-            recent = self.now - kept.sent[ends - 1] <= nanoseconds(parameters.memory)
-            recent &= ends - np.arange(len(ends)) <= self._MOST
+            ranks, recent = ends - np.arange(len(ends)), recent[ends - 1]
+            if parameters.policy == "window":
+                recent &= (self.now - kept.sent <= nanoseconds(parameters.window)) | (ranks == 1)
+            else:
+                recent &= ranks <= self._MOST
         if not recent.all():
             self._kept = kept.some(recent)
-
-    def _merge(self) -> None:
-        """Make tracks of what was told, and of what perception sees."""
-        awareness = self._group.awareness
-        if awareness.tracks is None or awareness.tracks.origin is not self._made:
-            self._seen = awareness.tracks
-        told = self._tracks()
-        self._made = told if self._seen is None else _joined(told, self._seen, self._everybody)
-        awareness.tracks = self._made
-
-    def _tracks(self) -> Tracks:
-        """What the inbox says of others now."""
-        kept, parameters = self._kept, self.parameters
-        age = (self.now - kept.sent) / 1e9
-        positions = kept.positions + age[:, None] * kept.velocities
-        intensity, speed = parameters.acceleration_noise**2, parameters.velocity_noise**2
-        place = kept.variances + speed * age**2 + intensity * age**3 / 3.0
-        between, moving = speed * age + intensity * age**2 / 2.0, speed + intensity * age
-        firsts = np.flatnonzero(np.r_[True, kept.keys[1:] != kept.keys[:-1]]) if len(kept.keys) else np.empty(0, int)
-        lasts = np.r_[firsts[1:], len(kept.keys)] - 1 if len(firsts) else firsts
-        if len(lasts) < len(kept.keys):
-            weights = 1.0 / np.maximum(place, 1e-12)
-            total = np.add.reduceat(weights, firsts)
-            positions = np.add.reduceat(weights[:, None] * positions, firsts) / total[:, None]
-        else:
-            positions = positions[lasts]
-        dimensions = positions.shape[1]
-        covariances = np.zeros((len(lasts), 2 * dimensions, 2 * dimensions))
-        axes = np.arange(dimensions)
-        covariances[:, axes, axes] = place[lasts, None]
-        covariances[:, axes, axes + dimensions] = covariances[:, axes + dimensions, axes] = between[lasts, None]
-        covariances[:, axes + dimensions, axes + dimensions] = moving[lasts, None]
-        observers, others = np.divmod(kept.keys[lasts], self._everybody)
-        velocities, ages = kept.velocities[lasts], age[lasts]
-        for array in (positions, velocities, covariances, ages):
-            array.flags.writeable = False  # spares the tracks a copy
-        return Tracks.of(
-            self.now, len(self._group), observers, others, positions, velocities, covariances=covariances, ages=ages
-        )
-
-
-def _in_space(values: Array, dimensions: int) -> Array:
-    """Vectors with at least so many columns; who moves in the plane stands at height 0."""
-    missing = dimensions - values.shape[1]
-    return np.pad(values, ((0, 0), (0, missing))) if missing else values
-
-
-def _joined(told: Tracks, seen: Tracks, everybody: int) -> Tracks:
-    """Of each other, what was told or what is seen, whichever is more recent; what is seen if they are equally so."""
-    keys = np.concatenate([each.observers * everybody + each.others for each in (seen, told)])
-    ages = np.concatenate([seen.ages, told.ages])
-    order = np.lexsort((ages, keys))
-    sorted_keys = keys[order]
-    chosen = order[np.r_[True, sorted_keys[1:] != sorted_keys[:-1]]] if len(order) else order
-    covariances = None
-    if told.covariances is not None:
-        own = np.zeros((len(seen), *told.covariances.shape[1:])) if seen.covariances is None else seen.covariances
-        covariances = np.concatenate([own, told.covariances])[chosen]
-    return Tracks.of(
-        told.time,
-        len(told.pointers) - 1,
-        keys[chosen] // everybody,
-        keys[chosen] % everybody,
-        np.concatenate([seen.positions, told.positions])[chosen],
-        np.concatenate([seen.velocities, told.velocities])[chosen],
-        covariances=covariances,
-        ages=ages[chosen],
-    )

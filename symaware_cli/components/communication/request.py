@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import fnmatch
 from collections.abc import Collection, Mapping, Sequence
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 from pydantic import Field
 
@@ -23,25 +22,42 @@ from symaware_cli.core import (
 REQUEST, REPLY = "request", "reply"
 
 
+class Question(NamedTuple):
+    """What an agent is asked at present.
+
+    Attributes:
+        tries: How often it was asked.
+        time: When it was asked last, in nanoseconds.
+    """
+
+    tries: int
+    time: int
+
+
 class Request(CommunicationReceiver):
     """Asks agents for what they know, again where no answer comes, and answers those who ask.
 
     What is answered goes into the knowledge that the agent has of the other. Who is not reached when a question is due
-    is asked when it is. Give it to those who are to answer, too, with nobody to ask.
+    is asked when it is. Who does not answer is given up after some tries, until the next interval is over. Give it to
+    those who are to answer, too, with nobody to ask.
     """
 
+    bodies: ClassVar[Mapping[str, str]] = {"whom": "agents"}
     events: ClassVar[Mapping[str, str]] = {
         "answered": "an answer came",
         "unanswered": "none came, however often the agent asked",
+        "unknown": "an answer came, and the other does not know some or all of what it was asked for",
     }
 
     class Parameters(Parameters):
         """Whom to ask for what."""
 
-        whom: tuple[str, ...] = Field((), description="Whom to ask: ids or patterns; nobody if empty.")
+        whom: tuple[str, ...] = Field((), description="Whom to ask: ids, groups or patterns; nobody if empty.")
         names: tuple[str, ...] = Field((), description="Which knowledge to ask for, by name.")
         interval: float | None = Field(
-            None, gt=0, description="After which time to ask anew those who answered [s]; never if null."
+            None,
+            gt=0,
+            description="After which time to ask anew those who answered, or were given up [s]; never if null.",
         )
         timeout: float = Field(1.0, gt=0, description="How long to wait for an answer [s].")
         tries: int = Field(3, ge=1, le=1_000_000, description="How often to ask before it is given up.")
@@ -64,9 +80,13 @@ class Request(CommunicationReceiver):
     ) -> None:
         """Nobody was asked yet."""
         super().initialise_component(agent, initial_awareness_database, initial_knowledge_database)
-        #: For each who was asked, how often since the last answer and when, in nanoseconds.
-        self._asked: dict[str, tuple[int, int]] = {}
-        self._answered: dict[str, int] = {}
+        roster = self.environment.roster
+        self._whom = {roster.ids[index] for pattern in self.parameters.whom for index in roster.matching(pattern)}
+        self._open: dict[str, Question] = {}
+        #: Since when each is being asked who has not answered yet, given up or not, in nanoseconds.
+        self._since: dict[str, int] = {}
+        #: When each answered or was given up who is not being asked at present.
+        self._settled: dict[str, int] = {}
 
     def _update(self, value: Sequence[Message]) -> None:
         for message in value:
@@ -78,42 +98,55 @@ class Request(CommunicationReceiver):
             self._ask()
 
     def _answer(self, message: Message) -> None:
-        known = self._agent.self_knowledge
-        told = {name: known[name] for name in message.payload["names"] if name in known}
-        self._send(message.sender, {"asked": message.sent_time, "told": told}, REPLY)
+        known, question = self._agent.self_knowledge, message.payload
+        told = {name: known[name] for name in question["names"] if name in known}
+        # Several components of an agent may ask: each must know its answers from those to another.
+        reply = {"asked": message.sent_time, "asks": question["asks"], "told": told}
+        self._send(message.sender, reply, REPLY)
 
     def _learn(self, message: Message) -> None:
-        sender, told = message.sender, message.payload["told"]
-        if sender not in self._asked:
-            return  # a second answer to what was asked twice
-        del self._asked[sender]
-        self._answered[sender] = self.now
-        self._agent.knowledge_database.setdefault(sender, KnowledgeDatabase()).update(told)
-        took = (self.now - message.payload["asked"]) / 1e9
-        self.emit("answered", f"{sender} answered after {took:g} s", other=sender, names=sorted(told))
+        sender, reply = message.sender, message.payload
+        since = self._since.get(sender)
+        if reply["asks"] != self.name or since is None or reply["asked"] < since:
+            return  # to another, or a second answer to what was asked twice
+        del self._since[sender]
+        self._open.pop(sender, None)
+        self._settled[sender] = self.now
+        told, took = reply["told"], (self.now - reply["asked"]) / 1e9
+        unknown = [name for name in self.parameters.names if name not in told]
+        if told:
+            self._agent.knowledge_database.setdefault(sender, KnowledgeDatabase()).update(told)
+            self.emit("answered", f"{sender} answered after {took:g} s", other=sender, names=sorted(told))
+        if unknown:
+            text = f"{sender} answered after {took:g} s, and does not know {', '.join(f'`{name}`' for name in unknown)}"
+            self.emit("unknown", text, level=Level.WARNING, other=sender, names=unknown)
 
     def _ask(self) -> None:
         parameters = self.parameters
         for id in self._surroundings.exchange.neighbours(self._agent.id):
-            if not any(fnmatch.fnmatchcase(id, pattern) for pattern in parameters.whom):
+            if id not in self._whom:
                 continue
-            tries, asked = self._asked.get(id, (0, 0))
-            if tries == 0 and not self._is_due(id):
+            question = self._open.get(id)
+            if question is None:
+                if not self._is_due(id):
+                    continue
+                question = Question(0, self.now)
+                self._since[id] = self.now
+            elif self.now - question.time < nanoseconds(parameters.timeout):
                 continue
-            if tries and self.now - asked < nanoseconds(parameters.timeout):
-                continue
-            if tries == parameters.tries:
-                self._asked[id] = (tries + 1, asked)
-                text = f"{id} did not answer any of {tries} times"
+            if question.tries == parameters.tries:
+                del self._open[id]
+                self._settled[id] = self.now
+                text = f"{id} did not answer any of {question.tries} times"
                 self.emit("unanswered", text, level=Level.WARNING, other=id)
-            elif tries < parameters.tries:
-                self._asked[id] = (tries + 1, self.now)
-                self._send(id, {"names": list(parameters.names)}, REQUEST)
+                continue
+            self._open[id] = Question(question.tries + 1, self.now)
+            self._send(id, {"names": list(parameters.names), "asks": self.name}, REQUEST)
 
     def _is_due(self, id: str) -> bool:
         """Whether somebody who is not being asked is to be."""
-        interval, answered = self.parameters.interval, self._answered.get(id)
-        return answered is None or (interval is not None and self.now - answered >= nanoseconds(interval))
+        interval, settled = self.parameters.interval, self._settled.get(id)
+        return settled is None or (interval is not None and self.now - settled >= nanoseconds(interval))
 
     def _send(self, receiver: str, payload: Mapping[str, Any], kind: str) -> None:
         self._surroundings.exchange.send(Message(self._agent.id, receiver, payload, kind))

@@ -6,12 +6,16 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from symaware_cli.core import AgentGroup, GroupComponent, Mailing, Parameters, nanoseconds
+from symaware_cli.components.communication.body import ToldAlong, position_covariance
+from symaware_cli.core import AgentGroup, GroupComponent, Links, Mailing, Parameters, nanoseconds
 
 Array = NDArray[np.float64]
 
 #: The kind of its messages.
 STATE = "state"
+
+#: Before any run.
+_NEVER = -(1 << 62)
 
 
 class StateSender(GroupComponent):
@@ -19,13 +23,16 @@ class StateSender(GroupComponent):
 
     It does so at each of its turns (`period`), or only when others would be wrong: a receiver takes a sender to go
     straight on, and with a `threshold` a sender speaks up when it is farther than that from where it would be taken to
-    be. `communication.inbox` reads its messages.
+    be. It also does so after a while of `silence`, that a message that was lost does no lasting harm and no receiver
+    forgets it, and at its next turn after it has come to reach somebody new. `communication.inbox` reads its messages.
     """
 
     class Parameters(Parameters):
         """What is told, and when."""
 
-        knowledge: tuple[str, ...] = Field((), description="Which knowledge is told along, by name; numbers only.")
+        knowledge: tuple[ToldAlong, ...] = Field(
+            (), description="Which knowledge is told along, by name; numbers only."
+        )
         uncertainty: bool = Field(
             False, description="Whether the covariance of the own position is told, where it is estimated."
         )
@@ -36,7 +43,10 @@ class StateSender(GroupComponent):
             "every turn if null.",
         )
         silence: float | None = Field(
-            None, gt=0, description="With a threshold, the longest time that an agent says nothing [s]; any if null."
+            2.0,
+            gt=0,
+            description="With a threshold, the longest time that an agent says nothing [s]; any if null. Receivers "
+            "forget it where it is longer than their `memory`.",
         )
 
     def check(self, group: AgentGroup) -> None:
@@ -46,7 +56,8 @@ class StateSender(GroupComponent):
                 group.known(name)
             except KeyError:
                 raise ValueError(f"the agents do not know `{name}`") from None
-        if self.parameters.silence is not None and self.parameters.threshold is None:
+        parameters = self.parameters
+        if "silence" in parameters.model_fields_set and parameters.silence is not None and parameters.threshold is None:
             raise ValueError("`silence` is the exception to a `threshold`, and there is none")
 
     def initialise_component(self, group: AgentGroup) -> None:
@@ -56,7 +67,8 @@ class StateSender(GroupComponent):
         count, dimensions = len(group), len(group.model.position)
         self._told = np.full((count, dimensions), np.nan)
         self._moving = np.zeros((count, dimensions))
-        self._told_at = np.full(count, -(1 << 62), np.int64)
+        self._told_at = np.full(count, _NEVER, np.int64)
+        self._links: Links | None = None
 
     def _compute(self) -> Mailing | None:
         group, parameters = self._group, self.parameters
@@ -72,6 +84,8 @@ class StateSender(GroupComponent):
         return Mailing(rows + self._start, columns, STATE)
 
     def _update(self, value: Mailing | None) -> None:
+        if self.parameters.threshold is not None:
+            self._look_for_new_receivers()
         if value is None:
             return
         if self.parameters.threshold is not None:
@@ -79,6 +93,17 @@ class StateSender(GroupComponent):
             self._told[rows], self._moving[rows] = value.columns["position"], value.columns["velocity"]
             self._told_at[rows] = self.now
         self._surroundings.exchange.post(value)
+
+    def _look_for_new_receivers(self) -> None:
+        """Have those speak up at their next turn who have come to reach somebody new, unless they do so now."""
+        links, before = self._surroundings.exchange.links, self._links
+        if links is before:
+            return
+        self._links = links
+        if links is None or before is None:
+            return
+        new = np.setdiff1d(links.keys, before.keys, assume_unique=True) // links.count - self._start
+        self._told[new[(new >= 0) & (new < len(self._group))]] = np.nan
 
     def _due(self, position: Array) -> NDArray[np.intp]:
         """Those who are not where others take them to be."""
@@ -92,10 +117,4 @@ class StateSender(GroupComponent):
     def _covariance(self, rows: NDArray[np.intp]) -> Array:
         """The covariance of each position; NaN where none was estimated."""
         model, uncertainty = self._group.model, self._group.awareness.uncertainty
-        size, places = len(model.state), np.array(model.position)
-        covariance = np.full((len(rows), len(places), len(places)), np.nan)
-        for place, row in enumerate(rows.tolist()):
-            series = uncertainty.row(row)
-            if len(series) and series.values.shape[1] == size * size:
-                covariance[place] = series.values[0].reshape(size, size)[np.ix_(places, places)]
-        return covariance
+        return np.array([position_covariance(model, uncertainty.row(row)) for row in rows.tolist()])

@@ -1,0 +1,53 @@
+"""Sameness: whether what an agent knows is still what it knew before."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from copy import deepcopy
+from typing import Any
+
+import numpy as np
+
+from symaware_cli.core import AwarenessVector, TimeSeries
+
+_PLAIN = (str, int, float, bool, bytes, type(None))
+_PARTS = {AwarenessVector: AwarenessVector.__slots__, TimeSeries: ("times", "values")}
+
+
+def kept(value: Any) -> Any:
+    """A value to compare with later by `same`, which nobody can change until then."""
+    if isinstance(value, _PLAIN):
+        return value
+    if isinstance(value, Mapping):
+        return {name: kept(each) for name, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [kept(each) for each in value]
+    # A copy of what only equals itself would be another thing.
+    is_comparable = any("__eq__" in vars(each) for each in type(value).__mro__[:-1])
+    return deepcopy(value) if is_comparable or isinstance(value, AwarenessVector) else value
+
+
+def same(one: Any, other: Any) -> bool:
+    """Whether two values say the same; NaN and NaN do.
+
+    Args:
+        one: Plain values, lists, mappings, arrays, time series or awareness vectors. What cannot be compared is only
+            the same as itself.
+        other: Likewise.
+    """
+    if isinstance(one, np.ndarray) or isinstance(other, np.ndarray):
+        return _are_same_arrays(one, other)
+    if isinstance(one, Mapping) and isinstance(other, Mapping):
+        return one.keys() == other.keys() and all(same(each, other[name]) for name, each in one.items())
+    if isinstance(one, list | tuple) and isinstance(other, list | tuple):
+        return len(one) == len(other) and all(map(same, one, other))
+    for kind, names in _PARTS.items():
+        if isinstance(one, kind) and isinstance(other, kind):
+            return all(same(getattr(one, name), getattr(other, name)) for name in names)
+    return bool(one == other or (one != one and other != other))
+
+
+def _are_same_arrays(one: Any, other: Any) -> bool:
+    if not isinstance(one, np.ndarray) or not isinstance(other, np.ndarray) or one.shape != other.shape:
+        return False
+    return bool(np.all((one == other) | ((one != one) & (other != other))))

@@ -1,0 +1,183 @@
+"""Tracks: what the agents of a group believe of others, as plain values in columns."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symaware_cli.core.column import frozen
+from symaware_cli.core.time import SECOND
+
+if TYPE_CHECKING:
+    from symaware_cli.core.world import Snapshot
+
+Array = NDArray[np.float64]
+
+
+class Tracks:
+    """What the agents of a group believe of others, sparsely: a row for each agent and each other it knows of.
+
+    Rows stand in the order of the agents, and within an agent in the order of the roster. Arrays are read-only.
+
+    Attributes:
+        time: The instant of which this is believed, in nanoseconds.
+        pointers: Where the rows of each agent begin, and at last their number; shape (n + 1,).
+        others: Whom each row is about, as an index in the roster; shape (m,).
+        positions: Where the other is believed to be [m]; shape (m, d).
+        velocities: How fast it is believed to move [m/s]; shape (m, d).
+        covariances: Covariance of position and velocity, in this order [m^2, m^2/s, m^2/s^2]; shape (m, 2d, 2d), or
+            None where nothing is said of it.
+        ages: Time from when the other was last seen, or said where it was, until that instant [s]; shape (m,).
+    """
+
+    __slots__ = ("ages", "covariances", "others", "pointers", "positions", "time", "velocities")
+
+    def __init__(
+        self,
+        time: int,
+        pointers: NDArray[np.intp],
+        others: NDArray[np.intp],
+        positions: Array,
+        velocities: Array,
+        covariances: Array | None = None,
+        ages: Array | None = None,
+    ) -> None:
+        self.time = time
+        self.pointers = pointers
+        self.others = others
+        self.positions = frozen(positions)
+        self.velocities = frozen(velocities)
+        self.covariances = None if covariances is None else frozen(covariances)
+        self.ages = frozen(np.zeros(len(others)) if ages is None else ages)
+
+    @classmethod
+    def of(
+        cls,
+        time: int,
+        count: int,
+        observers: NDArray[np.intp],
+        others: NDArray[np.intp],
+        positions: Array,
+        velocities: Array,
+        covariances: Array | None = None,
+        ages: Array | None = None,
+    ) -> Tracks:
+        """Make tracks from the agent that each row belongs to.
+
+        Args:
+            time: See the class, as for what is not said here.
+            count: How many agents the group has.
+            observers: The agent of each row, ascending; shape (m,).
+            others: Within an agent ascending; shape (m,).
+            positions: Shape (m, d).
+            velocities: Shape (m, d).
+            covariances: Shape (m, 2d, 2d).
+            ages: Shape (m,).
+        """
+        pointers = np.zeros(count + 1, np.intp)
+        np.cumsum(np.bincount(observers, minlength=count), out=pointers[1:])
+        return cls(time, pointers, others, positions, velocities, covariances, ages)
+
+    @classmethod
+    def of_everybody(cls, snapshot: Snapshot, start: int, count: int) -> Tracks:
+        """Write out what agents believe who perceive everything: each of them of all others.
+
+        Args:
+            snapshot: What they perceive.
+            start: The first of them, as an index in the roster.
+            count: How many they are.
+        """
+        positions, everybody = snapshot.positions, np.arange(len(snapshot.positions))
+        observers, others = np.repeat(np.arange(count), len(everybody)), np.tile(everybody, count)
+        apart = observers + start != others
+        observers, others = observers[apart], others[apart]
+        return cls.of(snapshot.time, count, observers, others, positions[others], snapshot.velocities[others])
+
+    @property
+    def observers(self) -> NDArray[np.intp]:
+        """The agent that each row belongs to, as a row of the group; shape (m,)."""
+        return np.repeat(np.arange(len(self.pointers) - 1), np.diff(self.pointers))
+
+    def __len__(self) -> int:
+        return len(self.others)
+
+    @property
+    def instants(self) -> NDArray[np.int64]:
+        """When each other was last seen, or said where it was, in nanoseconds; shape (m,)."""
+        return self.time - np.rint(self.ages * SECOND).astype(np.int64)
+
+    def select(self, rows: NDArray[np.bool_]) -> Tracks:
+        """The tracks that a mask picks out; shape (m,)."""
+        return Tracks.of(
+            self.time,
+            len(self.pointers) - 1,
+            self.observers[rows],
+            self.others[rows],
+            self.positions[rows],
+            self.velocities[rows],
+            covariances=None if self.covariances is None else self.covariances[rows],
+            ages=self.ages[rows],
+        )
+
+    def at(self, time: int) -> Tracks:
+        """The tracks carried on to another instant, with everybody going straight on.
+
+        Args:
+            time: In nanoseconds.
+        """
+        if time == self.time:
+            return self
+        duration, covariances = (time - self.time) / SECOND, self.covariances
+        if covariances is not None:
+            dimensions = self.positions.shape[1]
+            transition = np.eye(2 * dimensions)
+            transition[:dimensions, dimensions:] = duration * np.eye(dimensions)
+            covariances = transition @ covariances @ transition.T
+        return Tracks(
+            time,
+            self.pointers,
+            self.others,
+            self.positions + duration * self.velocities,
+            self.velocities,
+            covariances=covariances,
+            ages=(time - self.instants) / SECOND,
+        )
+
+    def updated(self, told: Tracks) -> Tracks:
+        """These tracks, and those that another source has of the same agents where it is more recent.
+
+        Args:
+            told: What the other source says.
+
+        Returns:
+            The belief at the later instant of the two.
+        """
+        time = max(self.time, told.time)
+        parts = [self.at(time), told.at(time)]
+        instants = np.concatenate([each.instants for each in (self, told)])
+        observers = np.concatenate([each.observers for each in parts])
+        others = np.concatenate([each.others for each in parts])
+        # The sort is stable: of equally recent ones the first stays first.
+        order = np.lexsort((-instants, others, observers))
+        first = np.ones(len(order), bool)
+        first[1:] = (np.diff(observers[order]) != 0) | (np.diff(others[order]) != 0)
+        chosen = order[first]
+        covariances = None
+        if any(each.covariances is not None for each in parts):
+            # Of what is seen without error nobody need say how sure it is.
+            size = 2 * self.positions.shape[1]
+            covariances = np.concatenate(
+                [np.zeros((len(each), size, size)) if each.covariances is None else each.covariances for each in parts]
+            )[chosen]
+        return Tracks.of(
+            time,
+            len(self.pointers) - 1,
+            observers[chosen],
+            others[chosen],
+            np.concatenate([each.positions for each in parts])[chosen],
+            np.concatenate([each.velocities for each in parts])[chosen],
+            covariances=covariances,
+            ages=np.concatenate([each.ages for each in parts])[chosen],
+        )

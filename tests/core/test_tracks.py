@@ -1,0 +1,93 @@
+"""What agents believe of others, carried on and brought together."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from simulating import STEP, Team, simulation
+
+from symaware_cli import Tracks
+
+SECOND = 1_000_000_000
+
+
+def tracks(time, pairs, ages, covariances=True):
+    """Tracks of pairs, ascending, at positions that tell the pair, all of which move at 1 m/s along x."""
+    count = len(pairs)
+    observers, others = np.array(pairs, np.intp).reshape(count, 2).T
+    return Tracks.of(
+        time,
+        3,
+        observers,
+        others,
+        np.stack([10.0 * observers, 1.0 * others], axis=1),
+        np.tile([1.0, 0.0], (count, 1)),
+        covariances=np.tile(np.eye(4), (count, 1, 1)) if covariances else None,
+        ages=np.array(ages, float),
+    )
+
+
+known = st.dictionaries(st.tuples(st.integers(0, 2), st.integers(0, 4)), st.integers(0, 5), max_size=8).map(
+    lambda found: dict(sorted(found.items()))
+)
+
+
+@given(known, known, st.integers(0, 5), st.integers(0, 5))
+def test_of_each_pair_the_more_recent_belief_counts(seen, told, seen_at, told_at):
+    one = tracks(seen_at * SECOND, list(seen), list(seen.values()))
+    other = tracks(told_at * SECOND, list(told), list(told.values()))
+    both, time = one.updated(other), max(seen_at, told_at)
+    assert both.time == time * SECOND
+    pairs = list(zip(both.observers.tolist(), both.others.tolist(), strict=True))
+    assert pairs == sorted({*seen, *told})
+    for place, pair in enumerate(pairs):
+        since = {at - found[pair]: at for found, at in ((told, told_at), (seen, seen_at)) if pair in found}
+        latest = max(since)
+        assert both.ages[place] == time - latest
+        # All are carried on to one instant; equally recent, what is seen counts.
+        assert both.positions[place].tolist() == [10.0 * pair[0] + time - since[latest], pair[1]]
+
+
+def test_who_goes_straight_on_becomes_less_certain():
+    now = tracks(0, [(0, 1)], [0.5])
+    then = now.at(2 * SECOND)
+    assert then.ages.tolist() == [2.5]
+    assert then.positions.tolist() == [[2.0, 1.0]]
+    assert then.covariances[0].tolist() == [[5, 0, 2, 0], [0, 5, 0, 2], [2, 0, 1, 0], [0, 2, 0, 1]]
+    back = then.at(0)
+    assert back.positions.tolist() == now.positions.tolist()
+    assert np.array_equal(back.covariances, now.covariances)
+    assert now.at(0) is now
+
+
+@pytest.mark.parametrize("sure", ["seen", "told"])
+def test_what_is_sure_needs_no_covariance(sure):
+    one, other = tracks(0, [(0, 1)], [0], sure == "told"), tracks(0, [(0, 2)], [0], sure == "seen")
+    certain = 0 if sure == "seen" else 1
+    assert not one.updated(other).covariances[certain].any()
+    assert one.updated(other).covariances[1 - certain].any()
+
+
+def test_a_world_that_is_written_out_has_everybody_but_oneself():
+    ready = simulation({"cat": Team(count=2), "dog": Team(count=3)})
+    dog = ready.groups[1]
+    written = dog.awareness.everybody(ready.environment.snapshot())
+    dog.awareness.world = ready.environment.snapshot()
+    near = dog.others(1e9)
+    for name in ("pointers", "others", "positions", "velocities"):
+        assert np.array_equal(getattr(written, name), getattr(near, name))
+    assert written.others.tolist() == [0, 1, 3, 4, 0, 1, 2, 4, 0, 1, 2, 3]
+
+
+def test_what_is_told_before_the_world_was_seen_changes_nothing():
+    ready = simulation({"cat": Team(count=2)})
+    awareness = ready.groups[0].awareness
+    awareness.world = ready.environment.snapshot()
+    told = Tracks.of(0, 2, np.array([0]), np.array([1]), np.zeros((1, 2)), np.zeros((1, 2)))
+    awareness.told = told
+    assert awareness.tracks is None
+    awareness.told = told.at(STEP).updated(
+        Tracks.of(STEP, 2, np.array([0]), np.array([1]), np.ones((1, 2)), np.zeros((1, 2)))
+    )
+    assert awareness.tracks.others.tolist() == [1, 0]
+    assert awareness.tracks is awareness.tracks
