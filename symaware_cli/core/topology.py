@@ -46,7 +46,13 @@ class Links:
     __slots__ = ("_keys", "count", "pointers", "receivers", "senders")
 
     def __init__(self, count: int, senders: Indices, receivers: Indices) -> None:
-        """Take links that are sorted already."""
+        """Take links that are sorted already; `of` sorts them.
+
+        Raises:
+            ValueError: An index stands for nobody.
+        """
+        for ends in (senders, receivers):
+            _within(count, ends)
         self.count = count
         self.senders = senders
         self.receivers = receivers
@@ -63,8 +69,14 @@ class Links:
             senders: Shape (m,).
             receivers: Shape (m,).
             both_ways: Whether each stands for both directions.
+
+        Raises:
+            ValueError: An index stands for nobody.
         """
         one, other = np.asarray(senders, np.int64), np.asarray(receivers, np.int64)
+        # A key of an end that does not exist would be that of another link.
+        for ends in (one, other):
+            _within(count, ends)
         keys = np.concatenate([one * count + other, other * count + one]) if both_ways else one * count + other
         return cls.keyed(count, np.unique(keys))
 
@@ -107,6 +119,13 @@ class Links:
         return len(self.senders)
 
 
+def _within(count: int, ends: NDArray[np.integer[Any]]) -> None:
+    """Look whether indices are those of agents."""
+    if len(ends) and not (ends.min() >= 0 and ends.max() < count):
+        wrong = int(ends[(ends < 0) | (ends >= count)][0])
+        raise ValueError(f"a link ends at the agent of index {wrong}, and there are {count} agents")
+
+
 class TopologyParameters(Parameters):
     """What every topology can be told."""
 
@@ -127,6 +146,7 @@ class Topology(Plugin, ABC):
         roster: Who is who.
         seed: The seed of the run.
         members: Those who take part, as indices in the roster, in their order.
+        takes_part: Whether each agent is one of them; shape (n,).
     """
 
     Parameters: ClassVar[type[BaseModel]] = TopologyParameters
@@ -137,12 +157,13 @@ class Topology(Plugin, ABC):
     roster: Roster
     seed: int
     members: Indices
+    takes_part: NDArray[np.bool_]
 
     def initialise(self, environment: Environment, seed: int) -> None:
         """Learn of the world. A subclass that overrides this calls it first.
 
         Args:
-            environment: Initialised, with everybody in place.
+            environment: Who is who is known; where they are, not before `begin`.
             seed: The seed of the run.
 
         Raises:
@@ -156,6 +177,8 @@ class Topology(Plugin, ABC):
             (index, number) for number, each in enumerate(patterns) for index in self.find(each, "members", number)
         ]
         self.members = np.array(list(dict.fromkeys(index for index, _ in found)), np.intp)
+        self.takes_part = np.zeros(len(self.roster), bool)
+        self.takes_part[self.members] = True
 
     def find(self, pattern: str, *path: str | int) -> list[int]:
         """The agents that an id, the name of a group or a pattern means, as indices in the roster.
@@ -173,6 +196,32 @@ class Topology(Plugin, ABC):
             known = (*self.roster.groups, *self.roster.ids)
             message = f"there is no agent or group `{pattern}`"
             raise TopologyError(message, *path, name=pattern, names=known) from None
+
+    def find_members(self, pattern: str, *path: str | int) -> list[int]:
+        """The same, but only those who take part.
+
+        Args:
+            pattern: Whom.
+            path: The parameter it stands in.
+
+        Raises:
+            TopologyError: There is nobody, or none of them takes part.
+        """
+        found = [index for index in self.find(pattern, *path) if self.takes_part[index]]
+        if not found:
+            ids = tuple(self.roster.ids[member] for member in self.members)
+            raise TopologyError(f"`{pattern}` takes no part, as it is not among the `members`", *path, names=ids)
+        return found
+
+    def begin(self, now: int) -> None:
+        """Begin to hold, at the start or after another topology did.
+
+        One that remembers links forgets them here: agents have moved meanwhile.
+
+        Args:
+            now: In nanoseconds.
+        """
+        return
 
     @abstractmethod
     def links(self, now: int) -> Links:

@@ -34,6 +34,10 @@ class Disturbance:
 
     def concerned(self, ids: Sequence[str], senders: Indices, receivers: Indices) -> NDArray[np.bool_]:
         """Which messages are among those; shape (m,)."""
+        if len(senders) < len(ids):
+            pairs = zip(senders.tolist(), receivers.tolist(), strict=True)
+            hit = (ids[one] in self.senders and ids[other] in self.receivers for one, other in pairs)
+            return np.fromiter(hit, bool, len(senders))
         sends = np.fromiter((id in self.senders for id in ids), bool, len(ids))
         receives = np.fromiter((id in self.receivers for id in ids), bool, len(ids))
         concerned: NDArray[np.bool_] = sends[senders] & receives[receivers]

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core import AwarenessVector, Delivery, Mailing, Message
+from symaware_cli.core import AwarenessVector, Delivery, Links, Mailing, Message
 from symaware_cli.core.message import EVERYBODY, Indices
 from symaware_cli.network.channel.channel import QUEUE_FULL, TOO_OLD, Fates
 from symaware_cli.network.disturbance import Disturbance
@@ -116,6 +116,11 @@ class MemoryExchange:
         """The next instant at which something is to be delivered, in nanoseconds."""
         times = [time for time in (self._under_way.next_time, self._passage.next_time) if time is not None]
         return min(times, default=None)
+
+    @property
+    def links(self) -> Links | None:
+        """Who reaches whom now; None where everybody reaches everybody."""
+        return None if self.network is None else self.network.links
 
     def neighbours(self, sender: str) -> Sequence[str]:
         """The ids of all whom an agent reaches now, in the roster's order.

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,10 +24,29 @@ class Stretch:
     Attributes:
         start: In nanoseconds.
         topology: What holds from then on.
+        source: Where the scenario speaks of it, as a path.
+        use: Its entry-point name.
     """
 
     start: int
     topology: Topology
+    source: str = "topology"
+    use: str = ""
+
+
+def links_of(topology: Topology, now: int, count: int) -> Links:
+    """The links of a topology at an instant, in nanoseconds; it may be anybody's, so they are looked at.
+
+    Raises:
+        TypeError: They are no links.
+        ValueError: They are not those of so many agents.
+    """
+    links = topology.links(now)
+    if not isinstance(links, Links):
+        raise TypeError(f"its links are of the type {type(links).__name__} instead of `Links`")
+    if links.count != count:
+        raise ValueError(f"its links are those of {links.count} agents, and there are {count}")
+    return links
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,6 +91,7 @@ class Network:
     Attributes:
         links: The links at present.
         connected: Whether it was promised that everybody reaches everybody, at last through others.
+        on_failure: Called with a topology that raised, and what; must raise. What was raised is, if None.
     """
 
     def __init__(
@@ -102,23 +123,37 @@ class Network:
         self._numbers: dict[tuple[int, ...], int] = {(): 0}
         self.connected = connected
         self.links: Links | None = None
+        self.on_failure: Callable[[Stretch, BaseException], NoReturn] | None = None
+        self._present: Stretch | None = None
         self._is_whole = True
         #: Whether every message gets through at once that goes over a link.
         self.is_perfect = self._base.is_perfect and not self._exemptions
         #: Whether there may be something that is dropped from the head of a queue.
-        self.has_lines = self._channels[0].drops_heads or any(
-            Channel(self._base.changed(each.channel)).drops_heads for each in self._exemptions
-        )
+        parts = [self._base, *(each.channel for each in self._exemptions)]
+        self.has_lines = any(each.drop == "head" for each in parts) and any(each.queue is not None for each in parts)
 
-    def topology(self, now: int) -> Topology:
+    def stretch(self, now: int) -> Stretch:
         """The topology that holds at an instant, in nanoseconds."""
         time = now % self._repeat if self._repeat else now
-        return [each.topology for each in self._stretches if each.start <= time][-1]
+        return [each for each in self._stretches if each.start <= time][-1]
+
+    def _laid(self, stretch: Stretch, now: int) -> Links:
+        """The links of a topology, which may be anybody's."""
+        try:
+            if stretch is not self._present:
+                self._present = stretch
+                stretch.topology.begin(now)
+            return links_of(stretch.topology, now, len(self._roster))
+        except BaseException as error:
+            if self.on_failure is None:
+                raise
+            self.on_failure(stretch, error)
 
     def update(self, now: int) -> Change | None:
         """Look who reaches whom at a step of the world; None where nothing changed."""
-        before, topology = self.links, self.topology(now)
-        links = self.links = topology.links(now)
+        stretch = self.stretch(now)
+        before, topology = self.links, stretch.topology
+        links = self.links = self._laid(stretch, now)
         if links is before:
             return None
         if before is None:

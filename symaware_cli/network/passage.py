@@ -147,8 +147,12 @@ class Passage:
             return []
         done = []
         for row in sorted(self._lines):
-            line, channel = self._lines[row], network.channel(int(ledger.channel[row]))
-            rows, ends = np.array([row]), ledger.ends(slice(row, row + 1))
+            line = self._lines[row]
+            if line.is_over(now):
+                del self._lines[row]
+                continue
+            channel, rows = network.channel(int(ledger.channel[row])), np.array([row])
+            ends = ledger.ends(slice(row, row + 1))
             for parcel, leaving in line.advance(now, self._bandwidth(*ends)):
                 numbers, sent = np.array([parcel.number]), np.array([parcel.sent])
                 impairment = self._impairment(*ends, rows, numbers)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import fnmatch
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +27,7 @@ from symaware_cli.runtime.faults import (
 )
 from symaware_cli.runtime.simulation import Slot
 from symaware_cli.scenario.compose import Composition
-from symaware_cli.scenario.document import FaultUse, Loss, Shove
+from symaware_cli.scenario.document import Degradation, Delay, FaultUse, Loss, Shove
 from symaware_cli.scenario.problem import nearest, quoted
 from symaware_cli.scenario.source import Path
 from symaware_cli.scenario.timing import TimingCheck, duration_of, trigger_of
@@ -48,7 +48,7 @@ class FaultBuilder:
         environment: Environment,
         groups: Sequence[AgentGroup],
         slots: Sequence[Slot],
-        names: Sequence[str] = (),
+        uses: Mapping[str, FaultUse],
     ) -> None:
         self._composition = composition
         self._report = report
@@ -56,7 +56,7 @@ class FaultBuilder:
         self._environment = environment
         self._groups = groups
         self._slots = slots
-        self._names = names
+        self._uses = uses
 
     def build(self, name: str, use: FaultUse) -> Fault | None:
         """Make a fault; None after a problem."""
@@ -125,21 +125,37 @@ class FaultBuilder:
             one, other = (
                 self._ids(each, (*path, "cut", "between", place)) for place, each in enumerate(use.cut.between)
             )
+            self._apart(one, other, (*path, "cut", "between"))
             text = f"cuts the links between {' and '.join(use.cut.between)}"
             return "exchange", text, Cut([(one, other), (other, one)] if one != other else [(one, other)], loss=1.0)
         if use.degrade:
-            worse, where = use.degrade, (*path, "degrade")
-            ends = self._ids(worse.sender, (*where, "sender")), self._ids(worse.receiver, (*where, "receiver"))
+            worse = use.degrade
+            ends = self._ends(worse, (*path, "degrade"))
             text = f"degrades the links from {worse.sender} to {worse.receiver}"
             return "exchange", text, Cut([ends], worse.loss, nanoseconds(worse.delay), worse.bandwidth or math.inf)
         link = use.drop or use.delay
         assert link is not None
-        where = (*path, "drop" if use.drop else "delay")
-        senders, receivers = self._ids(link.sender, (*where, "sender")), self._ids(link.receiver, (*where, "receiver"))
+        ends = self._ends(link, (*path, "drop" if use.drop else "delay"))
         way = f"messages from {link.sender} to {link.receiver}"
         if isinstance(link, Loss):
-            return "exchange", f"drops {way}", Cut([(senders, receivers)], loss=link.probability)
-        return "exchange", f"delays {way} by {link.by:g} s", Cut([(senders, receivers)], delay=nanoseconds(link.by))
+            return "exchange", f"drops {way}", Cut([ends], loss=link.probability)
+        return "exchange", f"delays {way} by {link.by:g} s", Cut([ends], delay=nanoseconds(link.by))
+
+    def _ends(self, link: Loss | Delay | Degradation, path: Path) -> tuple[frozenset[str], frozenset[str]]:
+        """Whose messages a fault is about, and to whom."""
+        senders, receivers = self._ids(link.sender, (*path, "sender")), self._ids(link.receiver, (*path, "receiver"))
+        self._apart(senders, receivers, path)
+        return senders, receivers
+
+    def _apart(self, one: frozenset[str], other: frozenset[str], path: Path) -> None:
+        """Look whether there is a link between two sets of agents at all."""
+        if len(one | other) < 2:
+            (who,) = one
+            self._useless(f"{quoted(who)} has no link with itself", path)
+
+    def _useless(self, message: str, path: Path, expected: str | None = None) -> None:
+        self._report("invalid-value", message, path, expected=expected)
+        raise UnsoundError
 
     def _measured(
         self, of: str, values: Sequence[float], path: Path, key: str
@@ -148,9 +164,20 @@ class FaultBuilder:
         return components, self._vector(values, [each.slot.group for each in components], (*path, key))
 
     def _restore(self, fault: str, path: Path) -> tuple[str, str, Effect]:
-        known = [name for name in self._names if name != path[-1]]
+        known = [name for name in self._uses if name != path[-1]]
         if fault not in known:
             self._nobody(fault, (*path, "restore"), "no other fault", known)
+        at, use = self._uses[str(path[-1])].at, self._uses[fault]
+        if use.restart or use.restore or use.push:
+            self._useless(
+                f"{quoted(fault)} happens at once, and is never over", (*path, "restore"), "a fault that lasts"
+            )
+        if at is not None and use.at is not None:
+            begin, now = nanoseconds(use.at), nanoseconds(at)
+            end = math.inf if use.for_ is None else begin + nanoseconds(use.for_)
+            if not begin < now < end:
+                when = f"begins at {begin / 1e9:g} s" if now <= begin else f"is over at {end / 1e9:g} s"
+                self._useless(f"at {at:g} s there is nothing to restore: {quoted(fault)} {when}", (*path, "at"))
         return "faults", f"ends {fault}", Restore(fault)
 
     def _partition(self, sets: Sequence[Sequence[str]], path: Path) -> tuple[str, str, Effect]:
@@ -167,6 +194,8 @@ class FaultBuilder:
                 raise UnsoundError
             parts.append(members)
         rest = frozenset(everybody).difference(*parts)
+        if len(parts) + bool(rest) < 2:
+            self._useless("all agents are in one set, which parts nobody", path)
         ways = [(part, frozenset(everybody) - part) for part in (*parts, rest) if part]
         text = f"parts {', '.join('+'.join(each) for each in sets)} from each other and from all others"
         return "exchange", text, Cut(ways, loss=1.0)
@@ -175,7 +204,7 @@ class FaultBuilder:
         agents = self._agents(push.of, (*path, "of"))
         change = self._vector(push.by, [each.group for each in agents], (*path, "by"))
         if type(self._environment).push is Environment.push:
-            world = quoted(type(self._environment).__name__)
+            world = quoted(self._composition.data["environment"]["use"])
             self._report("unsuitable", f"the world {world} cannot push anybody", path, key=True)
             raise UnsoundError
         return f"agents.{push.of}", f"pushes {push.of}", Push(agents, change)

@@ -6,13 +6,21 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from symaware_cli.core import AgentGroup, Environment, Roster, Topology, TopologyError, nanoseconds
-from symaware_cli.network.network import Exemption, Network, Stretch
+from symaware_cli.core import AgentGroup, Environment, Links, Roster, Topology, TopologyError, nanoseconds
+from symaware_cli.network.channel.parameters import ChannelParameters
+from symaware_cli.network.network import Exemption, Network, Stretch, links_of
 from symaware_cli.scenario.document import LinkUse, TopologyUse
-from symaware_cli.scenario.problem import nearest
+from symaware_cli.scenario.making import words
+from symaware_cli.scenario.problem import dotted, nearest, quoted
 from symaware_cli.scenario.source import Path
 
 _SECTION: Path = ("topology",)
+
+#: What in a channel is of no use without what else, and how that is said.
+_NEEDS = (
+    ("queue", "bandwidth", "a `queue` fills only where there is a `bandwidth`"),
+    ("drop", "queue", "there is a head to drop only where there is a `queue`"),
+)
 
 
 class NetworkBuilder:
@@ -27,30 +35,44 @@ class NetworkBuilder:
         # The same that the world will have once it is set up: who is who is known before where everybody is.
         self._roster = environment.roster = Roster({group.name: group.ids for group in groups})
 
-    def build(self, use: TopologyUse, topologies: Mapping[Path, Topology]) -> Network | None:
+    def build(self, use: TopologyUse, topologies: Mapping[Path, Topology], *, narrowed: bool = False) -> Network | None:
         """Make a network; None after a problem.
 
         Args:
             use: What the scenario says.
             topologies: The topologies of the section, by path.
+            narrowed: Whether a fault limits the bandwidth of links.
         """
-        starts = {_SECTION: 0}
-        starts |= {(*_SECTION, "changes", number): nanoseconds(each.at) for number, each in enumerate(use.changes)}
+        named: dict[Path, tuple[int, str]] = {_SECTION: (0, use.use)}
+        for number, each in enumerate(use.changes):
+            named[(*_SECTION, "changes", number)] = nanoseconds(each.at), each.use
         sound = self._ascend(use)
-        if len(topologies) < len(starts):
+        if len(topologies) < len(named):
             return None
-        for path, topology in topologies.items():
-            sound &= self._initialise(topology, path)
+        stretches = {
+            path: Stretch(start, topologies[path], dotted(path), name) for path, (start, name) in named.items()
+        }
+        for path, stretch in stretches.items():
+            sound &= self._initialise(stretch, path)
         exemptions = [self._exemption(link, number) for number, link in enumerate(use.links)]
-        stretches = [Stretch(start, topologies[path]) for path, start in starts.items()]
-        if not sound or None in exemptions or (use.connected and not self._is_connected(stretches, starts)):
+        known = [each for each in exemptions if each is not None]
+        if not sound or len(known) < len(exemptions):
+            return None
+        laid = {path: self._laid(stretch, path) for path, stretch in stretches.items() if use.connected or use.links}
+        if any(links is None and not topologies[path].changes for path, links in laid.items()):
+            return None
+        sound = self._concern_somebody(use.links, known, [topologies[path] for path in laid], list(laid.values()))
+        sound &= self._fit(use.channel, known, narrowed)
+        if use.connected:
+            sound &= self._are_connected(topologies, laid)
+        if not sound:
             return None
         return Network(
             self._roster,
-            stretches,
+            tuple(stretches.values()),
             repeat=None if use.repeat is None else nanoseconds(use.repeat),
             channel=use.channel,
-            exemptions=[each for each in exemptions if each is not None],
+            exemptions=known,
             connected=use.connected,
         )
 
@@ -69,13 +91,33 @@ class NetworkBuilder:
             before = max(before, each.at)
         return sound
 
-    def _initialise(self, topology: Topology, path: Path) -> bool:
+    def _initialise(self, stretch: Stretch, path: Path) -> bool:
         try:
-            topology.initialise(self._environment, self._seed)
+            stretch.topology.initialise(self._environment, self._seed)
         except TopologyError as error:
             self._explain(error, (*path, "with", *error.path))
             return False
+        except Exception as error:
+            self._blame(stretch, path, error)
+            return False
+        if not hasattr(stretch.topology, "members"):
+            message = f"{quoted(stretch.use)} does not let its base `Topology` initialise"
+            self._report("broken-plugin", message, (*path, "use"))
+            return False
         return True
+
+    def _laid(self, stretch: Stretch, path: Path) -> Links | None:
+        """The links of a topology that stays as it is; None for one that changes, and after a problem."""
+        if stretch.topology.changes:
+            return None
+        try:
+            return links_of(stretch.topology, 0, len(self._roster))
+        except Exception as error:
+            self._blame(stretch, path, error)
+            return None
+
+    def _blame(self, stretch: Stretch, path: Path, error: Exception) -> None:
+        self._report("broken-plugin", f"{quoted(stretch.use)} cannot lay its links: {words(error)}", (*path, "use"))
 
     def _explain(self, error: TopologyError, path: Path) -> None:
         listed = ", ".join(error.names[:6]) + (", ..." if len(error.names) > 6 else "")
@@ -100,18 +142,59 @@ class NetworkBuilder:
                 self._explain(error, (*_SECTION, "links", number, key))
         return Exemption(ends[0], ends[1], link.channel) if len(ends) == 2 else None
 
-    def _is_connected(self, stretches: Sequence[Stretch], starts: Mapping[Path, int]) -> bool:
+    def _concern_somebody(
+        self,
+        uses: Sequence[LinkUse],
+        exemptions: Sequence[Exemption],
+        topologies: Sequence[Topology],
+        laid: Sequence[Links | None],
+    ) -> bool:
+        """Whether there are links for all channels of single links, as far as that is known before the run."""
+        sound = True
+        for number, each in enumerate(exemptions):
+            said = [key for key in ("receiver", "sender") if key in uses[number].model_fields_set]
+            path: Path = (*_SECTION, "links", number, *said[:1])
+            if not _is_between_two(each.senders, each.receivers):
+                (who,) = each.senders
+                self._report("invalid-value", f"`{self._roster.ids[who]}` has no link with itself", path)
+                sound = False
+            elif not any(_has_link(each, topology, links) for topology, links in zip(topologies, laid, strict=True)):
+                self._report(
+                    "invalid-value",
+                    f"no link goes from {_named(self._roster, each.senders)} to {_named(self._roster, each.receivers)}",
+                    path,
+                )
+                sound = False
+        return sound
+
+    def _fit(self, base: ChannelParameters, exemptions: Sequence[Exemption], narrowed: bool) -> bool:
+        """Whether what channels say of queues goes together; what one leaves out another may say for the same links."""
+        parts: list[tuple[Path, ChannelParameters, Exemption | None]] = [((*_SECTION, "channel"), base, None)]
+        parts += [
+            ((*_SECTION, "links", number, "channel"), each.channel, each) for number, each in enumerate(exemptions)
+        ]
+        sound = True
+        for says, needs, message in _NEEDS:
+            there = [exempt for _, channel, exempt in parts if getattr(channel, needs) is not None]
+            if (narrowed and needs == "bandwidth") or None in there:
+                continue
+            for path, channel, exempt in parts:
+                said = getattr(channel, says) not in (None, "tail")
+                if said and not any(_overlap(exempt, other) for other in there):
+                    where = (*path, says)
+                    self._report("invalid-value", f"{quoted(dotted(where))}: {message}", where)
+                    sound = False
+        return sound
+
+    def _are_connected(self, topologies: Mapping[Path, Topology], laid: Mapping[Path, Links | None]) -> bool:
         """Whether those topologies are connected that stay as they are."""
         sound = True
-        for path, stretch in zip(starts, stretches, strict=True):
-            topology = stretch.topology
-            if topology.changes:
+        for path, links in laid.items():
+            if links is None:
                 continue
-            numbers = topology.links(0).parts()[topology.members]
-            parts = [
-                [self._roster.ids[index] for index in topology.members[numbers == number]]
-                for number in np.unique(numbers)
-            ]
+            members = topologies[path].members
+            numbers = links.parts()[members]
+            parts = [[self._roster.ids[index] for index in members[numbers == number]] for number in np.unique(numbers)]
             if len(parts) > 1:
                 small = min(parts, key=len)
                 who = ", ".join(small[:4]) + (", ..." if len(small) > 4 else "")
@@ -124,3 +207,30 @@ class NetworkBuilder:
                 )
                 sound = False
         return sound
+
+
+def _is_between_two(senders: frozenset[int], receivers: frozenset[int]) -> bool:
+    """Whether there is a pair of one of each who are not the same."""
+    return bool(senders and receivers) and len(senders | receivers) > 1
+
+
+def _has_link(exemption: Exemption, topology: Topology, links: Links | None) -> bool:
+    """Whether there is a link that an exemption is about, or may be where links change."""
+    if links is None:
+        members = frozenset(topology.members.tolist())
+        return _is_between_two(exemption.senders & members, exemption.receivers & members)
+    wanted = np.zeros(links.count, bool)
+    wanted[list(exemption.receivers)] = True
+    return any(wanted[links.of_sender(sender)].any() for sender in exemption.senders)
+
+
+def _overlap(one: Exemption | None, other: Exemption | None) -> bool:
+    """Whether two parts of a section may be about the same link; None is about every one."""
+    if one is None or other is None or one is other:
+        return True
+    return _is_between_two(one.senders & other.senders, one.receivers & other.receivers)
+
+
+def _named(roster: Roster, agents: frozenset[int]) -> str:
+    ids = [roster.ids[index] for index in sorted(agents)]
+    return ", ".join(ids[:4]) + (", ..." if len(ids) > 4 else "")

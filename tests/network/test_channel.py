@@ -2,15 +2,24 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from networking import Post, laid, world
 from scipy import stats
 
 from symaware_cli.network.channel.channel import LOSS, QUEUE_FULL, TOO_OLD, Channel
+from symaware_cli.network.channel.impairment import Impairment
 from symaware_cli.network.channel.ledger import Ledger
+from symaware_cli.network.channel.line import Line
 from symaware_cli.network.channel.parameters import ChannelParameters
+from symaware_cli.network.network import Exemption
 from symaware_cli.network.topology.still import Complete
 
 MANY = 20_000
+
+
+def parameters(**parameters):
+    return ChannelParameters.model_validate({"drop": "head", **parameters})
 
 
 class Link:
@@ -21,9 +30,11 @@ class Link:
         self.ledger = Ledger(seed, [f"robot.{number}" for number in range(links + 1)])
         self.rows, _ = self.ledger.rows(np.zeros(links, np.intp), np.arange(1, links + 1))
 
-    def carry(self, now, size=100):
-        sizes = np.full(len(self.rows), size)
-        return self.channel.carry(self.ledger, self.rows, self.ledger.number(self.rows), now, sizes)
+    def carry(self, now, size=100, narrowed=None):
+        sizes, impairment = np.full(len(self.rows), size), None
+        if narrowed is not None:
+            impairment = Impairment.none(len(self.rows))._replace(bandwidth=np.full(len(self.rows), narrowed))
+        return self.channel.carry(self.ledger, self.rows, self.ledger.number(self.rows), now, sizes, impairment)
 
 
 def delays(**parameters):
@@ -138,6 +149,112 @@ def test_what_was_turned_away_costs_the_link_nothing():
     assert int(link.carry(100_000_000).due[0]) == 200_000_000
 
 
+@pytest.mark.parametrize("bandwidth", [1000.0, 3000.0, 7000.0, 1e6 / 3, 3e9])
+def test_a_queue_holds_what_it_holds_whatever_the_nanoseconds(bandwidth):
+    tail, head = Link(bandwidth=bandwidth, queue=160.0), Line(parameters(bandwidth=bandwidth, queue=160.0))
+    assert [int(tail.carry(0, size=80).reason[0]) for _ in range(3)] == [0, 0, QUEUE_FULL]
+    assert [head.join(0, 80, number) for number in range(3)] == [[], [], [0]]
+    head.advance(0)
+    # When the first is in there is room for one more.
+    now = round(80e9 / bandwidth)
+    assert [int(tail.carry(now, size=80).reason[0]) for _ in range(2)] == [0, QUEUE_FULL]
+    head.advance(now)
+    assert [head.join(now, 80, number) for number in (3, 4)] == [[], [3]]
+
+
+@pytest.mark.parametrize("bandwidth", [3000.0, 7000.0, 1e9 / 3, 3e9])
+def test_rounding_does_not_add_up(bandwidth):
+    count = 2000
+    tail, head = Link(bandwidth=bandwidth), Line(parameters(bandwidth=bandwidth))
+    due = [int(tail.carry(0, size=80).due[0]) for _ in range(count)]
+    for number in range(count):
+        head.join(0, 80, number)
+    expected = [(number + 1) * 80e9 / bandwidth for number in range(count)]
+    assert np.abs(np.array(due) - expected).max() <= 0.51
+    taken = [leaving for _, leaving in head.advance(10**15)]
+    assert np.abs(np.array(taken) - expected).max() <= 0.51
+
+
+@pytest.mark.parametrize("drop", ["tail", "head"])
+def test_over_the_slowest_of_links_nothing_ever_arrives(drop):
+    post = Post(laid(Complete, world(2)), {"bandwidth": 1e-9, "queue": 1e6, "drop": drop, "delay": 1e9})
+    for _ in range(5):
+        post.send("robot.0", "robot.1")
+    post.until(1_000_000_000, 10_000_000, 10_000_000)
+    assert post.exchange.in_flight == 5
+    assert post.exchange.next_time > 10**18
+
+
+def test_a_queue_counts_bytes_also_when_a_link_is_narrowed_under_what_waits():
+    link = Link(bandwidth=1e6, queue=1000.0)
+    assert link.carry(0, size=900).reason == 0
+    assert link.carry(0, size=80, narrowed=400.0).reason == 0
+    # The 900 are in after 0.9 ms, at the pace at which they were sent; of the 80, 4 bytes in 10 ms more.
+    assert link.carry(10_900_000, size=925, narrowed=400.0).reason == QUEUE_FULL
+    assert link.carry(10_900_000, size=924, narrowed=400.0).reason == 0
+
+
+def test_a_queue_counts_bytes_also_when_a_link_is_wide_again():
+    link = Link(bandwidth=1e6, queue=100.0)
+    assert link.carry(0, size=80, narrowed=400.0).reason == 0
+    # After half of the time half of it waits.
+    assert link.carry(100_000_000, size=61).reason == QUEUE_FULL
+    fates = link.carry(100_000_000, size=60)
+    assert (fates.reason, fates.due) == (0, 200_060_000)
+    assert link.carry(200_000_000, size=41).reason == QUEUE_FULL
+    assert link.carry(200_000_000, size=40).reason == 0
+
+
+def test_a_queue_without_a_bandwidth_fills_where_a_fault_sets_one():
+    link = Link(queue=100.0)
+    assert [int(link.carry(0).reason[0]) for _ in range(3)] == [0, 0, 0]
+    assert [int(link.carry(0, narrowed=400.0).reason[0]) for _ in range(2)] == [0, QUEUE_FULL]
+    assert [int(link.carry(125_000_000, size=50).reason[0]) for _ in range(2)] == [0, QUEUE_FULL]
+    assert [int(link.carry(250_000_000).reason[0]) for _ in range(2)] == [0, 0]
+
+
+sends = st.lists(st.tuples(st.integers(0, 40), st.integers(32, 120)), max_size=12)
+
+
+@given(sends, sends, st.tuples(*[st.sampled_from([300.0, 3000.0, 1e6 / 3])] * 2))
+def test_what_waits_is_what_the_times_at_which_messages_get_in_leave(before, after, bandwidths):
+    link, now, stretches = Link(queue=1e6), 0, []
+    for bandwidth, some in zip(bandwidths, (before, after), strict=True):
+        for gap, size in some:
+            now += gap * 1_000_000
+            free = max(now, stretches[-1][1] if stretches else 0)
+            leaving = int(link.carry(now, size=size, narrowed=bandwidth).due[0])
+            stretches.append((free, leaving, size))
+            waiting = sum(size * (end - max(begin, now)) / (end - begin) for begin, end, size in stretches if end > now)
+            settled = link.ledger.backlog.settle(link.rows, now, link.ledger.free[link.rows])
+            assert settled[0] == pytest.approx(waiting, rel=1e-6)
+
+
+def test_what_a_line_is_taking_counts_with_the_pace_at_which_it_is_taken():
+    line = Line(parameters(bandwidth=1000.0, queue=300.0))
+    line.join(0, 100, "first")
+    line.advance(0)
+    # Half of it is in, and the other half goes on as fast although the link is narrow by now.
+    line.advance(50_000_000, bandwidth=100.0)
+    assert line.join(50_000_000, 251, "big") == ["big"]
+    assert line.join(50_000_000, 250, "fits") == []
+    assert line.advance(100_000_000, bandwidth=100.0) == [("fits", 2_600_000_000)]
+    assert line.join(1_350_000_000, 175, "next") == []
+    line.advance(1_350_000_000)
+    assert line.join(1_350_000_000, 175, "last") == ["next"]
+    assert line.join(1_350_000_000, 176, "big") == ["big"]
+
+
+def test_a_line_without_a_bandwidth_waits_where_a_fault_sets_one():
+    line = Line(parameters(queue=200.0))
+    assert line.join(0, 100, "first") == []
+    assert line.advance(0) == [("first", 0)]
+    assert line.join(0, 100, "second") == []
+    assert line.advance(0, bandwidth=100.0) == [("second", 1_000_000_000)]
+    assert line.join(500_000_000, 150, "third") == []
+    assert line.advance(1_000_000_000) == [("third", 1_000_000_000)]
+
+
 def test_what_is_lost_has_used_the_link():
     link = Link(bandwidth=1000.0, loss=1.0)
     assert [int(link.carry(0).due[0]) for _ in range(2)] == [100_000_000, 200_000_000]
@@ -166,6 +283,16 @@ def test_a_full_queue_may_push_out_what_waits_longest():
     ]
     arrived = [message.payload["number"] for message, _ in post.stage("delivered")]
     assert arrived == [0.0, 3.0]
+
+
+def test_that_it_does_may_be_said_by_one_part_and_its_queue_by_another():
+    everybody = frozenset({0, 1})
+    parts = [{"bandwidth": 1000.0}, {"queue": 300.0}, {"drop": "head"}]
+    exemptions = [Exemption(everybody, everybody, ChannelParameters.model_validate(each)) for each in parts]
+    post = Post(laid(Complete, world(2)), exemptions=exemptions, time_step=10_000_000)
+    for number in range(3):
+        post.send("robot.0", "robot.1", number=float(number), filling="x" * 92)
+    assert [message.payload["number"] for message, _ in post.stage("dropped")] == [1.0]
 
 
 def test_the_tail_of_a_queue_is_its_newest():

@@ -1,5 +1,7 @@
 """Who reaches whom in each topology."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -8,7 +10,10 @@ from networking import laid, pairs, world
 from scipy import stats
 from simulating import STEP, Team, simulation
 
-from symaware_cli.core import Links, Obstacle, TopologyError
+from symaware_cli.core import Links, Obstacle, Roster, TopologyError
+from symaware_cli.environments.kinematic import KinematicEnvironment
+from symaware_cli.network.chance import agent_keys, link_keys, uniforms
+from symaware_cli.network.network import Network, Stretch
 from symaware_cli.network.topology.near import LineOfSight, Nearest, Range
 from symaware_cli.network.topology.still import Complete, Graph, Grid, Line, Random, Ring, Star, Tree
 
@@ -34,6 +39,8 @@ def both(*edges):
         (Tree, {"branches": 3}, both((0, 1), (0, 2), (0, 3))),
         (Graph, {"edges": (("robot.0", "robot.[23]"),)}, both((0, 2), (0, 3))),
         (Graph, {"edges": (("robot.0", "robot.3"),), "directed": True}, [(0, 3)]),
+        (Graph, {"edges": (("robot.0", "robot"),), "members": ("robot.[023]",)}, both((0, 2), (0, 3))),
+        (Star, {"hub": "robot", "members": ("robot.2",)}, []),
         (Random, {"probability": 0.0}, []),
         (Random, {"probability": 1.0}, both((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))),
     ],
@@ -58,6 +65,8 @@ def test_a_torus_has_four_neighbours_each():
         (Star, {"hub": "robot"}, "are 4 agents", ("hub",)),
         (Graph, {"edges": (("robot.0", "robot.1"), ("robot.1", "rover"))}, "no agent", ("edges", 1, 1)),
         (Graph, {"edges": (("robot.1", "robot.1"),)}, "cannot be linked with itself", ("edges", 0)),
+        (Graph, {"edges": (("robot.0", "robot.1"),), "members": ("robot.0", "robot.2")}, "no part", ("edges", 0, 1)),
+        (Star, {"hub": "robot.0", "members": ("robot.2", "robot.1")}, "`robot.0` takes no part", ("hub",)),
         (Random, {"probability": 0.0, "connected": True}, "none is connected", ("probability",)),
     ],
 )
@@ -81,12 +90,90 @@ def test_whether_two_are_linked_at_random_does_not_depend_on_who_else_is_there()
     assert pairs(laid(Random, world(10), seed=8, probability=0.5).links(0)) != pairs(few)
 
 
+def people(count):
+    """A world of which nothing is known but who is in it."""
+    environment = KinematicEnvironment()
+    environment.roster = Roster({"robot": tuple(f"robot.{number}" for number in range(count))})
+    return environment
+
+
+@pytest.mark.parametrize("directed", [False, True])
+def test_pairs_are_drawn_in_blocks_as_if_all_at_once(directed):
+    count = 300
+    assert count * (count - 1) // 2 > 5 * Random._BLOCK
+    links = laid(Random, people(count), probability=0.02, directed=directed).links(0)
+    keys = agent_keys(7, [f"robot.{number}" for number in range(count)], "topology")
+    one, other = (each.ravel() for each in np.indices((count, count)))
+    drawn = uniforms(link_keys(keys[one], keys[other]), np.zeros(count**2, np.int64), 0)[0].reshape(count, count) < 0.02
+    if not directed:
+        # Of the two draws of a pair, that from the smaller key.
+        drawn &= keys[:, None] <= keys[None]
+        drawn |= drawn.T
+    np.fill_diagonal(drawn, False)
+    assert pairs(links) == [tuple(each) for each in np.argwhere(drawn).tolist()]
+
+
+def test_many_pairs_are_drawn_in_little_memory():
+    world_of_many = people(1500)
+    tracemalloc.start()
+    links = laid(Random, world_of_many, probability=0.002).links(0)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert stats.binomtest(len(links) // 2, 1500 * 1499 // 2, 0.002).pvalue > 1e-3
+    # Of a million pairs a single number each would be 9 MB.
+    assert peak < 5e6
+
+
+@pytest.mark.parametrize(
+    ("count", "probability", "directed"), [(400, 0.001, False), (1000, 0.004, False), (1000, 0.0045, True)]
+)
+def test_that_a_random_graph_is_as_good_as_never_connected_is_known_beforehand(count, probability, directed):
+    # P. Erdos and A. Renyi (1959): a graph of n is connected with a probability of about exp(-n exp(-n p)).
+    with pytest.raises(TopologyError, match=r"hardly ever connected; they often are from about ln\(n\)/n"):
+        laid(Random, people(count), probability=probability, directed=directed, connected=True)
+
+
+@pytest.mark.parametrize("directed", [False, True])
+def test_a_graph_is_given_up_as_soon_as_somebody_is_alone(directed):
+    topology = laid(Random, people(150), probability=0.03, directed=directed, connected=True)
+    keys = agent_keys(7, topology.roster.ids, "topology")
+    drawn = [topology._draw(keys, attempt) for attempt in range(12)]
+    assert None in drawn
+    free = Random(Random.Parameters(probability=0.03, directed=directed))
+    for attempt, given_up in enumerate(each is None for each in drawn):
+        one, other = free._draw(keys, attempt)
+        ends = (one, other) if directed else (np.concatenate([one, other]),) * 2
+        assert given_up == any(len(np.unique(each)) < 150 for each in ends)
+
+
 def test_a_random_graph_that_is_to_be_connected_is_so():
     sparse = [laid(Random, world(12), seed, probability=0.2) for seed in range(8)]
     assert any(len(np.unique(each.links(0).parts())) > 1 for each in sparse)
     for seed in range(8):
         links = laid(Random, world(12), seed, probability=0.2, connected=True).links(0)
         assert len(np.unique(links.parts())) == 1
+
+
+@pytest.mark.parametrize("ends", [(0, 7), (7, 0), (0, -1), (5, 5)])
+def test_a_link_ends_at_somebody(ends):
+    one, other = (np.array([1, each]) for each in ends)
+    for make in (Links, Links.of):
+        with pytest.raises(ValueError, match=r"of index (7|-1|5), and there are 5 agents"):
+            make(5, one, other)
+
+
+@pytest.mark.parametrize(
+    ("links", "problem"),
+    [
+        (Links.of(4, np.array([0]), np.array([1])), "those of 4 agents, and there are 3"),
+        ([(0, 1)], "of the type list instead of `Links`"),
+    ],
+)
+def test_what_a_topology_says_is_looked_at(links, problem):
+    topology = laid(Complete, world(3))
+    topology._links = links
+    with pytest.raises((TypeError, ValueError), match=problem):
+        Network(topology.roster, [Stretch(0, topology)]).update(0)
 
 
 class Walk:
@@ -126,6 +213,21 @@ def test_who_reached_somebody_still_does_a_little_farther_away():
         walk.go([(0, 0), (x, 0)])
         linked.append(len(topology.links(0)))
     assert linked == [0, 2, 2, 2, 0, 0, 2]
+
+
+def test_who_reached_somebody_before_another_topology_held_begins_anew():
+    walk = Walk([(0, 0), (3, 0)])
+    stretches = [
+        Stretch(0, laid(Range, walk.environment, range=4.0, hysteresis=1.0)),
+        Stretch(2 * STEP, laid(Graph, walk.environment, edges=(("robot.0", "robot.1"),), directed=True)),
+    ]
+    network = Network(walk.environment.roster, stretches, repeat=3 * STEP)
+    linked = []
+    for step, x in enumerate((3.0, 4.5, 9.0, 4.5, 3.9, 4.5)):
+        walk.go([(0, 0), (x, 0)])
+        network.update(step * STEP)
+        linked.append(len(network.links))
+    assert linked == [2, 2, 1, 0, 2, 1]
 
 
 def test_links_that_stay_are_the_same_object():

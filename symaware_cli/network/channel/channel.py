@@ -13,7 +13,7 @@ from symaware_cli.core.message import Indices, Times
 from symaware_cli.network.chance import Array, uniforms
 from symaware_cli.network.channel.delay import delays
 from symaware_cli.network.channel.impairment import Impairment
-from symaware_cli.network.channel.ledger import Ledger
+from symaware_cli.network.channel.ledger import FOREVER, Ledger
 from symaware_cli.network.channel.parameters import Bursts, ChannelParameters
 
 #: Why messages are dropped, by the number that stands for it in `Fates.reason`; the first is none.
@@ -92,13 +92,21 @@ class Channel:
             bandwidth = np.full(len(links), self.bandwidth)
             if impairment is not None:
                 bandwidth = np.minimum(bandwidth, impairment.bandwidth)
-            free = np.maximum(ledger.free[links], now)
+            free = ledger.free[links]
+            begin = np.maximum(free, now)
             if parameters.queue is not None:
-                full = (free - now) * (bandwidth / 1e9) + sizes > parameters.queue
-            leaving = free + np.rint(sizes * (1e9 / bandwidth)).astype(np.int64)
-            ledger.free[links] = np.where(full, ledger.free[links], leaving)
+                # Times are whole nanoseconds: what is too much for less than one of them is not.
+                grace = np.where(np.isfinite(bandwidth), bandwidth / 1e9, 0.0)
+                full = ledger.backlog.settle(links, now, free) + sizes > parameters.queue + grace
+                some = ~full
+                ledger.backlog.add(links[some], sizes[some], bandwidth[some], begin[some])
+            # What rounding takes from one message is given to the next, or a busy link would be slower than it is.
+            lasts = np.minimum(sizes * (1e9 / bandwidth) + np.where(free >= now, ledger.residue[links], 0.0), FOREVER)
+            leaving = np.minimum(begin + np.rint(lasts).astype(np.int64), FOREVER)
+            ledger.free[links] = np.where(full, free, leaving)
+            ledger.residue[links] = np.where(full, ledger.residue[links], lasts - np.rint(lasts))
             if parameters.bandwidth is None:
-                ledger.congestion = max(ledger.congestion, int(leaving.max(initial=0)))
+                ledger.congestion = max(ledger.congestion, int(ledger.free[links].max(initial=0)))
         fates = self.transmit(ledger, links, numbers, np.full(len(links), now), leaving, ~full, impairment)
         fates.reason[full] = QUEUE_FULL
         return fates

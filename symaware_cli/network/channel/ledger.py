@@ -9,6 +9,10 @@ from numpy.typing import NDArray
 
 from symaware_cli.core.message import Indices
 from symaware_cli.network.chance import Words, agent_keys, link_keys
+from symaware_cli.network.channel.backlog import Backlog
+
+#: Later than any run ends, and early enough for sums of it not to overflow, in nanoseconds.
+FOREVER = 3 * 10**18
 
 
 class Ledger:
@@ -19,6 +23,8 @@ class Ledger:
         keys: What each link's draws are keyed by.
         arrival: When the last message of each link arrives, in nanoseconds.
         free: When each link has carried all that waits for it, in nanoseconds.
+        residue: How much later than that it really is, less than a nanosecond.
+        backlog: How much waits for each.
         bad: Whether each link is in the bad state: 0 or 1, or -1 before its first message.
         channel: The number of each link's channel.
         congestion: Until when, at most, messages wait for links that have no limit of their own, in nanoseconds.
@@ -44,6 +50,8 @@ class Ledger:
         self.keys: Words = np.zeros(0, np.uint64)
         self.arrival = np.zeros(0, np.int64)
         self.free = np.zeros(0, np.int64)
+        self.residue = np.zeros(0)
+        self.backlog = Backlog()
         self.bad = np.zeros(0, np.int8)
         self.channel = np.zeros(0, np.intp)
 
@@ -84,6 +92,8 @@ class Ledger:
             self.channel = np.concatenate([self.channel, np.zeros(room, np.intp)])
             self.keys = np.concatenate([self.keys, np.zeros(room, np.uint64)])
             self.bad = np.concatenate([self.bad, np.full(room, -1, np.int8)])
+            self.residue = np.concatenate([self.residue, np.zeros(room)])
+            self.backlog.grow(room)
         senders, receivers = np.divmod(links, self._count)
         self._links[rows] = links
         self.keys[rows] = link_keys(self._agents[senders], self._agents[receivers])

@@ -6,6 +6,7 @@ import math
 from collections import deque
 from typing import Generic, TypeVar
 
+from symaware_cli.network.channel.ledger import FOREVER
 from symaware_cli.network.channel.parameters import ChannelParameters
 
 Parcel = TypeVar("Parcel")
@@ -19,11 +20,14 @@ class Line(Generic[Parcel]):
     """
 
     def __init__(self, parameters: ChannelParameters) -> None:
-        assert parameters.bandwidth is not None
-        self._bandwidth = parameters.bandwidth
-        self._rate = parameters.bandwidth / 1e9
-        self._limit = parameters.queue or 0.0
-        self._free = 0
+        self._bandwidth = math.inf if parameters.bandwidth is None else parameters.bandwidth
+        #: How much gets in at present [bytes/s].
+        self._present = self._bandwidth
+        self._limit = math.inf if parameters.queue is None else parameters.queue
+        #: What the link takes at present: from when until when, to the nanosecond and beyond it, and how much.
+        self._begun = self._free = 0
+        self._residue = 0.0
+        self._size = 0
         self._waiting: deque[tuple[int, int, Parcel]] = deque()
         self._waiting_size = 0
 
@@ -35,16 +39,22 @@ class Line(Generic[Parcel]):
         """When the link takes the next message, in nanoseconds."""
         return max(self._free, self._waiting[0][0]) if self._waiting else None
 
+    def is_over(self, now: int) -> bool:
+        """Whether nothing waits, and all that did is in the link."""
+        return not self._waiting and self._free < now
+
     def join(self, now: int, size: int, parcel: Parcel) -> list[Parcel]:
         """Let a message wait, and return what is dropped for want of room: older ones, or it itself if it is too big.
 
         Call `advance` first.
         """
         dropped = []
-        carried = max(self._free - now, 0) * self._rate
-        if carried + size > self._limit:
+        carried = self._size * (self._free - now) / (self._free - self._begun) if self._free > now else 0.0
+        # What is too much for less than a nanosecond is not; see `Channel.carry`.
+        limit = self._limit + (self._present / 1e9 if self._present < math.inf else 0.0)
+        if carried + size > limit:
             return [parcel]
-        while carried + self._waiting_size + size > self._limit:
+        while carried + self._waiting_size + size > limit:
             _, oldest, victim = self._waiting.popleft()
             self._waiting_size -= oldest
             dropped.append(victim)
@@ -60,10 +70,12 @@ class Line(Generic[Parcel]):
             bandwidth: How much gets into the link at most, if that is less than usual [bytes/s].
         """
         taken = []
-        self._rate = min(self._bandwidth, bandwidth) / 1e9
+        self._present = min(self._bandwidth, bandwidth)
         while self._waiting and (begins := max(self._free, self._waiting[0][0])) <= now:
             _, size, parcel = self._waiting.popleft()
             self._waiting_size -= size
-            self._free = begins + round(size / self._rate)
+            lasts = min(size * (1e9 / self._present) + (self._residue if begins == self._free else 0.0), FOREVER)
+            self._begun, self._size, self._free = begins, size, min(begins + round(lasts), FOREVER)
+            self._residue = lasts - round(lasts)
             taken.append((parcel, self._free))
         return taken

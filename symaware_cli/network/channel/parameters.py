@@ -7,6 +7,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from symaware_cli.core import Parameters
+from symaware_cli.network.size import HEADER
 
 Seconds = Annotated[float, Field(ge=0, le=1e9)]
 Probability = Annotated[float, Field(ge=0, le=1)]
@@ -78,7 +79,11 @@ class ChannelParameters(Parameters):
         "No limit if left out.",
     )
     queue: float | None = Field(
-        None, gt=0, le=1e15, description="How much may wait or be on its way into the link [bytes]; any if left out."
+        None,
+        ge=HEADER,
+        le=1e15,
+        description="How much may wait or be on its way into the link [bytes]; any if left out. No message is smaller "
+        f"than {HEADER}.",
     )
     drop: Literal["tail", "head"] = Field(
         "tail", description="What is dropped from a full queue: the new message, or the one that waits longest."
@@ -86,12 +91,6 @@ class ChannelParameters(Parameters):
     max_age: float | None = Field(
         None, gt=0, le=1e9, description="A message that arrives later than this is dropped [s]; none if left out."
     )
-
-    @model_validator(mode="after")
-    def _fits(self) -> Self:
-        if self.queue is not None and self.bandwidth is None:
-            raise ValueError("a `queue` fills only where there is a `bandwidth`")
-        return self
 
     def changed(self, other: ChannelParameters) -> ChannelParameters:
         """The same channel but for what another one says expressly."""

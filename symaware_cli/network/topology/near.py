@@ -18,18 +18,20 @@ class NearTopology(Topology):
     changes: ClassVar[bool] = True
 
     def initialise(self, environment: Environment, seed: int) -> None:
-        """Look who takes part."""
+        """Begin without links."""
         super().initialise(environment, seed)
-        self._takes_part = np.zeros(len(self.roster), bool)
-        self._takes_part[self.members] = True
         self._links: Links | None = None
+
+    def begin(self, now: int) -> None:
+        """Forget who reached whom when it held before."""
+        self._links = None
 
     def within(self, reach: float) -> tuple[Indices, Indices, NDArray[np.float64]]:
         """Members within reach of each other, from both sides, and their distances [m]; each of shape (m,)."""
         environment = self.environment
         one, other, distance = environment.proximity.directed(environment.snapshot().positions, reach)
-        if not self._takes_part.all():
-            chosen = self._takes_part.take(one) & self._takes_part.take(other)
+        if not self.takes_part.all():
+            chosen = self.takes_part.take(one) & self.takes_part.take(other)
             one, other, distance = one[chosen], other[chosen], distance[chosen]
         return one, other, distance
 
@@ -86,7 +88,7 @@ class Nearest(NearTopology):
         """Links to the nearest."""
         from scipy.spatial import cKDTree
 
-        members = np.flatnonzero(self._takes_part)
+        members = np.flatnonzero(self.takes_part)
         positions = self.environment.snapshot().positions[members]
         count = min(self.parameters.count, len(members) - 1)
         if count < 1:
@@ -112,12 +114,11 @@ class LineOfSight(NearTopology):
     def links(self, now: int) -> Links:
         """Those within range whose straight line is free."""
         one, other, _ = self.within(self.parameters.range)
-        positions, scenery = self.environment.snapshot().positions, self.environment.scenery
-        if len(scenery):
+        if len(self.environment.scenery):
             # Both directions share a line.
             first = one < other
             keys = one[first].astype(np.int64) * len(self.roster) + other[first]
-            free = ~scenery.blocks(positions.take(one[first], 0), positions.take(other[first], 0))
+            free = self.environment.in_sight(one[first], other[first])
             links = Links.of(len(self.roster), *np.divmod(keys[free], len(self.roster)), both_ways=True)
             one, other = links.senders, links.receivers
         return self.renewed(one, other)

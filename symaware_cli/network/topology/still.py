@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
-from pydantic import Field
+from pydantic import BeforeValidator, Field
 
 from symaware_cli.core import Environment, Links, Topology, TopologyError, TopologyParameters
 from symaware_cli.core.message import Indices
-from symaware_cli.network.chance import agent_keys, link_keys, uniforms
+from symaware_cli.network.chance import Words, agent_keys, link_keys, uniforms
 
 Id = Annotated[str, Field(min_length=1, max_length=200)]
 
@@ -57,7 +58,7 @@ class Star(StillTopology):
         """A link from the hub to each, and back."""
         hub = int(self.members[0])
         if self.parameters.hub is not None:
-            found = self.find(self.parameters.hub, "hub")
+            found = self.find_members(self.parameters.hub, "hub")
             if len(found) > 1:
                 raise TopologyError(f"`{self.parameters.hub}` are {len(found)} agents, and one is in the middle", "hub")
             hub = found[0]
@@ -137,13 +138,20 @@ class Tree(StillTopology):
         return self.between(below, (below - 1) // self.parameters.branches)
 
 
+def _pair(edge: Any) -> Any:
+    """Say where that belongs which somebody wrote into an edge besides its ends."""
+    if isinstance(edge, list | tuple) and len(edge) > 2:
+        raise ValueError("an edge is a pair; a channel of its own stands under `topology.links`")
+    return tuple(edge) if isinstance(edge, list) else edge
+
+
 class Graph(StillTopology):
     """A graph that is written down edge by edge."""
 
     class Parameters(TopologyParameters):
         """Its edges."""
 
-        edges: tuple[tuple[Id, Id], ...] = Field(
+        edges: tuple[Annotated[tuple[Id, Id], BeforeValidator(_pair)], ...] = Field(
             min_length=1,
             description="Pairs of ids, groups or patterns: who of the first is linked with whom of the second.",
         )
@@ -156,7 +164,7 @@ class Graph(StillTopology):
         for number, (one, other) in enumerate(self.parameters.edges):
             if one == other and one in self.roster:
                 raise TopologyError(f"`{one}` cannot be linked with itself", "edges", number)
-            ends = self.find(one, "edges", number, 0), self.find(other, "edges", number, 1)
+            ends = self.find_members(one, "edges", number, 0), self.find_members(other, "edges", number, 1)
             senders += [each for each in ends[0] for _ in ends[1]]
             receivers += [each for _ in ends[0] for each in ends[1]]
         both_ways = not self.parameters.directed
@@ -178,24 +186,87 @@ class Random(StillTopology):
             False, description="Whether to draw again until everybody reaches everybody, at last through others."
         )
 
-    #: How often a graph is drawn before it is given up that it is connected.
-    _TRIES = 1000
+    #: How often a graph is drawn, at most, before it is given up that it is connected; and of large ones, as often as
+    #: there are so many pairs, which take some 20 s, but a few times in any case.
+    _MOST_TRIES, _FEWEST_TRIES, _MOST_PAIRS = 1000, 10, 10**8
+
+    #: How many pairs are drawn at a time: so many that what is computed on the way stays in the processor's cache.
+    _BLOCK = 8192
 
     def lay(self) -> Links:
         """Draw the links."""
-        parameters = self.parameters
+        parameters, count = self.parameters, len(self.members)
         keys = agent_keys(self.seed, [self.roster.ids[member] for member in self.members], "topology")
-        one, other = np.triu_indices(len(keys), 1)
-        if parameters.directed:
-            one, other = np.concatenate([one, other]), np.concatenate([other, one])
-        else:
-            # The same draw whichever of both comes first in the roster.
-            turned = keys[one] > keys[other]
-            one, other = np.where(turned, other, one), np.where(turned, one, other)
-        pairs = link_keys(keys[one], keys[other])
-        for attempt in range(self._TRIES if parameters.connected else 1):
-            chosen = uniforms(pairs, np.full(len(pairs), attempt, np.int64), 0)[0] < parameters.probability
-            links = self.between(one[chosen], other[chosen], both_ways=not parameters.directed)
+        tries = self._tries(count) if parameters.connected else 1
+        for attempt in range(tries):
+            drawn = self._draw(keys, attempt)
+            if drawn is None:
+                continue
+            links = self.between(*drawn, both_ways=not parameters.directed)
             if not parameters.connected or len(np.unique(links.parts()[self.members])) <= 1:
                 return links
-        raise TopologyError(f"of {self._TRIES} graphs that were drawn none is connected", "probability")
+        raise TopologyError(f"of {tries} graphs that were drawn none is connected", "probability")
+
+    def _tries(self, count: int) -> int:
+        """How often it is worth while to draw until a graph is connected.
+
+        Raises:
+            TopologyError: That is as good as never.
+        """
+        pairs = max(count * (count - 1) // 2, 1)
+        tries = min(self._MOST_TRIES, max(self._FEWEST_TRIES, self._MOST_PAIRS // pairs))
+        if self._lonely(count) > math.log(tries) + 3.0:
+            raise TopologyError(
+                f"{count} agents of which any two are linked with a probability of {self.parameters.probability:g} are "
+                f"hardly ever connected; they often are from about ln(n)/n = {math.log(count) / count:.2g} on",
+                "probability",
+            )
+        return tries
+
+    def _lonely(self, count: int) -> float:
+        """How many agents are to be expected who reach nobody, or whom nobody reaches.
+
+        Below the threshold of connectivity, ln(n)/n, it is they who are missing, and the chance that there are none is
+        about e to the minus this number (P. Erdos, A. Renyi, "On random graphs I", 1959).
+        """
+        alone: float = count * (1.0 - self.parameters.probability) ** (count - 1)
+        return 2.0 * alone if self.parameters.directed else alone
+
+    def _draw(self, keys: Words, attempt: int) -> tuple[Indices, Indices] | None:
+        """Draw every pair, as places among the members; None where the graph is to be connected and cannot be."""
+        parameters, count = self.parameters, len(keys)
+        ones, others = [np.empty(0, np.intp)], [np.empty(0, np.intp)]
+        reaches, is_reached = np.zeros(count, bool), np.zeros(count, bool)
+        begin = 0
+        while begin < count - 1:
+            end = min(begin + max(1, self._BLOCK // (count - 1 - begin)), count - 1)
+            one, other = _pairs(begin, end, count)
+            if parameters.directed:
+                one, other = np.concatenate([one, other]), np.concatenate([other, one])
+            else:
+                # The same draw whichever of both comes first in the roster.
+                turned = keys[one] > keys[other]
+                one, other = np.where(turned, other, one), np.where(turned, one, other)
+            numbers = np.full(len(one), attempt, np.int64)
+            chosen = uniforms(link_keys(keys[one], keys[other]), numbers, 0)[0] < parameters.probability
+            one, other = one[chosen], other[chosen]
+            ones.append(one)
+            others.append(other)
+            if parameters.connected:
+                reaches[one] = is_reached[other] = True
+                if not parameters.directed:
+                    reaches[other] = is_reached[one] = True
+                # All pairs of these have been drawn by now.
+                if not (reaches[begin:end] & is_reached[begin:end]).all():
+                    return None
+            begin = end
+        return np.concatenate(ones), np.concatenate(others)
+
+
+def _pairs(begin: int, end: int, count: int) -> tuple[Indices, Indices]:
+    """All pairs of so many whose first is in a stretch and whose second comes after it; each of shape (m,)."""
+    rows = np.arange(begin, end)
+    lengths = count - 1 - rows
+    one = np.repeat(rows, lengths)
+    starts = np.repeat(np.cumsum(lengths) - lengths, lengths)
+    return one, np.arange(len(one)) - starts + one + 1
