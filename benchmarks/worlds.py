@@ -37,6 +37,14 @@ from symaware_cli.models.racecar import TRACK, WHEEL_RADIUS, WHEELBASE, Racecar,
 TIME_STEP, SUBSTEPS = 0.05, 10
 RADIUS = 0.3
 CIRCLE = {"circle": {"radius": RADIUS}}
+#: What the world sets, too.
+ENGINE = {
+    "numSolverIterations": 50,
+    "contactERP": 0.02,
+    "restitutionVelocityThreshold": 0.01,
+    "useSplitImpulse": 1,
+    "splitImpulsePenetrationThreshold": 0.0,
+}
 FAR_AWAY = [-10.0, -10.0]
 #: gym-pybullet-drones 2: 10 drones with PID at 48 Hz, physics at 240 Hz, agent-steps of the controller per CPU-second.
 PEER_DRONES = 3000
@@ -140,9 +148,7 @@ def bare_pybullet(count, crowded, driven, steps, contacts):
     grid, velocity = places(count, crowded)
     client, step = pybullet.connect(pybullet.DIRECT), TIME_STEP / SUBSTEPS
     pybullet.setTimeStep(step, client)
-    pybullet.setPhysicsEngineParameter(
-        numSolverIterations=50, contactERP=0.02, restitutionVelocityThreshold=0.01, physicsClientId=client
-    )
+    pybullet.setPhysicsEngineParameter(**ENGINE, physicsClientId=client)
     if not driven:
         pybullet.createMultiBody(1.0, -1, -1, (*FAR_AWAY, 0), useMaximalCoordinates=1, physicsClientId=client)
     shape = pybullet.createCollisionShape(pybullet.GEOM_SPHERE, radius=RADIUS, physicsClientId=client)
@@ -200,9 +206,7 @@ def bare_cars(count, steps, contacts):
     client, step = pybullet.connect(pybullet.DIRECT), TIME_STEP / SUBSTEPS
     pybullet.setTimeStep(step, client)
     pybullet.setGravity(0, 0, -9.81, client)
-    pybullet.setPhysicsEngineParameter(
-        numSolverIterations=50, contactERP=0.02, restitutionVelocityThreshold=0.01, physicsClientId=client
-    )
+    pybullet.setPhysicsEngineParameter(**ENGINE, physicsClientId=client)
     plane = pybullet.createCollisionShape(pybullet.GEOM_PLANE, physicsClientId=client)
     ground = pybullet.createMultiBody(0, plane, useMaximalCoordinates=1, physicsClientId=client)
     pybullet.changeDynamics(

@@ -7,7 +7,7 @@ import os
 from pathlib import Path, PurePosixPath
 
 from symaware_cli.core import WorldError
-from symaware_cli.environments.description import DescriptionError, meshes, parsed
+from symaware_cli.environments.description import DescriptionError, materials, meshes, parsed
 
 _PACKAGE = "pybullet_data"
 
@@ -36,8 +36,15 @@ def find(file: str, folder: Path, *where: str) -> Path:
     return path
 
 
+def is_packaged(file: str) -> bool:
+    """Whether a file comes with the package pybullet_data."""
+    return PurePosixPath(file).parts[:1] == (_PACKAGE,)
+
+
 def needed(file: str, folder: Path) -> dict[str, bytes]:
-    """Return all that it takes to use a file elsewhere, by path relative to the folder: itself, and meshes it names.
+    """Return all that it takes to use a file elsewhere, by path relative to the folder.
+
+    That is the file itself, the meshes that it names, and what says how these look.
 
     What comes with pybullet_data is everywhere, and so is left out; so is what cannot be found.
     """
@@ -52,6 +59,9 @@ def needed(file: str, folder: Path) -> dict[str, bytes]:
         except DescriptionError:
             named = []
         names += [os.path.normpath(PurePosixPath(*parts[:-1], name.removeprefix("package://"))) for name in named]
+    names += [
+        os.path.normpath(PurePosixPath(name).parent / looks) for name in names for looks in materials(folder / name)
+    ]
     home = folder.resolve()
     found = {name: home / name for name in names}
     return {name: at.read_bytes() for name, at in found.items() if at.is_file() and at.resolve().is_relative_to(home)}

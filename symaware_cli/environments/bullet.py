@@ -18,11 +18,13 @@ def quiet() -> Iterator[list[str]]:
     """Keep what the engine prints, from C and past Python, off the terminal; at the end it is in the list."""
     said: list[str] = []
     libc = ctypes.CDLL(None) if os.name == "posix" else None
-    if libc is None:
+    # Python has no stream where the process was started without one.
+    streams = [stream for stream in (sys.stdout, sys.stderr) if stream is not None]
+    if libc is None or len(streams) < 2:
         yield said
         return
-    sys.stdout.flush()
-    sys.stderr.flush()
+    for stream in streams:
+        stream.flush()
     kept = [os.dup(number) for number in (1, 2)]
     with tempfile.TemporaryFile() as file:
         libc.fflush(None)
@@ -93,6 +95,9 @@ class Client:
             numSolverIterations=iterations,
             contactERP=recovery,
             restitutionVelocityThreshold=_BOUNCE,
+            # What undoes overlaps moves bodies apart and leaves their velocities alone, however little they overlap.
+            useSplitImpulse=1,
+            splitImpulsePenetrationThreshold=0.0,
             physicsClientId=self.id,
         )
 

@@ -9,17 +9,23 @@ from symaware_cli.environments.bullet import engine
 from symaware_cli.environments.touch import Pair, TouchLedger, pair
 
 #: What collides with what: the group of each kind of body, and the groups that it meets. Rays are of the first.
-RAY, GROUND, FIXED, LED, FREE, UPRIGHT = (1 << number for number in range(6))
+RAY, GROUND, FIXED, LED, FREE, UPRIGHT, SLAB, FACED = (1 << number for number in range(8))
+_MOVING = FREE | FACED | UPRIGHT
 MEETS = {
     GROUND: RAY | FREE,
-    FIXED: RAY | FREE | UPRIGHT,
-    LED: RAY | FREE | UPRIGHT,
-    FREE: RAY | GROUND | FIXED | LED | FREE | UPRIGHT,
-    UPRIGHT: RAY | FIXED | LED | FREE | UPRIGHT,
+    SLAB: FACED,
+    FIXED: RAY | _MOVING,
+    LED: RAY | _MOVING,
+    FREE: RAY | GROUND | FIXED | LED | _MOVING,
+    FACED: RAY | SLAB | FIXED | LED | _MOVING,
+    UPRIGHT: RAY | FIXED | LED | _MOVING,
 }
 
 #: [m] A contact has ended when the gap is wider than this; wheels that roll hop by less.
 _GAP = 5e-3
+
+#: [m] What is deeper in the ground at the start overlaps it. Prisms are 1 mm too large for the engine on all sides.
+_SUNK = 2e-3
 
 
 class Collisions:
@@ -49,7 +55,7 @@ class Collisions:
         found: dict[Pair, Any] = {}
         for contact in engine.getContactPoints(physicsClientId=self._client):
             bodies = self._owners(contact[1:3])
-            if bodies[1] == self._ground:
+            if bodies[1] == self._ground and contact[8] > -_SUNK:
                 if contact[8] <= _GAP:
                     self._touching[contact[1:3]] = bodies
                     self._ledger.rest(bodies, _middle(contact))
@@ -67,9 +73,10 @@ class Collisions:
         if not found and not touching:
             return ()
         met = {contact[1:3] for contact in found if contact[8] <= 0.0 or contact[9] > 0.0}
-        if met != touching.keys():
-            if not met <= touching.keys():
-                self._begin(met - touching.keys(), found)
+        if not met <= touching.keys():
+            self._begin(met - touching.keys(), found)
+        self._press(found)
+        if len(met) != len(touching):
             near = {contact[1:3] for contact in found if contact[8] <= _GAP}
             # After those that begin, so that who slides along a wall from part to part stays in contact.
             for parts in [each for each in touching if each not in near]:
@@ -77,18 +84,28 @@ class Collisions:
         return met
 
     def _begin(self, new: set[tuple[int, int]], found: Sequence[Any]) -> None:
-        """Tell who begins to touch, and how hard they pressed on each other in the last physics step."""
+        """Tell who begins to touch."""
         contacts: dict[Pair, list[Any]] = {}
         for contact in found:
             if contact[1:3] in new:
                 contacts.setdefault(self._owners(contact[1:3]), []).append(contact)
         for bodies in sorted(contacts):
             nearest = min(contacts[bodies], key=lambda contact: contact[8])
-            impulse = sum(contact[9] * self._step_time for contact in contacts[bodies])
             for parts in dict.fromkeys(contact[1:3] for contact in contacts[bodies]):
                 self._touching[parts] = bodies
                 if bodies[0] != bodies[1]:
-                    self._ledger.begin(bodies, _middle(nearest), max(0.0, -nearest[8]), impulse)
+                    self._ledger.begin(bodies, _middle(nearest), max(0.0, -nearest[8]))
+
+    def _press(self, found: Sequence[Any]) -> None:
+        """Tell how hard those pressed on each other in the last physics step who have just begun to touch."""
+        fresh = self._ledger.fresh
+        if fresh:
+            for contact in found:
+                # Where there is a gap, the engine solved nothing, and what it tells is of an earlier physics step.
+                if contact[8] <= 0.0 and contact[9] > 0.0:
+                    bodies = self._owners(contact[1:3])
+                    if bodies in fresh:
+                        self._ledger.press(bodies, contact[9] * self._step_time)
 
     def _owners(self, parts: tuple[int, int]) -> Pair:
         """Whose two of the engine's bodies are."""

@@ -48,7 +48,7 @@ class ContactDetector:
         self._headings = [group.model.heading for group in groups]
         #: The farthest apart that two agents can touch.
         self._reach = max(0.0, 2.0 * float(self._radii.max(initial=0.0)))
-        self._alike = bool((self._radii == self._radii[0]).all())
+        self._alike = bool((self._radii == self._radii[:1]).all())
         self._proximity = proximity
         self._among_agents = _Ledger(self._names)
         self._with_obstacles = _Ledger(self._names)

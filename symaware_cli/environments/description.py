@@ -164,6 +164,24 @@ class _Reading:
         return Visual(kind=shape.tag, size=size, mesh=mesh, colour=colour, **self._origin(element))
 
 
+def materials(path: Path) -> list[str]:
+    """What an OBJ file names beside it that says how it looks: libraries of materials, and pictures that they name."""
+    found: list[str] = []
+    for library in _said(path, ".obj", rb"^mtllib[ \t]+(.+)"):
+        pictures = _said(path.parent / library, ".mtl", rb"^[ \t]*map_\w+[ \t]+(?:.*[ \t])?(\S+)")
+        found += [library, *(os.path.join(os.path.dirname(library), picture) for picture in pictures)]
+    return found
+
+
+def _said(path: Path, kind: str, pattern: bytes) -> list[str]:
+    """What lines of a file say that look so; nothing if it is of another kind or cannot be read."""
+    if path.suffix.lower() != kind or not path.is_file():
+        return []
+    with open(path, "rb") as file:
+        said = re.findall(pattern, file.read(1 << 16), re.MULTILINE)
+    return [name.decode(errors="replace").strip() for name in said]
+
+
 def material_colour(path: Path) -> tuple[float, float, float, float] | None:
     """The colour of the first material of an OBJ file, as the file beside it says."""
     if path.suffix.lower() != ".obj" or not path.is_file():

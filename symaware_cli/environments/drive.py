@@ -54,12 +54,7 @@ class Drive:
             )
         if model.velocities and len(model.velocities) != len(model.position):
             raise WorldError("the model's state has the velocity along some axes only", *path)
-        if model.time_step is not None and nanoseconds(model.time_step) != time_step:
-            raise WorldError(
-                f"the model is a map over {model.time_step:g} s, and the environment steps by {time_step / 1e9:g} s: "
-                "both need the same `time_step`",
-                *path,
-            )
+        check_time_step(group, time_step)
         self.group = group
         self.adds = bool(model.velocities)
         self.turns = model.heading is not None
@@ -120,6 +115,21 @@ class Drive:
             state[:, model.heading] = headings
         state.flags.writeable = False
         return state
+
+
+def check_time_step(group: AgentGroup, time_step: int) -> None:
+    """See whether a model can take the environment's time step, in nanoseconds.
+
+    Raises:
+        WorldError: It is a map over another one.
+    """
+    own = group.model.time_step
+    if own is not None and nanoseconds(own) != time_step:
+        raise WorldError(
+            f"the model is a map over {own:g} s, and the environment steps by {time_step / 1e9:g} s: both need the "
+            "same `time_step`",
+            *("agents", group.name, "model"),
+        )
 
 
 def _side_by_side(columns: Sequence[int]) -> slice | list[int]:

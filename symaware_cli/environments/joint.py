@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 import pymunk
 from pydantic import Field, model_validator
 
-from symaware_cli.core import Parameters, WorldError
+from symaware_cli.core import Attempts, Parameters, WorldError
 
 _Coordinate = Annotated[float, Field(ge=-1e9, le=1e9)]
 _Point = tuple[_Coordinate, _Coordinate]
@@ -63,20 +63,23 @@ def joined(joints: Mapping[str, Joint], bodies: Mapping[str, pymunk.Body], world
     Raises:
         WorldError: There is no body of a name, or nothing that could move.
     """
-    made = []
+    made, attempts = [], Attempts()
     for name, joint in sorted(joints.items()):
         where = ("environment", "with", "joints", name)
-        missing = [each for each in joint.between if each is not None and each not in bodies]
-        if missing:
-            raise WorldError(f"the joint `{name}` names `{missing[0]}`, and there is no such agent or entity", *where)
-        one, other = (world if each is None else bodies[each] for each in joint.between)
-        if pymunk.Body.DYNAMIC not in (one.body_type, other.body_type):
-            raise WorldError(f"the joint `{name}` is between bodies that nothing moves: give one a mass", *where)
-        constraint = _made(joint, one, other)
-        if joint.max_force is not None:
-            constraint.max_force = joint.max_force
-        constraint.collide_bodies = joint.collide
-        made.append(constraint)
+        with attempts.one():
+            missing = [each for each in joint.between if each is not None and each not in bodies]
+            if missing:
+                message = f"the joint `{name}` names `{missing[0]}`, and there is no such agent or entity"
+                raise WorldError(message, *where, "between")
+            one, other = (world if each is None else bodies[each] for each in joint.between)
+            if pymunk.Body.DYNAMIC not in (one.body_type, other.body_type):
+                raise WorldError(f"the joint `{name}` is between bodies that nothing moves: give one a mass", *where)
+            constraint = _made(joint, one, other)
+            if joint.max_force is not None:
+                constraint.max_force = joint.max_force
+            constraint.collide_bodies = joint.collide
+            made.append(constraint)
+    attempts.conclude()
     return made
 
 

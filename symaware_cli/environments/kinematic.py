@@ -11,17 +11,18 @@ from pydantic import Field
 
 from symaware_cli.core import (
     AgentGroup,
+    Attempts,
     Contact,
     EnvironmentParameters,
     Model,
     Obstacle,
     WorldError,
-    nanoseconds,
 )
 from symaware_cli.core.integration import euler, rk4
 from symaware_cli.environments.columns import ColumnEnvironment
 from symaware_cli.environments.contact import ContactDetector
-from symaware_cli.environments.noise import ProcessNoise
+from symaware_cli.environments.drive import check_time_step
+from symaware_cli.environments.noise import process_noise
 
 Array = NDArray[np.float64]
 
@@ -51,25 +52,24 @@ class KinematicEnvironment(ColumnEnvironment):
         """Put everybody in place.
 
         Raises:
-            ValueError: A model is a map over another time step than that of the environment.
-            WorldError: An entity is to move by forces, which there are none of.
+            WorldError: An entity is to move by forces, which there are none of, or a model is a map over another time
+                step than that of the environment.
         """
         super().initialise(groups, obstacles, seed)
+        attempts = Attempts()
         for name, obstacle in self.obstacles.items():
-            if obstacle.velocity or obstacle.turn_rate:
-                raise WorldError(
-                    "what moves at the start goes on by its mass, in worlds of forces only: `pymunk` and `pybullet`; "
-                    "here, give it a path",
-                    *("environment", "entities", name),
-                )
+            with attempts.one():
+                if obstacle.velocity or obstacle.turn_rate:
+                    raise WorldError(
+                        "what moves at the start goes on by its mass, in worlds of forces only: `pymunk` and "
+                        "`pybullet`; here, give it a path",
+                        *("environment", "entities", name),
+                    )
         for group in self.groups:
-            own = group.model.time_step
-            if own is not None and nanoseconds(own) != self.time_step:
-                raise ValueError(
-                    f"the model of `{group.name}` is a map over {own:g} s, and the environment steps by "
-                    f"{self.time_step / 1e9:g} s: both need the same `time_step`"
-                )
-        self._noises = [self._noise(group, seed) for group in self.groups]
+            with attempts.one():
+                check_time_step(group, self.time_step)
+        attempts.conclude()
+        self._noises = [process_noise(group, self.parameters.time_step, seed) for group in self.groups]
         self._detector = ContactDetector(self.groups, self.scenery, self.proximity)
 
     def step(self) -> None:
@@ -92,10 +92,6 @@ class KinematicEnvironment(ColumnEnvironment):
         state.flags.writeable = False
         self._states[number] = state
         self._snapshot = None
-
-    def _noise(self, group: AgentGroup, seed: int) -> ProcessNoise | None:
-        covariance = group.model.noise_covariance(self.parameters.time_step)
-        return None if covariance is None else ProcessNoise(group, covariance, seed)
 
     def _advance(self, model: Model, state: Array, control_input: Array) -> Array:
         """The states after one time step, without noise; shape (n, nx)."""

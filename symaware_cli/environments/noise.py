@@ -34,6 +34,12 @@ class ProcessNoise:
         return noise
 
 
+def process_noise(group: AgentGroup, step: float, seed: int) -> ProcessNoise | None:
+    """Return what draws the noise of a group over steps [s]; None where its model has none."""
+    covariance = group.model.noise_covariance(step)
+    return None if covariance is None else ProcessNoise(group, covariance, seed)
+
+
 def cholesky(covariance: Array) -> Array:
     """Return the lower triangular L with L L' = covariance; unlike NumPy's, for singular ones too.
 

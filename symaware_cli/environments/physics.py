@@ -12,6 +12,7 @@ from pydantic import Field
 
 from symaware_cli.core import (
     AgentGroup,
+    Attempts,
     Contact,
     EnvironmentParameters,
     Obstacle,
@@ -22,7 +23,7 @@ from symaware_cli.core import (
 )
 from symaware_cli.environments.columns import ColumnEnvironment, adopted
 from symaware_cli.environments.drive import Drive
-from symaware_cli.environments.touch import TouchLedger
+from symaware_cli.environments.touch import GROUND, TouchLedger
 
 Array = NDArray[np.float64]
 
@@ -75,19 +76,23 @@ class PhysicsEnvironment(ColumnEnvironment):
         """
         super().initialise(groups, obstacles, seed)
         self.step_time = seconds(self.time_step) / self.parameters.substeps
+        attempts = Attempts()
+        self._drives: list[Drive | None] = []
         for group in self.groups:
-            if len(group.model.position) > self.dimensions:
-                raise WorldError(
-                    f"a model that moves in {len(group.model.position)} dimensions has no place in a plane",
-                    *("agents", group.name, "model"),
-                )
-        self._width = max(len(group.model.position) for group in self.groups)
+            with attempts.one():
+                if len(group.model.position) > self.dimensions:
+                    raise WorldError(
+                        f"a model that moves in {len(group.model.position)} dimensions has no place in a plane",
+                        *("agents", group.name, "model"),
+                    )
+                self._drives.append(self._drive(group, seed))
+        attempts.conclude()
+        self._width = max((len(group.model.position) for group in self.groups), default=2)
         self._velocities: Array = np.zeros((len(self.roster), self._width))
-        self._drives = [self._drive(group, seed) for group in self.groups]
         self._free = [name for name, obstacle in self.obstacles.items() if obstacle.is_free]
         self._moving = [name for name, obstacle in self.obstacles.items() if obstacle.path]
         self._free_rows = {name: row for row, name in enumerate(self._free)}
-        self._touches = TouchLedger([*self.roster.ids, *self.obstacles, "ground"], len(self.roster))
+        self._touches = TouchLedger([*self.roster.ids, *self.obstacles, GROUND], len(self.roster))
         self._prepare()
         try:
             self._build()
@@ -187,6 +192,31 @@ class PhysicsEnvironment(ColumnEnvironment):
         self._time += self.time_step
         self._touches.settle()
         self._read()
+
+    def push(self, group: AgentGroup, rows: Sequence[int], change: Array) -> None:
+        """Put the bodies of some agents elsewhere all at once, and give them another velocity."""
+        number, model = self._number[group.name], group.model
+        part = next((part for _, driven, part in self._parts if driven == number), None)
+        if part is None:
+            self._push_others(number, rows, change)
+        else:
+            moved, faster = np.zeros(self.dimensions), np.zeros(self.dimensions)
+            moved[: len(model.position)] = change[list(model.position)]
+            faster[: len(model.velocities)] = change[list(model.velocities)]
+            turned = 0.0 if model.heading is None else float(change[model.heading])
+            for row in rows:
+                self._displace(part.start + row, moved, turned, faster)
+        contacts = self._contacts
+        self._read()
+        # What began or ended with the last step is no other for that.
+        self._contacts = contacts
+
+    @abstractmethod
+    def _displace(self, row: int, moved: Array, turned: float, faster: Array) -> None:
+        """Put one that is driven elsewhere [m], turn it about the vertical [rad], and add to its velocity [m/s]."""
+
+    def _push_others(self, number: int, rows: Sequence[int], change: Array) -> None:
+        """Change the states of some agents of a group without a drive."""
 
     def _lay_out(self) -> None:
         """Plan the velocities of the time step."""
@@ -289,6 +319,12 @@ class PhysicsEnvironment(ColumnEnvironment):
             tuple(bodies.motion[row, :-1].tolist()),
             float(bodies.motion[row, -1]),
         )
+
+    def _course(self, name: str, number: int) -> Pose:
+        """Where something with a path is when a physics step of the time step begins, and how it moves in it."""
+        obstacle = self.obstacles[name]
+        assert obstacle.path is not None
+        return obstacle.path.course(seconds(self._time) + number * self.step_time, self.step_time, obstacle.heading)
 
     def contacts(self) -> Sequence[Contact]:
         """The contacts that began or ended with the last step, and those of the start before the first."""

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from pydantic import Field
 from pymunk import batch
 
-from symaware_cli.core import Entity, Obstacle, Shape, seconds
+from symaware_cli.core import Entity, Obstacle, Shape
+from symaware_cli.core.geometry import Pieces, separation
 from symaware_cli.environments.joint import Joint, joined
 from symaware_cli.environments.physics import Bodies, PhysicsEnvironment
 from symaware_cli.environments.touch import Pair, pair
@@ -21,6 +22,9 @@ Indices = NDArray[np.intp]
 
 #: [m] How deep resting bodies may overlap, so that they stay in contact; Pymunk's own 0.1 is meant for pixels.
 _SLOP = 5e-4
+
+#: [m] Who overlaps by less at the start only touches.
+_TINY = 1e-9
 
 #: [m] How large a body without a shape is, as far as its inertia goes.
 _POINT = 0.1
@@ -55,6 +59,12 @@ class PymunkEnvironment(PhysicsEnvironment):
             default_factory=dict, description="What holds bodies together, by a name of its own."
         )
 
+    @property
+    def gravity(self) -> Sequence[float] | None:
+        """That of a plane seen from the side; seen from above, it has none."""
+        x, y = self.parameters.gravity
+        return (x, y, 0.0) if x or y else None
+
     def _build(self) -> None:
         """Bodies come in a fixed order: agents, free entities, moving ones, and last those that stay."""
         parameters = self.parameters
@@ -66,6 +76,8 @@ class PymunkEnvironment(PhysicsEnvironment):
         self._buffer, self._wrench = batch.Buffer(), batch.Buffer()
         self._indices: dict[int, int] = {}
         self._hit = False
+        #: Whose whole outline is a circle, which touches anything at one point.
+        self._discs: set[int] = set()
         self._ended: list[Pair] = []
         self._named: dict[str, pymunk.Body] = {}
         positions, headings = self._places()
@@ -132,8 +144,10 @@ class PymunkEnvironment(PhysicsEnvironment):
             each.owner = index
             # So that a ray can pass through the body that sends it; parts of one body never collide anyway.
             each.filter = pymunk.ShapeFilter(group=index + 1)
+        if len(shapes) == 1 and isinstance(shapes[0], pymunk.Circle):
+            self._discs.add(index)
         self._indices[body.id] = index
-        self._named[self._touches.name(index)] = body
+        self._named[self._touches.names[index]] = body
         self._space.add(body, *shapes)
 
     def close(self) -> None:
@@ -160,9 +174,8 @@ class PymunkEnvironment(PhysicsEnvironment):
                 self._lead(body, name, number)
             step(step_time)
             number += 1
-            if self._hit:
-                self._hit = False
-                self._take_begun()
+            if self._hit or ledger.fresh:
+                self._take_hits()
             if self._ended:
                 # After those that begin, so that who slides along a wall from part to part stays in contact.
                 for bodies in self._ended:
@@ -174,19 +187,22 @@ class PymunkEnvironment(PhysicsEnvironment):
 
     def _lead(self, body: pymunk.Body, name: str, number: int) -> None:
         """Give an entity with a path the velocity that brings it where the path is after this physics step."""
-        path = self.obstacles[name]
-        start = seconds(self._time)
-        now, then = (path.pose(start + (number + ahead) * self.step_time) for ahead in (0, 1))
-        body.position, body.angle = _flat(now.position), now.heading
-        change = [after - before for after, before in zip(then.position[:2], now.position[:2], strict=True)]
-        body.velocity = (change[0] / self.step_time, change[1] / self.step_time)
-        body.angular_velocity = (then.heading - now.heading) / self.step_time
+        course = self._course(name, number)
+        body.position, body.angle = _flat(course.position), course.heading
+        body.velocity, body.angular_velocity = _flat(course.velocity), course.turn_rate
 
     def _bodies(self) -> tuple[Bodies, Bodies]:
         rows = self._rows(_POSE, 6)[: len(self._driven) + len(self._free)].copy()
         parts = (rows[: len(self._driven)], rows[len(self._driven) :])
         driven, free = (Bodies(part[:, :2], part[:, 2], part[:, 3:]) for part in parts)
         return driven, free
+
+    def _displace(self, row: int, moved: Array, turned: float, faster: Array) -> None:
+        body = self._named[self.roster.ids[self._driven[row]]]
+        body.position += pymunk.Vec2d(*moved.tolist())
+        body.angle += turned
+        body.velocity += pymunk.Vec2d(*faster.tolist())
+        self._space.reindex_shapes_for_body(body)
 
     def _placement(self) -> Mapping[str, Array]:
         return {"bodies": self._rows(_POSE, 6)[: len(self._driven) + len(self._free)].copy()}
@@ -223,17 +239,23 @@ class PymunkEnvironment(PhysicsEnvironment):
         return distances
 
     def _find_overlaps(self) -> None:
-        found = []
+        """Measure those that Pymunk has near each other; of bodies in the same place it says that they only touch."""
+        near = []
         for shape in self._space.shapes:
             if shape.body is not None and shape.body.body_type == pymunk.Body.DYNAMIC:
-                for hit in self._space.shape_query(shape):
-                    other = hit.shape
-                    if other is not None and other.owner != shape.owner:
-                        point, depth = _deepest(hit.contact_point_set)
-                        found.append((pair(shape.owner, other.owner), -depth, point))
-        for bodies, depth, point in sorted(found):
-            if depth < 0.0:
-                self._touches.start(bodies, point, -depth)
+                others = self._space.bb_query(shape.bb, pymunk.ShapeFilter(group=shape.owner + 1))
+                near += [(shape, other) for other in others if shape.owner != other.owner]
+        if not near:
+            return
+        found = separation(*(Pieces.of(_outline(each) for each in side) for side in zip(*near, strict=True)))
+        middles = 0.5 * (found.first + found.second)
+        overlaps = [
+            (pair(one.owner, other.owner), distance, tuple(middle))
+            for (one, other), distance, middle in zip(near, found.distance.tolist(), middles.tolist(), strict=True)
+            if distance < -_TINY
+        ]
+        for bodies, distance, point in sorted(overlaps):
+            self._touches.start(bodies, point, -distance)
 
     def _on_begin(self, arbiter: pymunk.Arbiter, space: pymunk.Space, data: Any) -> None:
         self._hit = True
@@ -242,27 +264,47 @@ class PymunkEnvironment(PhysicsEnvironment):
         one, other = arbiter.shapes
         self._ended.append(pair(one.owner, other.owner))
 
-    def _take_begun(self) -> None:
-        """Tell the ledger of contacts that began in the last physics step, with what the engine knows of them now."""
+    def _take_hits(self) -> None:
+        """Tell the ledger of contacts that began in the last physics step, and how hard bodies hit each other in it."""
         self._buffer.clear()
         batch.get_space_arbiters(self._space, _HIT, self._buffer)
         numbers = np.frombuffer(self._buffer.int_buf(), np.uintp).reshape(-1, 3)
-        began = numbers[:, 2].nonzero()[0]
-        ids, hits = numbers[began, :2].tolist(), np.frombuffer(self._buffer.float_buf()).reshape(-1, 9)[began].tolist()
+        hits = np.frombuffer(self._buffer.float_buf()).reshape(-1, 9)
+        # The engine has them in the order of their addresses, and what floats add up to depends on their order.
+        if self._hit:
+            self._hit = False
+            begun = numbers[:, 2].nonzero()[0]
+            self._begin(sorted(zip(self._pairs(numbers[begun]), hits[begun].tolist(), strict=True)))
+        fresh = self._touches.fresh
+        if fresh:
+            pairs = enumerate(self._pairs(numbers))
+            for bodies, row in sorted((bodies, hits[row, :4].tolist()) for row, bodies in pairs if bodies in fresh):
+                self._touches.press(bodies, _impulse(row))
+
+    def _pairs(self, numbers: NDArray[np.uintp]) -> list[Pair]:
         index = self._indices
+        return [pair(index[one], index[other]) for one, other in numbers[:, :2].tolist()]
+
+    def _begin(self, parts: list[tuple[Pair, list[float]]]) -> None:
+        """Tell of those that begin to touch; a disc has all of its impulse in the physics step in which it does."""
         found: dict[Pair, tuple[tuple[float, float], float, float]] = {}
-        # The engine has them in the order of their addresses.
-        parts = sorted((pair(index[one], index[other]), hit) for (one, other), hit in zip(ids, hits, strict=True))
-        for bodies, (impulse_x, impulse_y, along_x, along_y, a_x, a_y, b_x, b_y, gap) in parts:
-            impulse = abs(impulse_x * along_x + impulse_y * along_y)
-            point, depth = (0.5 * (a_x + b_x), 0.5 * (a_y + b_y)), max(0.0, -gap)
+        for bodies, hit in parts:
+            a_x, a_y, b_x, b_y, gap = hit[4:]
+            point, depth, impulse = (0.5 * (a_x + b_x), 0.5 * (a_y + b_y)), max(0.0, -gap), _impulse(hit)
             if bodies in found:
-                # Of several parts that touch, the deepest tells where, and all together how hard.
-                impulse += found[bodies][2]
+                # Of several parts that touch, the deepest tells where.
                 point, depth = max((depth, point), found[bodies][1::-1])[::-1]
+                impulse += found[bodies][2]
             found[bodies] = point, depth, impulse
         for bodies, _ in parts:
-            self._touches.begin(bodies, *found[bodies])
+            point, depth, impulse = found[bodies]
+            self._touches.begin(bodies, point, depth, impulse if self._discs.intersection(bodies) else None)
+
+
+def _impulse(hit: Sequence[float]) -> float:
+    """How hard two bodies pressed on each other in a physics step [N s]."""
+    by_x, by_y, along_x, along_y = hit[:4]
+    return abs(by_x * along_x + by_y * along_y)
 
 
 def _shape(body: pymunk.Body, core: Sequence[Sequence[float]], radius: float) -> Any:
@@ -290,8 +332,10 @@ def _moment(entity: Entity | Obstacle) -> float:
     return pymunk.moment_for_poly(entity.mass, [_flat(corner) for corner in core], (0.0, 0.0), radius)
 
 
-def _deepest(found: pymunk.ContactPointSet) -> tuple[tuple[float, float], float]:
-    """The middle of the deepest overlap, and how deep it is."""
-    deepest = min(found.points, key=lambda each: each.distance)
-    middle = 0.5 * (deepest.point_a + deepest.point_b)
-    return (float(middle.x), float(middle.y)), -float(deepest.distance)
+def _outline(shape: Any) -> tuple[Sequence[Sequence[float]], float]:
+    """A piece of a body as `Shape.pieces` has them, where it is."""
+    if isinstance(shape, pymunk.Circle):
+        core = [shape.offset]
+    else:
+        core = [shape.a, shape.b] if isinstance(shape, pymunk.Segment) else shape.get_vertices()
+    return [shape.body.local_to_world(corner) for corner in core], shape.radius

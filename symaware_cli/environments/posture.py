@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.core.articulation import Articulation
+from symaware_cli.core.rotation import continued, yaws
+from symaware_cli.core.vehicle import read_bodies
 from symaware_cli.environments.bullet import engine
 
 Array = NDArray[np.float64]
@@ -28,6 +31,7 @@ class Postures:
         """
         self._client = client
         self._bases: dict[int, Transform | None] = {}
+        self._any_apart = False
         #: The engine's numbers of the joints of a body.
         self._joints: dict[int, Sequence[int]] = {}
 
@@ -39,6 +43,7 @@ class Postures:
             # Of a body that is no multibody the engine says what happens to stand in its memory.
             apart = dynamics[10] == _MULTIBODY and (any(position) or any(orientation[:3]))
             self._bases[body] = engine.invertTransform(position, orientation) if apart else None
+            self._any_apart |= apart
         return self._bases[body]
 
     def pose(self, body: int) -> Transform:
@@ -46,6 +51,25 @@ class Postures:
         pose: Transform = engine.getBasePositionAndOrientation(body, self._client)
         base = self.base(body)
         return engine.multiplyTransforms(*pose, *base) if base else pose
+
+    def displace(self, body: int, moved: Sequence[float], heading: float, faster: Sequence[float]) -> None:
+        """Put the base of an upright body elsewhere [m], with a heading [rad], and add to its velocity [m/s]."""
+        position, _ = self.pose(body)
+        velocity, spin = engine.getBaseVelocity(body, self._client)
+        there = [one + by for one, by in zip(position, moved, strict=True)]
+        orientation = (0.0, 0.0, math.sin(0.5 * heading), math.cos(0.5 * heading))
+        engine.resetBasePositionAndOrientation(body, *self.centre(body, there, orientation), self._client)
+        # To put it there has stopped it.
+        velocity = [one + by for one, by in zip(velocity, faster, strict=True)]
+        engine.resetBaseVelocity(body, velocity, spin, self._client)
+
+    def centre(self, body: int, position: Sequence[float], orientation: Sequence[float]) -> Transform:
+        """Where the centre of mass of a body is whose base is there, as `resetBasePositionAndOrientation` takes it."""
+        base = self.base(body)
+        if base is None:
+            return position, orientation
+        there: Transform = engine.multiplyTransforms(position, orientation, *engine.invertTransform(*base))
+        return there
 
     def poses(self, bodies: Sequence[int]) -> Array:
         """The positions [m] and quaternions (x, y, z, w) of the bases; shape (n, 7)."""
@@ -55,6 +79,27 @@ class Postures:
             flat += position
             flat += orientation
         return np.array(flat).reshape(len(bodies), 7)
+
+    def look(self, bodies: Sequence[int], headings: Array) -> tuple[Array, Array, Array]:
+        """Read bodies in one go.
+
+        Args:
+            bodies: The engine's numbers of them, for each of which `base` has been asked before.
+            headings: Their headings at the time before, from which the new ones count turns [rad]; shape (n,).
+
+        Returns:
+            Positions of the bases [m], shape (n, 3); headings [rad], shape (n,); and the velocities of the centres of
+            mass [m/s] with the turn rates about the vertical [rad/s], shape (n, 4).
+        """
+        if not bodies:
+            return np.empty((0, 3)), np.empty(0), np.empty((0, 4))
+        values = read_bodies(engine, self._client, bodies)
+        for row, body in enumerate(bodies if self._any_apart else ()):
+            base = self.base(body)
+            if base:
+                position, orientation = values[row, :3].tolist(), values[row, 3:7].tolist()
+                values[row, :7] = np.concatenate(engine.multiplyTransforms(position, orientation, *base))
+        return values[:, :3], continued(headings, yaws(values[:, 3:7])), values[:, [7, 8, 9, 12]]
 
     def joints(self, bodies: Sequence[int], articulation: Articulation) -> Array:
         """The positions of the joints that move, in the order of an articulation [rad] or [m]; shape (n, joints)."""

@@ -67,6 +67,34 @@ def cast(
     return distances
 
 
+def clear(client: int, owner: Mapping[int, int], obstacles: range, starts: Array, ends: Array) -> NDArray[np.bool_]:
+    """Tell which lines meet no obstacle; everything else is passed through.
+
+    Args:
+        client: PyBullet's client.
+        owner: Whose each of PyBullet's bodies is.
+        obstacles: Who stands in the way.
+        starts: Where lines begin [m]; shape (m, 3).
+        ends: Where they end [m]; shape (m, 3).
+
+    Returns:
+        Shape (m,).
+    """
+    free = np.ones(len(starts), bool)
+    along = ends - starts
+    length = np.sqrt((along * along).sum(axis=1))
+    towards = along / np.maximum(length, _STEP)[:, None]
+    gone = np.zeros(len(starts))
+    waiting = np.arange(len(starts))
+    while len(waiting):
+        bodies, shares = _hits(client, starts[waiting] + gone[waiting, None] * towards[waiting], ends[waiting])
+        gone[waiting] += shares * (length[waiting] - gone[waiting]) + _STEP
+        blocked = np.array([owner.get(body, -1) in obstacles for body in bodies], bool)
+        free[waiting[blocked]] = False
+        waiting = waiting[~blocked & (np.array(bodies) >= 0) & (gone[waiting] < length[waiting])]
+    return free
+
+
 def _hits(client: int, starts: Array, ends: Array) -> tuple[list[int], Array]:
     """The body that each ray meets first, -1 for none, and after which share of its way; (m, 3) each."""
     hits: list[tuple[int, float]] = []

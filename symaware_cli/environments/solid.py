@@ -6,13 +6,32 @@ import math
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-from symaware_cli.core import Entity, Shape, Wall, WorldError
+from symaware_cli.core import Entity, Shape, Urdf, Wall, WorldError
 from symaware_cli.core.scenery import Span
 from symaware_cli.environments import asset
 from symaware_cli.environments.bullet import engine, quiet
 from symaware_cli.environments.collision import MEETS
+
+#: [m] Farther away nothing is looked for.
+_ANY_DISTANCE = 1e3
+
+
+class Member(NamedTuple):
+    """One body of an entity of several.
+
+    Attributes:
+        body: The engine's number of it.
+        x: Where it is in the coordinates of the entity [m].
+        y: The other coordinate [m].
+        heading: How it is turned against the entity [rad].
+    """
+
+    body: int
+    x: float = 0.0
+    y: float = 0.0
+    heading: float = 0.0
 
 
 class Solids:
@@ -35,8 +54,8 @@ class Solids:
         self._loading = loading
         self._outlines: dict[str, int] = {}
 
-    def standing(self, shape: Shape | None) -> float:
-        """How high something of a plane stands [m]."""
+    def _standing(self, shape: Shape | None) -> float:
+        """How high something of a plane stands; of what a file describes, only that shows when it is there [m]."""
         return 0.0 if self._floor is None else self._floor + self._half_height(shape)
 
     def _half_height(self, shape: Shape | None) -> float:
@@ -49,36 +68,54 @@ class Solids:
             return 0.5 * shape.box.upright
         return 0.5 * (shape.cylinder.height if shape.cylinder else self._height)
 
-    def body(self, mass: float, shape: int, position: Sequence[float], heading: float) -> int:
-        """Make a body of an outline, by the engine's number of that; fixed if it has no mass."""
+    def make(self, mass: float, shape: Shape | None, position: Sequence[float], heading: float, *where: str) -> int:
+        """Make one body of any shape but a wall, fixed without a mass; with two coordinates it stands on the ground."""
+        place = position if len(position) == 3 else (*position, self._standing(shape))
+        if shape is not None and shape.urdf:
+            body = self._load(mass, shape.urdf, place, heading, *where)
+        else:
+            body = self._body(mass, self._outline(shape, *where), place, heading)
+        if len(position) == 2 and self._floor is not None and shape is not None and (shape.mesh or shape.urdf):
+            self._set_down(body, self._floor)
+        return body
+
+    def _body(self, mass: float, outline: int, position: Sequence[float], heading: float) -> int:
         body: int = engine.createMultiBody(
-            mass, shape, -1, position, turn(heading), useMaximalCoordinates=1, physicsClientId=self._client
+            mass, outline, -1, position, turn(heading), useMaximalCoordinates=1, physicsClientId=self._client
         )
         return body
 
-    def make(self, mass: float, shape: Shape | None, position: Sequence[float], heading: float, *where: str) -> int:
-        """Make one body of any shape but a wall."""
-        if shape is not None and shape.urdf:
-            file = asset.find(shape.urdf.file, self._folder, *where, "shape")
-            asset.check_description(file, shape.urdf.file, self._folder, *where, "shape")
-            with quiet() as said:
-                try:
-                    body: int = engine.loadURDF(
-                        str(file),
-                        position,
-                        turn(heading),
-                        useFixedBase=mass == 0.0,
-                        globalScaling=shape.urdf.scale,
-                        flags=self._loading,
-                        physicsClientId=self._client,
-                    )
-                except engine.error:
-                    body = -1
-            if body < 0:
-                raise WorldError(f"PyBullet cannot load `{shape.urdf.file}`: {last(said)}", *where, "shape")
-            self._check_masses(body, shape.urdf.file, mass > 0.0, *where, "shape")
-            return body
-        return self.body(mass, self._outline(shape, *where), position, heading)
+    def _load(self, mass: float, urdf: Urdf, position: Sequence[float], heading: float, *where: str) -> int:
+        file = asset.find(urdf.file, self._folder, *where, "shape", "urdf", "file")
+        asset.check_description(file, urdf.file, self._folder, *where, "shape", "urdf", "file")
+        with quiet() as said:
+            try:
+                body: int = engine.loadURDF(
+                    str(file),
+                    position,
+                    turn(heading),
+                    useFixedBase=mass == 0.0,
+                    globalScaling=urdf.scale,
+                    flags=self._loading,
+                    physicsClientId=self._client,
+                )
+            except engine.error:
+                body = -1
+        if body < 0:
+            raise WorldError(f"PyBullet cannot load `{urdf.file}`: {last(said)}", *where, "shape", "urdf", "file")
+        self._check_masses(body, urdf.file, mass > 0.0, *where, "shape", "urdf", "file")
+        return body
+
+    def _set_down(self, body: int, floor: float) -> None:
+        """Let the lowest of a body be on the ground."""
+        # Boxes around parts that are turned would be too large; how far a plane is from them is exact.
+        plane = engine.createCollisionShape(engine.GEOM_PLANE, physicsClientId=self._client)
+        ground = self._body(0.0, plane, (0.0, 0.0, floor), 0.0)
+        near = engine.getClosestPoints(body, ground, _ANY_DISTANCE, physicsClientId=self._client)
+        engine.removeBody(ground, self._client)
+        (x, y, z), orientation = engine.getBasePositionAndOrientation(body, self._client)
+        place = (x, y, z - min((point[8] for point in near), default=0.0))
+        engine.resetBasePositionAndOrientation(body, place, orientation, self._client)
 
     def _check_masses(self, body: int, file: str, moves: bool, *where: str) -> None:
         """See whether the masses of a file are some that the engine can compute with."""
@@ -98,7 +135,7 @@ class Solids:
             with quiet():
                 number = self._new_outline(shape, *where)
             if number < 0:
-                raise WorldError("PyBullet cannot make a body of this shape", *where, "shape")
+                raise WorldError("PyBullet cannot make a body of this shape", *where, "shape", shape.kind)
             self._outlines[key] = number
         return self._outlines[key]
 
@@ -119,7 +156,7 @@ class Solids:
             half = 0.5 * self._height
             said["vertices"] = [[*corner, height] for corner in shape.polygon.vertices for height in (-half, half)]
         elif shape.mesh:
-            said["fileName"] = str(asset.find(shape.mesh.file, self._folder, *where, "shape"))
+            said["fileName"] = str(asset.find(shape.mesh.file, self._folder, *where, "shape", "mesh", "file"))
             said["meshScale"] = [shape.mesh.scale] * 3
         try:
             number: int = engine.createCollisionShape(**said, physicsClientId=self._client)
@@ -154,9 +191,8 @@ class Solids:
         # A body without a shape turns as a small ball does.
         return moment or 0.4 * entity.mass * 0.01
 
-    def span(self, bodies: Sequence[int]) -> Span:
-        """How high an entity of some bodies reaches, as the engine has it now."""
-        level: float = engine.getBasePositionAndOrientation(bodies[0], self._client)[0][2]
+    def span(self, bodies: Sequence[int], level: float) -> Span:
+        """How high an entity of some bodies reaches whose position is at a height, as the engine has it now."""
         boxes = [engine.getAABB(body, link, self._client) for body in bodies for link in self._links(body)]
         return Span(level, min(low[2] for low, _ in boxes) - level, max(high[2] for _, high in boxes) - level)
 
@@ -164,20 +200,29 @@ class Solids:
         """The base of a body, and all its links."""
         return range(-1, engine.getNumJoints(body, self._client))
 
-    def make_wall(self, wall: Wall, position: Sequence[float], heading: float) -> list[int]:
-        """A wall's segments, and what rounds their ends."""
-        half, height, bodies = 0.5 * wall.thickness, self._height, []
-        cosine, sine = math.cos(heading), math.sin(heading)
-        points = [(position[0] + cosine * x - sine * y, position[1] + sine * x + cosine * y) for x, y in wall.points]
-        for (x, y), (to_x, to_y) in pairwise(points):
+    def make_wall(self, mass: float, wall: Wall, position: Sequence[float], heading: float) -> list[Member]:
+        """Make a body for each of a wall's segments, and for what rounds their ends; fixed if it has no mass.
+
+        One body of several shapes has no more than 16 in PyBullet.
+        """
+        place = (*position[:2], self._standing(Shape(wall=wall)) if len(position) == 2 else position[2])
+        half, height, members = 0.5 * wall.thickness, self._height, []
+
+        def add(shape: int, x: float, y: float, turned: float) -> None:
+            cosine, sine = math.cos(heading), math.sin(heading)
+            where = (place[0] + cosine * x - sine * y, place[1] + sine * x + cosine * y, place[2])
+            members.append(Member(self._body(mass, shape, where, heading + turned), x, y, turned))
+
+        for (x, y), (to_x, to_y) in pairwise(wall.points):
             extents = [0.5 * math.dist((x, y), (to_x, to_y)), half, 0.5 * height]
             shape = engine.createCollisionShape(engine.GEOM_BOX, halfExtents=extents, physicsClientId=self._client)
-            middle = (0.5 * (x + to_x), 0.5 * (y + to_y), position[2])
-            bodies.append(self.body(0.0, shape, middle, math.atan2(to_y - y, to_x - x)))
+            add(shape, 0.5 * (x + to_x), 0.5 * (y + to_y), math.atan2(to_y - y, to_x - x))
         shape = engine.createCollisionShape(
             engine.GEOM_CYLINDER, radius=half, height=height, physicsClientId=self._client
         )
-        return bodies + [self.body(0.0, shape, (x, y, position[2]), 0.0) for x, y in dict.fromkeys(points)]
+        for x, y in dict.fromkeys(wall.points):
+            add(shape, x, y, 0.0)
+        return members
 
 
 def turn(heading: float) -> tuple[float, float, float, float]:

@@ -11,44 +11,38 @@ from pydantic import Field
 
 from symaware_cli.core import (
     AgentGroup,
+    Attempts,
     Entity,
     Image,
     Obstacle,
-    Parameters,
     Scenery,
     Vehicle,
     WorldError,
     seconds,
 )
 from symaware_cli.core.articulation import Articulation
-from symaware_cli.core.rotation import attitude_columns, continued, yaws
+from symaware_cli.core.rotation import attitude_columns
 from symaware_cli.core.vehicle import read_bodies
 from symaware_cli.environments import collision, sight
 from symaware_cli.environments.bullet import MOST_SHOWN, Client, engine, quiet
 from symaware_cli.environments.collision import Collisions
 from symaware_cli.environments.drive import Drive
+from symaware_cli.environments.ground import Ground, footing, make_plane, make_slab
+from symaware_cli.environments.leading import lead
 from symaware_cli.environments.likeness import likenesses
+from symaware_cli.environments.noise import process_noise
 from symaware_cli.environments.physics import Bodies, PhysicsEnvironment
 from symaware_cli.environments.posture import Postures
-from symaware_cli.environments.solid import Solids, last, turn
+from symaware_cli.environments.solid import Member, Solids, last
+from symaware_cli.environments.touch import GROUND
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 _Component = Annotated[float, Field(ge=-1e9, le=1e9)]
 
-_NOBODY = Bodies(np.empty((0, 3)), np.empty(0), np.empty((0, 4)))
-
 #: [kg] and [kg m^2]: what nothing moves or tilts, and the engine can still compute with.
 _IMMOVABLE = 1e9
-
-
-class Ground(Parameters):
-    """A plane that everything falls on."""
-
-    height: float = Field(0.0, ge=-1e9, le=1e9, description="Where it is [m].")
-    friction: float = Field(1.0, ge=0, description="Coefficient of friction, times that of what lies on it.")
-    elasticity: float = Field(1.0, ge=0, le=1, description="Elasticity, times that of what falls on it.")
 
 
 class PyBulletEnvironment(PhysicsEnvironment):
@@ -59,7 +53,7 @@ class PyBulletEnvironment(PhysicsEnvironment):
     """
 
     dimensions = 3
-    provides = ("images",)
+    provides = ("images", "vehicles")
 
     class Parameters(PhysicsEnvironment.Parameters):
         """How the spatial world moves."""
@@ -75,8 +69,8 @@ class PyBulletEnvironment(PhysicsEnvironment):
             0.02,
             ge=0,
             le=1,
-            description="Part of an overlap that a physics step undoes. It adds energy to collisions: 0 is exact, and "
-            "then what overlaps stays so.",
+            description="Part of an overlap that a physics step undoes. To the speed at which vehicles and URDF files "
+            "bounce it adds as large a part.",
         )
         iterations: int = Field(50, ge=1, le=1000, description="How often a physics step goes over all contacts.")
         visuals: bool = Field(
@@ -85,6 +79,21 @@ class PyBulletEnvironment(PhysicsEnvironment):
             "3 MB for that, and else a twentieth.",
         )
         gui: bool = Field(False, description="Whether to show the window of PyBullet; it needs a screen.")
+
+    def initialise(self, groups: Sequence[AgentGroup], obstacles: Mapping[str, Obstacle], seed: int) -> None:
+        """Put everybody in place."""
+        step = seconds(self.time_step)
+        #: What shakes the groups of vehicles; where there is a drive, that does.
+        self._noises = {
+            group.name: process_noise(group, step, seed) for group in groups if group.model.vehicle() is not None
+        }
+        super().initialise(groups, obstacles, seed)
+
+    @property
+    def gravity(self) -> Sequence[float]:
+        """That of the parameters."""
+        given: Sequence[float] = self.parameters.gravity
+        return given
 
     def _drive(self, group: AgentGroup, seed: int) -> Drive | None:
         return super()._drive(group, seed) if group.model.vehicle() is None else None
@@ -107,14 +116,11 @@ class PyBulletEnvironment(PhysicsEnvironment):
         pictures = parameters.gui or parameters.visuals
         self._loading = 0 if pictures else engine.URDF_IGNORE_VISUAL_SHAPES
         self._index: dict[int, int] = {}
-        self._frames: dict[int, tuple[Sequence[float], Sequence[float]]] = {}
         self.ground = parameters.ground.height if parameters.ground else None
         self._solids = Solids(client, self.folder, parameters.height, self.ground, self._loading)
         self._postures = Postures(client)
         if parameters.ground:
-            shape = engine.createCollisionShape(engine.GEOM_PLANE, physicsClientId=client)
-            plane = self._solids.body(0.0, shape, (0.0, 0.0, parameters.ground.height), 0.0)
-            self._finish(plane, len(self.roster) + len(self.obstacles), parameters.ground, collision.GROUND)
+            self._lay_ground(parameters.ground)
         self._vehicles: list[tuple[Vehicle, int]] = []
         self._agents = [-1] * len(self._driven)
         #: The rows of those whom something can divert.
@@ -123,14 +129,18 @@ class PyBulletEnvironment(PhysicsEnvironment):
         self._heights = np.zeros(len(self._driven))
         self._planar = np.zeros(len(self._driven), bool)
         parts = {number: part for _, number, part in self._parts}
+        attempts = Attempts()
         for number, group in enumerate(self.groups):
-            if number in parts:
-                self._add_driven(group, self._states[number], parts[number])
-            else:
-                self._add_vehicles(group, number)
+            with attempts.one():
+                if number in parts:
+                    self._add_driven(group, self._states[number], parts[number])
+                else:
+                    self._add_vehicles(group, number)
         first = len(self.roster)
         for index, (name, obstacle) in enumerate(self.obstacles.items()):
-            self._add_obstacle(first + index, name, obstacle)
+            with attempts.one():
+                self._add_obstacle(first + index, name, obstacle)
+        attempts.conclude()
         vehicles = {self.groups[number].name: vehicle for vehicle, number in self._vehicles}
         self._articulations = likenesses(self.groups, self.obstacles, vehicles, self.folder, parameters.height)
         self._drifts = bool(self._planar.any())
@@ -142,10 +152,29 @@ class PyBulletEnvironment(PhysicsEnvironment):
         owned: dict[int, list[int]] = {}
         for body, index in self._index.items():
             owned.setdefault(index, []).append(body)
-        spans = [self._solids.span(owned[first + number]) for number in range(len(self.obstacles))]
+        spans = [
+            self._solids.span(owned[first + number], self._levels[name]) for number, name in enumerate(self.obstacles)
+        ]
         self._scenery = Scenery(self.obstacles, 0, dict(zip(self.obstacles, spans, strict=True)))
 
     # -- bodies
+
+    def _lay_ground(self, ground: Ground) -> None:
+        """Make what everything falls on, of whatever there is to stand on it."""
+        named: dict[str, tuple[str, ...]] = {group.name: ("agents",) for group in self.groups}
+        named |= dict.fromkeys(self.obstacles, ("environment", "entities"))
+        if GROUND in named:
+            raise WorldError(f"contacts call the ground `{GROUND}`; give this another name", *named[GROUND], GROUND)
+        index = len(self.roster) + len(self.obstacles)
+        self._finish(make_plane(self._id, ground.height), index, ground, collision.GROUND)
+        free = [self.obstacles[name] for name in self._free]
+        starts = [each.pose().position for each in free if footing(each.shape) == collision.FACED]
+        for drive, number, _ in self._parts:
+            # Who moves in a plane does not touch the ground.
+            if len(drive.group.model.position) == 3 and footing(drive.group.entity.shape) == collision.FACED:
+                starts += self._states[number][:, list(drive.group.model.position)].tolist()
+        if starts:
+            self._finish(make_slab(self._id, ground.height, starts), index, ground, collision.SLAB)
 
     def _add_driven(self, group: AgentGroup, state: Array, part: slice) -> None:
         model, entity = group.model, group.entity
@@ -153,8 +182,6 @@ class PyBulletEnvironment(PhysicsEnvironment):
         where = ("agents", group.name, "entity")
         for row, own in zip(range(part.start, part.stop), state, strict=True):
             position = own[list(model.position)].tolist()
-            if planar:
-                position.append(self._solids.standing(entity.shape))
             heading = float(own[model.heading]) if model.heading is not None else 0.0
             body = self._solids.make(entity.mass, entity.shape, position, heading, *where)
             inertia = self._solids.moment(body, entity)
@@ -162,21 +189,24 @@ class PyBulletEnvironment(PhysicsEnvironment):
             # What is driven stays upright: nothing tilts it.
             upright = [_IMMOVABLE, _IMMOVABLE, turning]
             engine.changeDynamics(body, -1, mass=entity.mass, localInertiaDiagonal=upright, physicsClientId=self._id)
-            self._finish(
-                body, int(self._driven[row]), entity, collision.UPRIGHT if planar else collision.FREE, damping=0.0
-            )
+            kind = collision.UPRIGHT if planar else footing(entity.shape)
+            self._finish(body, int(self._driven[row]), entity, kind, damping=0.0)
             if model.velocities:
                 self._velocity[row, : len(model.velocities)] = own[list(model.velocities)]
                 engine.resetBaseVelocity(body, self._velocity[row, :3].tolist(), (0, 0, 0), self._id)
             self._agents[row], self._headings[row] = body, heading
             if entity.shape:
                 self._row_of[body] = row
-            self._heights[row], self._planar[row] = position[2], planar
+            self._heights[row], self._planar[row] = self._postures.pose(body)[0][2], planar
             self._inertia[row, -1] = inertia / self.step_time if turns else 0.0
 
     def _add_vehicles(self, group: AgentGroup, number: int) -> None:
         vehicle = group.model.vehicle()
         assert vehicle is not None
+        if vehicle.needs_ground and self.ground is None:
+            where = ("environment", "with", "ground")
+            raise WorldError(f"the vehicles of `{group.name}` drive on the ground, and there is none", *where)
+        vehicle.ground = self.ground
         bodies, start, file = [], self.roster.start(group.name), str(vehicle.description())
         flags = vehicle.flags | self._loading
         for row, own in enumerate(self._states[number]):
@@ -191,35 +221,41 @@ class PyBulletEnvironment(PhysicsEnvironment):
                 vehicle.dress(engine, self._id, body)
         for body in bodies:
             self._solids.meet(body, collision.FREE)
-        vehicle.attach(engine, self._id, bodies, self._states[number], self.step_time)
+        try:
+            vehicle.attach(engine, self._id, bodies, self._states[number], self.step_time)
+        except WorldError as error:
+            within = error.path if error.path[0] == "with" else ()
+            raise WorldError(str(error), "agents", group.name, "model", *within) from error
+        if self._noises[group.name] and type(vehicle).displace is Vehicle.displace:
+            raise WorldError("its vehicle takes no process noise", "agents", group.name, "model")
         self._vehicles.append((vehicle, number))
 
     def _add_obstacle(self, index: int, name: str, obstacle: Obstacle) -> None:
         pose = obstacle.pose()
-        position = list(pose.position)
-        if len(position) == 2:
-            position.append(self._solids.standing(obstacle.shape))
         where = ("environment", "entities", name)
-        kind = collision.FREE if obstacle.is_free else collision.LED if obstacle.path else collision.FIXED
-        if obstacle.shape.wall:
-            self._walls[name] = position[2]
-            for body in self._solids.make_wall(obstacle.shape.wall, position, pose.heading):
-                self._finish(body, index, obstacle, kind)
-            return
+        kind = footing(obstacle.shape) if obstacle.is_free else collision.LED if obstacle.path else collision.FIXED
         mass = obstacle.mass if obstacle.is_free else _IMMOVABLE if obstacle.path else 0.0
         assert mass is not None
-        body = self._solids.make(mass, obstacle.shape, position, pose.heading, *where)
-        self._entities[name] = body
-        self._finish(body, index, obstacle, kind)
+        if obstacle.shape.wall:
+            members = self._solids.make_wall(mass, obstacle.shape.wall, pose.position, pose.heading)
+        else:
+            members = [Member(self._solids.make(mass, obstacle.shape, pose.position, pose.heading, *where))]
+            self._entities[name] = members[0].body
+        for member in members:
+            self._finish(member.body, index, obstacle, kind)
+        self._members[name] = members
+        self._levels[name] = self._postures.pose(members[0].body)[0][2]
         if obstacle.is_free:
             velocity = [*(obstacle.velocity or ()), 0.0, 0.0, 0.0][:3]
-            engine.resetBaseVelocity(body, velocity, (0.0, 0.0, obstacle.turn_rate), self._id)
+            engine.resetBaseVelocity(members[0].body, velocity, (0.0, 0.0, obstacle.turn_rate), self._id)
 
     def _prepare(self) -> None:
         super()._prepare()
+        #: Entities of one body, which all but walls are.
         self._entities: dict[str, int] = {}
-        #: How high the middles of walls are [m].
-        self._walls: dict[str, float] = {}
+        self._members: dict[str, Sequence[Member]] = {}
+        #: How high entities were put [m].
+        self._levels: dict[str, float] = {}
 
     def _finish(
         self, body: int, index: int, surface: Entity | Obstacle | Ground, kind: int, damping: float | None = None
@@ -229,9 +265,7 @@ class PyBulletEnvironment(PhysicsEnvironment):
         lost = self.parameters.damping if damping is None else damping
         self._solids.finish(body, surface.friction, surface.elasticity, lost)
         self._solids.meet(body, kind)
-        base = self._postures.base(body)
-        if base:
-            self._frames[body] = base
+        self._postures.base(body)
 
     # -- steps
 
@@ -285,17 +319,8 @@ class PyBulletEnvironment(PhysicsEnvironment):
 
     def _lead(self, name: str, number: int) -> None:
         """Put an entity with a path where it is, with the velocity that brings it where the path is next."""
-        body, path = self._entities[name], self.obstacles[name].path
-        assert path is not None
-        start, heading = seconds(self._time), self.obstacles[name].heading
-        now, then = (path.pose(start + (number + ahead) * self.step_time, heading) for ahead in (0, 1))
-        height = [self._solids.standing(self.obstacles[name].shape)] if len(now.position) == 2 else []
-        position = [*now.position, *height]
-        change = [after - before for after, before in zip([*then.position, *height], position, strict=True)]
-        velocity = [by / self.step_time - fall for by, fall in zip(change, self._fall, strict=False)]
-        engine.resetBasePositionAndOrientation(body, position, turn(now.heading), self._id)
-        spin = (0.0, 0.0, (then.heading - now.heading) / self.step_time)
-        engine.resetBaseVelocity(body, velocity, spin, self._id)
+        bodies, level = self._members[name], self._levels[name]
+        lead(self._id, self._postures, bodies, level, self._course(name, number), self._fall.tolist())
 
     def _find_overlaps(self) -> None:
         self._collisions.start()
@@ -303,26 +328,20 @@ class PyBulletEnvironment(PhysicsEnvironment):
     # -- what is read back
 
     def _bodies(self) -> tuple[Bodies, Bodies]:
-        driven = self._look(self._agents, self._headings)
-        free = self._look([self._entities[name] for name in self._free], self._free_headings)
+        driven = Bodies(*self._postures.look(self._agents, self._headings))
+        bodies = [self._entities[name] for name in self._free]
+        free = Bodies(*self._postures.look(bodies, self._free_headings))
         self._positions, self._headings = driven.positions, driven.headings
         self._free_headings = free.headings
         return driven, free
 
-    def _look(self, bodies: Sequence[int], headings: Array) -> Bodies:
-        """Read bodies; their headings count turns from where they were before."""
-        if not bodies:
-            return _NOBODY
-        values = read_bodies(engine, self._id, bodies)
-        if self._frames:
-            for row, body in enumerate(bodies):
-                if body in self._frames:
-                    position, orientation = values[row, :3].tolist(), values[row, 3:7].tolist()
-                    values[row, :7] = np.concatenate(
-                        engine.multiplyTransforms(position, orientation, *self._frames[body])
-                    )
-        headings = continued(headings, yaws(values[:, 3:7]))
-        return Bodies(values[:, :3], headings, values[:, [7, 8, 9, 12]])
+    def _displace(self, row: int, moved: Array, turned: float, faster: Array) -> None:
+        self._headings[row] += turned
+        self._postures.displace(self._agents[row], moved.tolist(), float(self._headings[row]), faster.tolist())
+
+    def _push_others(self, number: int, rows: Sequence[int], change: Array) -> None:
+        vehicle = next(vehicle for vehicle, own in self._vehicles if own == number)
+        vehicle.displace(rows, np.tile(change, (len(rows), 1)))
 
     def _placement(self) -> Mapping[str, Array]:
         """Where the centres of mass of bodies are that move, how they are turned, and how their joints stand."""
@@ -349,6 +368,10 @@ class PyBulletEnvironment(PhysicsEnvironment):
     def _read_others(self, velocities: Array) -> None:
         for vehicle, number in self._vehicles:
             state, velocity = vehicle.read()
+            noise = self._noises[self.groups[number].name]
+            if noise and self._time:
+                vehicle.displace(range(len(state)), noise.draw())
+                state, velocity = vehicle.read()
             state.flags.writeable = False
             self._states[number] = state
             group = self.groups[number]
@@ -390,6 +413,16 @@ class PyBulletEnvironment(PhysicsEnvironment):
         rays = np.repeat(senders, width), starts.reshape(-1, 3), towards.reshape(-1, 3)
         return sight.cast(self._id, self._index, *rays, reach).reshape(count, width)
 
+    def in_sight(self, ones: Indices, others: Indices) -> NDArray[np.bool_]:
+        """Look along lines between the middles of bodies, for the shapes of the engine."""
+        count = len(self.roster)
+        middles, obstacles = self.body_positions(self.roster.ids), range(count, count + len(self.obstacles))
+        # Both directions share a line.
+        keys, line = np.unique(np.minimum(ones, others) * count + np.maximum(ones, others), return_inverse=True)
+        starts, ends = (middles.take(each, 0) for each in np.divmod(keys, count))
+        free: NDArray[np.bool_] = sight.clear(self._id, self._index, obstacles, starts, ends)[line]
+        return free
+
     def body_positions(self, names: Sequence[str]) -> Array:
         """Return where bodies are in space; of walls, which are made of several, where the entity is."""
         places = super().body_positions(names)
@@ -397,8 +430,8 @@ class PyBulletEnvironment(PhysicsEnvironment):
             body = self._entities.get(name)
             if name in self.roster:
                 body = self._body_of[self.roster.index(name)]
-            elif name in self._walls:
-                places[row, 2] = self._walls[name]
+            elif name in self._levels and len(self.pose(name).position) == 2:
+                places[row, 2] = self._levels[name]
             if body is not None:
                 places[row, 2] = self._postures.pose(body)[0][2]
         return places

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from dataclasses import replace
 
 from symaware_cli.core import Contact
+
+#: What contacts call the ground.
+GROUND = "ground"
 
 #: Two bodies, by index, the lesser first.
 Pair = tuple[int, int]
@@ -22,6 +26,7 @@ class TouchLedger:
 
     Attributes:
         agents: How many contacts an agent takes part in.
+        names: The name of each body, by index.
     """
 
     def __init__(self, names: Sequence[str], agents: int) -> None:
@@ -33,16 +38,19 @@ class TouchLedger:
         """
         self.agents = 0
         self._first_other = agents
-        self._names = names
+        self.names = names
         self._touching: dict[Pair, int] = {}
         self._points: dict[Pair, tuple[float, ...]] = {}
         #: What overlaps at the start was told then; that the engine finds it, too, is no news.
         self._told: set[Pair] = set()
         self._news: list[Contact] = []
+        #: Of those that began to touch in this time step and still do: their place in the news, and how hard [N s].
+        self._fresh: dict[Pair, tuple[int, float]] = {}
 
-    def name(self, body: int) -> str:
-        """The name of a body."""
-        return self._names[body]
+    @property
+    def fresh(self) -> Collection[Pair]:
+        """Who began to touch in this time step, and still does: `press` adds up how hard."""
+        return self._fresh.keys()
 
     def start(self, bodies: Pair, point: tuple[float, ...], depth: float) -> None:
         """Tell of bodies that overlap at the start."""
@@ -57,8 +65,15 @@ class TouchLedger:
             self._join(bodies)
             self._points[bodies] = point
 
-    def begin(self, bodies: Pair, point: tuple[float, ...], depth: float, impulse: float) -> None:
-        """A part of one begins to touch a part of the other."""
+    def begin(self, bodies: Pair, point: tuple[float, ...], depth: float, impulse: float | None = None) -> None:
+        """A part of one begins to touch a part of the other.
+
+        Args:
+            bodies: Which.
+            point: Where [m].
+            depth: How deep [m].
+            impulse: How hard [N s]; None if `press` tells, of that physics step, too.
+        """
         if bodies in self._touching:
             self._touching[bodies] += 1
             return
@@ -67,7 +82,15 @@ class TouchLedger:
             self._told.discard(bodies)
         else:
             self._points[bodies] = point
-            self._news.append(self._contact(bodies, point, depth, impulse=impulse))
+            if impulse is None:
+                self._fresh[bodies] = len(self._news), 0.0
+            self._news.append(self._contact(bodies, point, depth, impulse=impulse or 0.0))
+
+    def press(self, bodies: Pair, impulse: float) -> None:
+        """Add to the impulse of those that are fresh; of others it is no news [N s]."""
+        if bodies in self._fresh:
+            place, before = self._fresh[bodies]
+            self._fresh[bodies] = place, before + impulse
 
     def end(self, bodies: Pair) -> None:
         """A part of one ceases to touch a part of the other."""
@@ -75,11 +98,14 @@ class TouchLedger:
         if count > 1:
             self._touching[bodies] = count - 1
         elif count:
+            self._sum_up(bodies)
             self.agents -= bodies[0] < self._first_other
             self._part(bodies)
 
     def settle(self) -> None:
-        """Part those that were told of at the start, and whom the engine does not find to touch."""
+        """End a time step; part those that were told of at the start, and whom the engine does not find to touch."""
+        for bodies in list(self._fresh):
+            self._sum_up(bodies)
         for bodies in sorted(self._told):
             self._part(bodies)
         self._told.clear()
@@ -92,6 +118,11 @@ class TouchLedger:
     def _part(self, bodies: Pair) -> None:
         self._news.append(self._contact(bodies, self._points.pop(bodies), 0.0, begins=False))
 
+    def _sum_up(self, bodies: Pair) -> None:
+        if bodies in self._fresh:
+            place, impulse = self._fresh.pop(bodies)
+            self._news[place] = replace(self._news[place], impulse=impulse)
+
     def _join(self, bodies: Pair) -> None:
         self._touching[bodies] = 1
         self.agents += bodies[0] < self._first_other
@@ -99,7 +130,7 @@ class TouchLedger:
     def _contact(
         self, bodies: Pair, point: tuple[float, ...], depth: float, begins: bool = True, impulse: float = 0.0
     ) -> Contact:
-        first, second = self._names[bodies[0]], self._names[bodies[1]]
+        first, second = self.names[bodies[0]], self.names[bodies[1]]
         if first > second:
             first, second = second, first
         return Contact(first, second, point, depth, begins, impulse)

