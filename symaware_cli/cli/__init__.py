@@ -8,6 +8,7 @@ from typing import NoReturn
 
 def main() -> None:
     """Run the command ``symaware``."""
+    _open_streams()
     if sys.argv[1:] == ["--version"]:
         # Before anything is imported: this is what scripts ask for most often.
         from symaware_cli import __version__
@@ -23,6 +24,15 @@ def main() -> None:
     except KeyboardInterrupt:
         # Wherever it comes: even before the verb has begun, or while it ends.
         raise SystemExit(130) from None
+
+
+def _open_streams() -> None:
+    """Open the streams that the process was started without, in their order: no file of ours may take their numbers."""
+    for name in ("stdin", "stdout", "stderr"):
+        if getattr(sys, name) is None:
+            stream = open(os.devnull, "r" if name == "stdin" else "w")  # noqa: SIM115 (for ever)
+            os.set_inheritable(stream.fileno(), True)
+            setattr(sys, name, stream)
 
 
 def _refuse_output(error: OSError) -> NoReturn:

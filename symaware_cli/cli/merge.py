@@ -34,7 +34,7 @@ def merge(
     try:
         with trouble_shown(as_json):
             from symaware_cli.recording.merging import merge as write
-            from symaware_cli.recording.part import open_parts
+            from symaware_cli.recording.part import missing_in_words, open_parts
 
             parts = open_parts(paths)
             start = min((part.log.start_time or 0 for part in parts), default=0)
@@ -51,7 +51,9 @@ def merge(
         typer.echo(_text(parts, merged))
         for part in lost:
             typer.echo(f"symaware: {part.log.path}: {part.log.damage}", err=True)
-    raise typer.Exit(DATA_LOST if lost else 0)
+        if merged.missing:
+            typer.echo(f"symaware: {missing_in_words(merged.missing)}", err=True)
+    raise typer.Exit(DATA_LOST if lost or merged.missing else 0)
 
 
 def _plain(parts: Sequence[Part], merged: Merged, lost: Sequence[Part]) -> dict[str, Any]:
@@ -63,14 +65,15 @@ def _plain(parts: Sequence[Part], merged: Merged, lost: Sequence[Part]) -> dict[
         "repeated": merged.repeated,
         "start": _seconds(merged.start_time),
         "end": _seconds(merged.end_time),
-        "lost": bool(lost),
+        "lost": bool(lost or merged.missing),
+        "missing": list(merged.missing),
         "parts": [
             {
                 "log": str(part.log.path),
                 "name": part.name,
                 "host": part.host,
                 "agents": list(part.agents),
-                "start": _seconds(part.log.start_time),
+                "start": _seconds(part.start),
                 "end": _seconds(part.log.end_time),
                 "damage": str(part.log.damage) if part.log.damage else None,
             }
@@ -89,7 +92,7 @@ def _text(parts: Sequence[Part], merged: Merged) -> str:
         f"  {'part':<{width}} {'agents':>7} {'from [s]':>10} {'until [s]':>10}  log",
     ]
     for name, part in zip(names, parts, strict=True):
-        start, end = (_number(time) for time in (part.log.start_time, part.log.end_time))
+        start, end = (_number(time) for time in (part.start, part.log.end_time))
         lines.append(f"  {name:<{width}} {len(part.agents):>7,} {start:>10} {end:>10}  {part.log.path}")
     return "\n".join(lines)
 

@@ -18,7 +18,7 @@ def text(summary: Overview) -> str:
         lines.append(_line("origin", "not written by SymAware; only its channels can be shown"))
     else:
         lines.append(_line("scenario", f"{summary.name}, seed {summary.seed}, {summary.mode}"))
-        groups = ", ".join(f"{name} ({count})" for name, count in summary.agents.items())
+        groups = ", ".join(f"{name} ({count})" for name, count in summary.agents.items()) or "none"
         lines.append(_line("agents", groups))
         if summary.entities:
             lines.append(_line("entities", ", ".join(summary.entities)))

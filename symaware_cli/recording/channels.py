@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from symaware_cli.core import AgentGroup, AwarenessDatabase, Environment, Quantity, Tracks
 from symaware_cli.core.column import Column, SeriesColumn
+from symaware_cli.core.time import SECOND
 from symaware_cli.recording import symaware_v1_pb2 as v1
 from symaware_cli.recording import wire
 from symaware_cli.recording.sensing import SensorChannels
@@ -255,13 +256,14 @@ class GroupChannels:
         if self._own is not None:
             lengths, tracks = lengths[self._own], tracks.select(np.isin(tracks.observers, self._own))
         values = np.concatenate([tracks.positions, tracks.velocities], axis=1)
+        ages = tracks.ages + (now - tracks.time) / SECOND
         encoded = wire.encode_awareness(
             lengths,
             tracks.others,
             [values.shape[1]],
             values,
             covariances=() if tracks.covariances is None else tracks.covariances,
-            ages=tracks.ages if tracks.ages.any() else (),
+            ages=ages if ages.any() else (),
             rows=self._own,
         )
         self._writer.add(channel, now, encoded)

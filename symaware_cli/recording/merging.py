@@ -4,7 +4,7 @@ import heapq
 import json
 import os
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from hashlib import blake2b
 from pathlib import Path
@@ -14,13 +14,16 @@ from symaware_cli.recording.error import LogError, OutputError
 from symaware_cli.recording.index import ChannelInfo
 from symaware_cli.recording.message import LogMessage
 from symaware_cli.recording.output import whole_file
-from symaware_cli.recording.part import Part
+from symaware_cli.recording.part import Part, missing_agents, missing_in_words
 from symaware_cli.recording.recovery import Damage
 from symaware_cli.recording.schema import MANIFEST, MESSAGES, RECOVERY, TIMING, json_values
 from symaware_cli.recording.writer import LogWriter
 
 _PROGRESS = 256
 """Messages between two reports of progress."""
+
+_END = b"finished"
+"""What the event is called with which a run ends."""
 
 _NAMES = {message.DESCRIPTOR.full_name: name for name, message in MESSAGES.items()}
 """What `LogWriter.channel` calls a message, by its full name."""
@@ -35,6 +38,7 @@ class Merged:
         size: Its size, bytes.
         messages: How many it holds.
         repeated: Messages left out because they stand in several parts.
+        missing: The agents that none of the parts ran.
         start_time: Simulated time of the first message, ns; None without messages.
         end_time: Simulated time of the last message, ns; None without messages.
     """
@@ -43,6 +47,7 @@ class Merged:
     size: int
     messages: int
     repeated: int
+    missing: tuple[str, ...]
     start_time: int | None
     end_time: int | None
 
@@ -53,8 +58,8 @@ def merge(
     """Join the parts of a run into one log, as a single process would have written it.
 
     Messages are ordered by time, then by part, and numbered anew. What several parts tell alike, such as an event that
-    everybody was told of, is written once. Memory holds a chunk of each part, and a digest of each message of one
-    instant that might stand in several.
+    everybody was told of, is written once, and why the run ended is what the host says. Memory holds a chunk of each
+    part, and a digest of each message of one instant that might stand in several.
 
     Args:
         parts: What `open_parts` returned; what is damaged in them is left out, and their damage tells of it afterwards.
@@ -73,7 +78,7 @@ def merge(
         except OutputError as error:
             # Then `whole_file` says so, of the file that was asked for.
             raise error.__cause__ or error from None
-    return Merged(path, writer.size, writer.messages, repeated, start, end)
+    return Merged(path, writer.size, writer.messages, repeated, tuple(missing_agents(parts)), start, end)
 
 
 def _write(
@@ -146,9 +151,11 @@ def _stream(rank: int, part: Part) -> Iterator[tuple[int, int, LogMessage]]:
 class _Once:
     """Finds what several parts tell: of n equal messages of one instant in one and m in another, max(n, m) stay."""
 
-    def __init__(self, parts: Iterable[Part]) -> None:
+    def __init__(self, parts: Sequence[Part]) -> None:
         topics = Counter(topic for part in parts for topic in part.log.channels)
         self._shared = {topic for topic, count in topics.items() if count > 1}
+        #: Whether a part tells how the run ended. Otherwise, as of a host that was killed, what its members say stays.
+        self._has_end = any(part.host and part.log.outcome is not None for part in parts)
         self._place = (0, 0)
         self._written: Counter[tuple[str, bytes]] = Counter()
         self._own: Counter[tuple[str, bytes]] = Counter()
@@ -163,6 +170,8 @@ class _Once:
         topic = message.channel.topic
         if topic not in self._shared:
             return True
+        if rank and self._has_end and _is_end(message):
+            return False
         if self._place != (message.time, rank):
             if self._place[0] != message.time:
                 self._written.clear()
@@ -174,6 +183,14 @@ class _Once:
             return False
         self._written[key] = self._own[key]
         return True
+
+
+def _is_end(message: LogMessage) -> bool:
+    """Whether a message is the event that a run has finished, of which each process says as much as it knows."""
+    if not message.channel.carries("Event") or _END not in message.data:
+        return False
+    event = message.decode()
+    return (event.name, event.source) == (_END.decode(), "run")
 
 
 def _describe_end(writer: LogWriter, parts: Sequence[Part]) -> None:
@@ -198,6 +215,9 @@ def _losses(parts: Sequence[Part]) -> dict[str, Any] | None:
         while isinstance(earlier, dict):
             told.append((str(earlier.get("log")), str(earlier.get("text")), bool(earlier.get("lost"))))
             earlier = earlier.get("earlier")
+    missing = missing_agents(parts)
+    if missing:
+        told.append((parts[0].log.path.name, missing_in_words(missing), True))
     if not told:
         return None
     total = Damage(

@@ -169,8 +169,14 @@ def _channel(log: Log, topic: str, times: list[int], size: int) -> ChannelOvervi
         start=times[0] / 1e9 if times else None,
         end=times[-1] / 1e9 if times else None,
         rate=(len(times) - 1) / span if span else None,
-        gaps=_gaps(times) if topic.startswith("/world/") else (),
+        gaps=_gaps(times) if _is_regular(log, topic) else (),
     )
+
+
+def _is_regular(log: Log, topic: str) -> bool:
+    """Whether a channel has a message for each step: entities, unlike agents, are told of only as they change."""
+    _, root, name, *_ = f"{topic}///".split("/")
+    return root == "world" and name not in log.manifest.get("entities", {})
 
 
 def _gaps(times: list[int]) -> tuple[Gap, ...]:

@@ -14,6 +14,8 @@ from symaware_cli.recording.reader import Log, open_log
 
 _RESOLVED = "resolved.yaml"
 _VERSIONS = "versions.json"
+#: How many agents that are missing are named.
+_NAMED = 12
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,6 +85,19 @@ def open_parts(paths: Iterable[str | os.PathLike[str]]) -> list[Part]:
     for one, other in combinations(parts, 2):
         _require_one_place(one, other)
     return parts
+
+
+def missing_agents(parts: Sequence[Part]) -> list[str]:
+    """The agents of a run that none of its parts ran, in the order of the manifest."""
+    present = {agent for part in parts for agent in part.agents}
+    return [agent for agents in parts[0].log.agents.values() for agent in agents if agent not in present]
+
+
+def missing_in_words(agents: Sequence[str]) -> str:
+    """Say that no part ran some agents."""
+    named = agents if len(agents) <= _NAMED else [*agents[: _NAMED - 1], f"{len(agents) - _NAMED + 1} more"]
+    listed = f"{', '.join(named[:-1])} and {named[-1]}" if len(named) > 1 else "".join(named)
+    return f"no part ran {listed}, so what they knew and did is missing: name the logs of all processes"
 
 
 def _part(log: Log) -> Part:

@@ -104,7 +104,10 @@ class Log(McapFile):
             LogError: There is no such name or field.
         """
         group, row, count = self._place(name)
-        info = self._channel(self.series_topic(group, field), f"{field} of {name!r}", "Rows", "Control", "SeriesRows")
+        topic, known = self.series_topic(group, field), self._fields(group)
+        there = sorted(other for other in known if known[other] in self.channels)
+        what = f"{field} of {name!r}"
+        info = self._channel(topic, what, "Rows", "Control", "SeriesRows", instead=there)
         entries = (
             (message.time, *present_values(message.decode(), count, requested=field == "control_requested"))
             for message in self.messages(info.topic)
@@ -122,13 +125,17 @@ class Log(McapFile):
         Raises:
             UnknownNameError: There is no such field, and no sensor of that name that measures numbers.
         """
-        topics = sensors(self.channels, owner, MEASUREMENT)
-        # A sensor that is called as a field is hidden by it.
-        topics |= {name: template.format(owner) for name, template in _TOPICS.items()}
+        topics = self._fields(owner)
         if field not in topics:
             there = ", ".join(sorted(topics))
             raise UnknownNameError(f"there is no field {field!r}; there are {there}", field, sorted(topics))
         return topics[field]
+
+    def _fields(self, owner: str) -> dict[str, str]:
+        """The topics of all fields of a group or an entity, whether or not the log has them."""
+        # A sensor that is called as a field is hidden by it.
+        fields = {name: template.format(owner) for name, template in _TOPICS.items()}
+        return sensors(self.channels, owner, MEASUREMENT) | fields
 
     def predictions(self, agent: str, field: str) -> Iterator[Prediction]:
         """Iterate over what an agent expected: the whole of its time series at each instant at which it set one.
@@ -321,9 +328,10 @@ class Log(McapFile):
         except ValueError as error:
             raise LogError(f"the messages on {topic} in {self.path} do not fit together: {error}") from error
 
-    def _channel(self, topic: str, what: str, *message_names: str) -> ChannelInfo:
+    def _channel(self, topic: str, what: str, *message_names: str, instead: Sequence[str] = ()) -> ChannelInfo:
         if topic not in self.channels:
-            raise LogError(f"{self.path} has no {what} (no channel {topic}){self._perhaps_lost}")
+            there = f"; there {'are' if len(instead) > 1 else 'is'} {', '.join(instead)}" if instead else ""
+            raise LogError(f"{self.path} has no {what} (no channel {topic}){there}{self._perhaps_lost}")
         info = self.channels[topic]
         if not any(info.carries(name) for name in message_names):
             raise LogError(

@@ -33,8 +33,6 @@ _NEAR_ASPECT = 1.9
 _NEAR = 12.0
 #: The same for those of whom more is known than their outline, in multiples of what they extend to.
 _CLOSE = 5.0
-#: How long a message is to be seen [s].
-_MESSAGE = 0.3
 #: How many cameras have a view each.
 _CAMERAS = 4
 #: How many views of curves stand two in a row; more stand three.
@@ -110,7 +108,6 @@ def _spatial(
     spacing = 10.0 ** np.floor(np.log10(max(float(size.max()), 1e-3) / 4.0))
     grid = rrb.LineGrid3D(visible=True, spacing=spacing, color=(110, 115, 130, 60))
     overrides: dict[Any, Any] = {f"world/agents/{name}/trail": _lately(detail.trail) for name in cast.troupes}
-    overrides["world/messages"] = _lately(_MESSAGE)
     background = rrb.Background(color=BACKGROUND, kind=rrb.BackgroundKind.SolidColor)
     return rrb.Spatial3DView(
         origin="/",
@@ -138,7 +135,9 @@ def _agent(cast: Cast, detail: Detail, content: Content, agent: str) -> rrb.Vert
     import rerun.blueprint as rrb
 
     group, _ = cast.place[agent]
-    bodies = [f"+ world/agents/{name}/{part}" for name in cast.troupes for part in ("body", "heading", "label")]
+    bodies = [
+        f"+ world/agents/{name}/{part}" for name in cast.troupes for part in ("body", "heading", "label", "informed")
+    ]
     contents = [
         *(f"+ world/{part}" for part in ("ground", "figures/**", "scenery/**")),
         f"+ world/agents/{group}/goal",

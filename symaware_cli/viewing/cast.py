@@ -18,7 +18,7 @@ from symaware_cli.recording.geometry import geometry_of
 from symaware_cli.recording.reader import Log
 from symaware_cli.recording.schema import GEOMETRY
 from symaware_cli.viewing.figure import Figure
-from symaware_cli.viewing.palette import agent_colours
+from symaware_cli.viewing.palette import SCENERY, Colour, agent_colours, body_colours
 
 Array = NDArray[np.float64]
 
@@ -94,6 +94,7 @@ class Prop:
         moves: Whether it may leave that, which /world/<name>/state tells.
         stands: Whether its position is where it stands, as without a height of its own; otherwise it is its middle.
         figure: What it consists of, if more than its outline is known.
+        colour: What tells it from bodies of another kind.
     """
 
     name: str
@@ -103,6 +104,7 @@ class Prop:
     moves: bool
     stands: bool = False
     figure: Figure | None = None
+    colour: Colour = SCENERY
 
     @property
     def corners(self) -> Array:
@@ -185,6 +187,7 @@ def cast_of(log: Log) -> Cast:
         figures = [Figure(number, each, log.attachments) for number, each in enumerate(geometry.articulations)]
         of = {name: figures[place] for name, place in geometry.bodies.items()}
         heights = geometry.heights
+        tints = body_colours([name for name, entity in manifest["entities"].items() if _moves(entity)])
         return Cast(
             name=manifest["name"],
             seed=manifest["seed"],
@@ -201,7 +204,7 @@ def cast_of(log: Log) -> Cast:
                 for (name, group), colour in zip(groups.items(), colours, strict=True)
             },
             props={
-                name: _prop(name, entity, heights.get(name, 0.0), of.get(name))
+                name: _prop(name, entity, heights.get(name, 0.0), figure=of.get(name), colour=tints.get(name, SCENERY))
                 for name, entity in manifest["entities"].items()
             },
             roster=tuple(manifest["roster"]),
@@ -235,16 +238,20 @@ def _troupe(name: str, group: Mapping[str, Any], **more: Any) -> Troupe:
     )
 
 
-def _prop(name: str, entity: Mapping[str, Any], height: float, figure: Figure | None) -> Prop:
+def _moves(entity: Mapping[str, Any]) -> bool:
+    return bool(entity.get("moves") or entity.get("path"))
+
+
+def _prop(name: str, entity: Mapping[str, Any], height: float, **look: Any) -> Prop:
     return Prop(
         name=name,
         shape=Shape.model_validate(entity["shape"]),
         position=in_space(np.array(entity["position"], float), height),
         heading=float(entity["heading"]),
-        moves=bool(entity.get("moves") or entity.get("path")),
+        moves=_moves(entity),
         # What is free tells the height of its middle as it moves.
         stands=len(entity["position"]) == 2 and bool(entity.get("path") or not entity.get("moves")),
-        figure=figure,
+        **look,
     )
 
 

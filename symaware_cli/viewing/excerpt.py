@@ -38,8 +38,12 @@ class Frames:
 
     def at(self, times: Times) -> Array:
         """The values that held at other instants; (len(times), n, columns), NaN where nothing was known yet."""
+        return self.of(times, slice(None))
+
+    def of(self, times: Times, rows: NDArray[np.intp] | int | slice) -> Array:
+        """The values of some rows that held at other instants, each row at its instant; (len(times), columns)."""
         known = np.concatenate([self.before[None], self.values])
-        return known[np.searchsorted(self.times, times, side="right")]
+        return known[np.searchsorted(self.times, times, side="right"), rows]
 
 
 @dataclass(frozen=True)

@@ -28,6 +28,8 @@ RISK: Colour = (230, 40, 50)
 SCENERY: Colour = (128, 128, 136)
 GOAL: Colour = (120, 170, 90)
 CONTACT: Colour = (255, 60, 60)
+MESSAGE: Colour = (250, 220, 120)
+LOSS: Colour = (255, 80, 70)
 
 #: What one agent can be told apart by: beyond this many, agents share the colour of their group.
 DISTINCT = 2 * len(AGENTS)
@@ -49,6 +51,26 @@ def agent_colours(sizes: Sequence[int]) -> list[NDArray[np.uint8]]:
         colours.append(np.array([AGENTS[index % len(AGENTS)] for index in chosen], np.uint8).reshape(-1, 3))
         first += size
     return colours
+
+
+def body_colours(names: Sequence[str]) -> dict[str, Colour]:
+    """Choose a colour for each body that moves and is no agent: the same for those whose names differ in a number only.
+
+    Args:
+        names: What they are called. The kind of the first is grey; the others are paler than agents.
+    """
+    kinds = list(dict.fromkeys(_kind(name) for name in names))
+    tints = [SCENERY, *(_paler(AGENTS[number % len(AGENTS)]) for number in range(2, len(kinds) + 1))]
+    return {name: tints[kinds.index(_kind(name))] for name in names}
+
+
+def _paler(colour: Colour) -> Colour:
+    red, green, blue = ((2 * part + 255) // 3 for part in colour)
+    return red, green, blue
+
+
+def _kind(name: str) -> str:
+    return name.rstrip("0123456789").rstrip("_-.") or name
 
 
 def tinted(colours: NDArray[np.uint8], risk: ArrayLike) -> NDArray[np.uint8]:

@@ -18,6 +18,7 @@ from symaware_cli.viewing.drawing.contacts import Contacts
 from symaware_cli.viewing.drawing.curves import Awareness, Risks, Separation
 from symaware_cli.viewing.drawing.figures import Figures
 from symaware_cli.viewing.drawing.goals import Goals
+from symaware_cli.viewing.drawing.informed import Informed
 from symaware_cli.viewing.drawing.journal import Events, Knowledge
 from symaware_cli.viewing.drawing.messages import Messages
 from symaware_cli.viewing.drawing.minds import Intents, Uncertainties
@@ -67,6 +68,7 @@ class Replay:
             Scans(*given),
             Images(*given),
             Messages(*given),
+            Informed(*given),
             Contacts(*given),
             Events(*given),
             Knowledge(*given),
@@ -141,6 +143,8 @@ Seed {cast.seed}. Time is simulated time.
 | red rings | contacts |
 | fine points | where the rays of lidars end |
 | yellow arrows | messages as they arrive |
+| red lines that break off at a cross | messages that were lost |
+| yellow dots | who was told what goes around |
 
 In the tab of an agent, rings stand where it believes others to be, fainter the older the belief; ellipses hold 95 %.
 """

@@ -35,6 +35,26 @@ def test_it_tells_who_how_long_how_often_and_with_what(log, command):
     assert overview["agents"] == {"robot": 4}
 
 
+def test_a_gap_is_where_agents_are_not_told_of_and_not_where_an_entity_rests(tmp_path, inspect):
+    with LogWriter(tmp_path / "a.mcap") as writer:
+        manifest = {
+            "format": 1,
+            "groups": {"car": {"agents": ["car"]}},
+            "entities": {"ball": {}},
+            "roster": ["car", "ball"],
+        }
+        writer.attach("manifest.json", "application/json", json.dumps(manifest).encode())
+        channels = [writer.channel(f"/world/{name}/state", "Rows") for name in ("car", "ball")]
+        for step in (0, 1, 2, 7, 8, 9):
+            for channel in channels:
+                writer.add(channel, step * 10**9, b"")
+        writer.finish({"status": "finished"})
+    said = inspect(tmp_path / "a.mcap").stdout
+    assert [line.split(maxsplit=1) for line in said.splitlines() if line.startswith("  gap")] == [
+        ["gap", "/world/car/state has nothing between 2 s and 7 s"]
+    ]
+
+
 def test_events_are_listed_for_people_and_for_tools(log, command):
     done = command("inspect", log, "--events")
     assert done.returncode == 0
@@ -179,7 +199,7 @@ def test_a_series_without_values_is_an_empty_table(sample, inspect):
         ("--series robot:staet", "did you mean `state`?"),
         ("--series robot:state:headign", "there are x, y, heading; did you mean `heading`?"),
         ("--series robot:state:3", "has no column '3'"),
-        ("--series car:risk", "has no risk of 'car' (no channel /agents/car/risk)"),
+        ("--series car:risk", "has no risk of 'car' (no channel /agents/car/risk); there is state"),
     ],
 )
 def test_what_cannot_be_shown_is_told_in_a_sentence(sample, inspect, options, sentence):

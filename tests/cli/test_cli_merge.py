@@ -50,7 +50,7 @@ def parts(sample, tmp_path):
 def killed(sample, parts):
     """A member of which the second half is missing."""
     whole = open_log(sample)
-    return write_part(whole, sample.parent / "left.mcap", "left", ["car"], until=20 * STEP, end="kill").name
+    return write_part(whole, sample.parent / "left.mcap", "left", ["robot.1", "car"], until=20 * STEP, end="kill").name
 
 
 def test_it_says_what_was_joined(parts, merge):
@@ -82,6 +82,7 @@ def test_it_tells_scripts_the_same(parts, merge):
         "start": 0.0,
         "end": 1.95,
         "lost": False,
+        "missing": [],
         "parts": [
             {"log": "host.mcap", "name": "host", "host": True, "agents": ["robot.0", "robot.2"], **shared},
             {"log": "left.mcap", "name": "left", "host": False, "agents": ["robot.1", "car"], **shared},
@@ -92,13 +93,42 @@ def test_it_tells_scripts_the_same(parts, merge):
 def test_what_was_lost_with_a_process_is_told_and_so_is_exit_status_3(killed, merge):
     done = merge("host.mcap", killed, "-o", "whole.mcap")
     assert done.exit_code == 3
-    assert done.stdout.splitlines()[-1] == "  left       1          0       0.95  left.mcap"
+    assert done.stdout.splitlines()[-1] == "  left       2          0       0.95  left.mcap"
     assert done.stderr == (
         "symaware: left.mcap: the log breaks off after 0.95 s of simulated time and the end of the run is missing\n"
     )
     found = json.loads(merge("host.mcap", killed, "-o", "whole.mcap", "--json").stdout)
     assert (found["lost"], found["parts"][0]["damage"]) == (True, None)
     assert found["parts"][1]["damage"].startswith("the log breaks off after 0.95 s")
+
+
+@pytest.mark.parametrize(
+    ("given", "missing"), [(["host.mcap"], ["robot.1", "car"]), (["host.mcap", "right.mcap"], ["robot.1"])]
+)
+def test_whom_no_part_ran_is_told_and_so_is_exit_status_3(sample, merge, tmp_path, given, missing):
+    split(sample, tmp_path, {"left": ["robot.1"], "right": ["car"]})
+    done = merge(*given, "-o", "whole.mcap")
+    sentence = (
+        f"no part ran {' and '.join(missing)}, so what they knew and did is missing: name the logs of all processes"
+    )
+    assert (done.exit_code, done.stderr) == (3, f"symaware: {sentence}\n")
+    found = merge(*given, "-o", "whole.mcap", "--json")
+    assert found.exit_code == 3
+    assert {key: json.loads(found.stdout)[key] for key in ("lost", "missing")} == {"lost": True, "missing": missing}
+    # Whoever reads the merged log is told, too.
+    assert sentence in CliRunner().invoke(application, ["inspect", "whole.mcap"]).stdout
+
+
+def test_a_part_of_a_process_that_came_back_begins_when_its_agents_do(sample, parts, merge, tmp_path):
+    whole = open_log(sample)
+    write_part(whole, tmp_path / "left.mcap", "left", ["robot.1", "car"], until=20 * STEP)
+    # What it repeats of the beginning is no turn of its agents.
+    late = write_part(whole, tmp_path / "late.mcap", "left", ["robot.1", "car"], start=30 * STEP, begun=True)
+    assert open_log(late).start_time == 0
+    done = merge("host.mcap", "left.mcap", "late.mcap", "-o", "whole.mcap")
+    assert done.stdout.splitlines()[-1] == "  left       2        1.5       1.95  late.mcap"
+    found = json.loads(merge("host.mcap", "left.mcap", "late.mcap", "-o", "whole.mcap", "--json").stdout)
+    assert [part["start"] for part in found["parts"]] == [0.0, 0.0, 1.5]
 
 
 def test_the_merged_log_is_sound_and_says_what_was_lost(killed, merge):

@@ -67,6 +67,15 @@ def test_a_quiet_run_says_nothing(command, scenario):
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
 
 
+@pytest.mark.parametrize("closed", [">&-", "2>&-", "<&- >&- 2>&-"])
+def test_a_run_needs_no_standard_streams(closed, scenario, tmp_path):
+    shell = ["sh", "-c", f'exec "$@" {closed}', "sh"]
+    line = [*shell, *COMMAND, "run", "swap.yaml", "-o", "swap.mcap"]
+    done = subprocess.run(line, cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert len(open_log(tmp_path / "swap.mcap").series("robot.0", "world").times) == 41
+
+
 def test_a_run_without_a_record_leaves_nothing_behind(command, scenario, tmp_path):
     done = command("run", "swap.yaml", "--no-record")
     assert done.returncode == 0

@@ -251,6 +251,33 @@ def test_what_several_parts_tell_is_written_once_and_what_one_tells_twice_stays_
     assert merge(open_parts([host, one, two]), tmp_path / "whole.mcap").repeated == 2 + 1 + 2 + 1
 
 
+def write_end(path, name, why, *, host=False, end="finish"):
+    """A part with nothing but why the run ended, and an event of a component that is called the same."""
+    with LogWriter(path) as writer:
+        part = {"name": name, "host": host, "agents": []}
+        writer.attach("manifest.json", "application/json", json.dumps({**MANIFEST, "part": part}).encode())
+        number = writer.channel("/events", "Event")
+        for source, text in (("agents.car.steer", f"{name} parks"), ("run", why)):
+            writer.add(number, STEP, v1.Event(name="finished", source=source, text=text).SerializeToString())
+        if end == "finish":
+            writer.finish({"status": "finished"})
+    return path
+
+
+@pytest.mark.parametrize("end", ["finish", "kill"])
+def test_why_a_run_ended_is_what_the_host_says_if_it_lived_to_say_so(tmp_path, end):
+    told = end == "finish"
+    host = write_end(tmp_path / "h.mcap", "host", "never there", host=True, end=end)
+    one = write_end(tmp_path / "1.mcap", "one", "60 steps made")
+    log = joined([one, host], tmp_path / "whole.mcap")
+    assert [each for _, each in texts(log)] == [
+        "host parks",
+        "never there",
+        "one parks",
+        *["60 steps made"] * (not told),
+    ]
+
+
 @settings(max_examples=60)
 @given(data=st.data())
 def test_of_equal_messages_as_many_stay_as_the_part_has_that_has_most(data):

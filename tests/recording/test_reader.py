@@ -249,7 +249,7 @@ def test_the_name_of_a_group_of_one_is_its_agents(sample):
     [
         ("robot", "staet", "no field 'staet'; there are control, control_requested, intent, joints, pose, risk, state"),
         ("robto", "state", "knows no 'robto'; there are robot, car, wall"),
-        ("car", "risk", r"has no risk of 'car' \(no channel /agents/car/risk\)"),
+        ("car", "risk", r"has no risk of 'car' \(no channel /agents/car/risk\); there is state$"),
     ],
 )
 def test_a_series_that_is_not_there_is_told(sample, name, field, sentence):

@@ -9,7 +9,7 @@ from rerun_files import STEP, Script, group, saved
 
 from symaware_cli.recording import symaware_v1_pb2 as v1
 from symaware_cli.recording import wire
-from symaware_cli.viewing.palette import AGENTS, RISK
+from symaware_cli.viewing.palette import AGENTS, RISK, SCENERY
 
 DISC = {"circle": {"radius": 0.5}}
 
@@ -174,20 +174,28 @@ def test_samples_are_drawn_as_a_fan(tmp_path):
     assert [[point[:2] for point in way] for way in ways] == [[[0, 1], [4, 5], [8, 9]], [[2, 3], [6, 7], [10, 11]]]
 
 
-def test_messages_are_arrows_as_they_arrive_and_lines_at_every_stage(tmp_path):
-    script = Script(tmp_path / "a.mcap", {"a": group("a.0", "a.1"), "car": group("car")})
-    script.message(0, "a.0", "car", sent_time=0)  # nobody is anywhere yet
-    script.say("/world/a/state", STEP, wire.encode_rows([[0, 0], [1, 0]]), "Rows")
-    script.say("/world/car/state", STEP, wire.encode_rows([[5, 5]]), "Rows")
-    script.message(STEP, "a.1", "car", stage=v1.Message.SENT, sent_time=STEP, payload=json.dumps("long" * 500))
-    script.message(2 * STEP, "a.1", "car", sent_time=STEP)
-    script.message(2 * STEP, "car", "a.0", sent_time=STEP)
-    script.message(3 * STEP, "car", "a.0", stage=v1.Message.DROPPED, sent_time=STEP, reason="out of range")
+def test_a_body_of_another_kind_has_a_colour_of_its_own_and_what_stays_is_grey(tmp_path):
+    ball = {"shape": DISC, "position": [0, 3], "heading": 0.0, "moves": True}
+    props = {"ball1": ball, "ball2": ball, "cue": ball, "rail": {**ball, "moves": False}}
+    script = Script(tmp_path / "a.mcap", {"a": group("a", shape=DISC)}, props)
+    script.say("/world/a/state", 0, wire.encode_rows([[0, 0]]), "Rows")
     recording = saved(script.finish(), tmp_path)
-    assert recording.times("/world/messages", "Arrows3D:origins") == [2 * STEP]
-    assert recording.values("/world/messages", "Arrows3D:vectors") == [[[4, 5, 0], [-5, -5, 0]]]
+    shades = {
+        name: tuple(colour(recording.static(f"/world/scenery/{name}/0", "Mesh3D:albedo_factor")[0])) for name in props
+    }
+    assert shades["ball1"] == shades["ball2"] == SCENERY
+    assert np.ptp(shades["cue"]) > 50
+    assert np.ptp(shades["rail"]) < 10
+
+
+def test_messages_are_lines_at_every_stage(tmp_path):
+    script = Script(tmp_path / "a.mcap", {"a": group("a.0", "a.1"), "car": group("car")})
+    script.message(0, "a.1", "car", stage=v1.Message.SENT, sent_time=0, payload=json.dumps("long" * 500))
+    script.message(STEP, "a.1", "car", sent_time=0)
+    script.message(2 * STEP, "car", "a.0", stage=v1.Message.DROPPED, sent_time=0, reason="out of range")
+    recording = saved(script.finish(), tmp_path)
     lines = [text for (text,) in recording.values("/log/messages", "TextLog:text")]
-    assert len(lines) == 5
+    assert len(lines) == 3
     assert max(map(len, lines)) <= 300
     assert "dropped after 0.1 s (out of range)  car -> a.0  hello" in lines[-1]
     assert recording.values("/log/messages", "TextLog:level")[-1] == ["WARN"]

@@ -2,7 +2,18 @@
 
 import numpy as np
 
-from symaware_cli.viewing.palette import AGENTS, BACKGROUND, DISTINCT, RISK, agent_colours, faded, hexadecimal, tinted
+from symaware_cli.viewing.palette import (
+    AGENTS,
+    BACKGROUND,
+    DISTINCT,
+    RISK,
+    SCENERY,
+    agent_colours,
+    body_colours,
+    faded,
+    hexadecimal,
+    tinted,
+)
 
 
 def test_a_few_agents_have_colours_of_their_own():
@@ -33,3 +44,11 @@ def test_what_fades_ends_in_the_background():
 
 def test_a_colour_is_written_as_the_web_does():
     assert hexadecimal((1, 16, 255)) == "#0110ff"
+
+
+def test_bodies_of_a_kind_look_alike_and_others_do_not():
+    colours = body_colours(["ball1", "ball2", "ball10", "cue", "door_1", "door_2", "7"])
+    assert [colours[name] for name in ("ball1", "ball2", "ball10")] == [SCENERY] * 3
+    assert colours["door_1"] == colours["door_2"]
+    assert len({SCENERY, colours["cue"], colours["door_1"], colours["7"], *AGENTS}) == 4 + len(AGENTS)
+    assert len(set(body_colours([f"{letter}x" for letter in "abcdefghijklmnop"]).values())) > 8

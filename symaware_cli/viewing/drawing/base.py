@@ -55,10 +55,10 @@ class Drawing(ABC):
             group, row = self.cast.place[who]
             troupe = self.cast.troupes[group]
             frames = excerpt.frames.get(troupe.whereabouts)
-            known = None if frames is None else troupe.positions(frames.at(times)[:, row])
+            known = None if frames is None else troupe.positions(frames.of(times, row))
         else:
             frames = excerpt.frames.get(f"/world/{who}/state")
-            known = None if frames is None else self.cast.props[who].positions(frames.at(times)[:, 0])
+            known = None if frames is None else self.cast.props[who].positions(frames.of(times, 0))
         unknown = self.cast.props[who].position if who in self.cast.props else np.full(3, np.nan)
         if known is None:
             return np.broadcast_to(unknown, (len(times), 3))

@@ -72,7 +72,7 @@ class Figures(Drawing):
             )
             self.stage.static("world/ground", surface)
         for path, figure, like in self._shown:
-            colour = _PLAIN if isinstance(like[0], Troupe) else SCENERY if like[0].moves else _STILL
+            colour = _PLAIN if isinstance(like[0], Troupe) else like[0].colour if like[0].moves else _STILL
             for first, *_ in figure.looks:
                 self.stage.static(_path(path, figure, first), self._surface(figure.visuals[first][0], colour))
 

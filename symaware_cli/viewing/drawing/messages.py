@@ -3,29 +3,60 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.recording import journal
+from symaware_cli.viewing.cast import Cast
+from symaware_cli.viewing.detail import FEW, Detail
+from symaware_cli.viewing.drawing.arrows import BROKEN_POINTS, POINTS, arrows, broken
 from symaware_cli.viewing.drawing.base import Drawing
 from symaware_cli.viewing.excerpt import Excerpt
+from symaware_cli.viewing.palette import LOSS, MESSAGE, faded
+from symaware_cli.viewing.stage import Stage
 
 Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
 
+#: How long an arrow is to be seen [ns], and how much of it has faded by then.
+_SEEN = 300_000_000
+_FADED = 0.75
+#: How often arrows are drawn anew, as those at their ends move [ns]; in a crowd, and otherwise.
+_CROWD_STEP, _STEP = 100_000_000, 50_000_000
+#: Where on its way a message breaks off that is lost.
+_LOSS_AT = 0.45
+#: How long a head is, from above and from aslant, and how far arrows keep from points; in widths of the scene.
+_HEAD, _ASLANT_HEAD, _GAP = 0.016, 0.025, 0.006
+#: How much of its way an arrow leaves out at each end at most.
+_OUT = 0.3
 #: Longer lines of the log are cut.
 _LONGEST = 300
 
 
 class Messages(Drawing):
-    """Messages as they are sent, delivered and dropped; the view shows each arrow for a moment."""
+    """Messages as they are sent, delivered and dropped; each arrow goes with those at its ends until it has faded."""
+
+    def __init__(self, cast: Cast, detail: Detail, stage: Stage) -> None:
+        super().__init__(cast, detail, stage)
+        self._number = {agent: number for number, agent in enumerate(cast.agents)}
+        troupes = [(troupe, row) for troupe in cast.troupes.values() for row in range(len(troupe.agents))]
+        #: The group of each agent, its row, and its size [m].
+        self._groups = np.array([troupe.name for troupe, _ in troupes])
+        self._rows = np.array([row for _, row in troupes], np.intp)
+        self._sizes = np.array([troupe.extent for troupe, _ in troupes])
+        self._step = _STEP if detail.minds else _CROWD_STEP
+        #: The arrows still to be seen after the last excerpt: time [ns], sender, receiver, whether it was lost; (m, 4).
+        self._left = np.empty((0, 4), np.int64)
+        #: The number of the last instant at which arrows were drawn.
+        self._drawn = -1
+        self._width = 0.0
 
     def begin(self) -> None:
         """Put up how arrows look."""
         import rerun as rr
 
-        look = rr.Arrows3D.from_fields(radii=rr.Radius.ui_points([1.0]), colors=[(250, 220, 120)])
+        look = rr.LineStrips3D.from_fields(radii=rr.Radius.ui_points([1.0 if self.cast.agent_count <= FEW else 0.75]))
         self.stage.static("world/messages", look)
 
     def draw(self, excerpt: Excerpt) -> None:
@@ -43,21 +74,99 @@ class Messages(Drawing):
             [_line(entry) for entry in entries],
             ["WARN" if entry.stage == "DROPPED" else "DEBUG" for entry in entries],
         )
-        delivered = [entry for entry in entries if entry.stage == "DELIVERED"]
-        times = np.array([entry.time for entry in delivered], np.int64)
-        origins = self._ends([entry.sender for entry in delivered], times, excerpt)
-        vectors = self._ends([entry.receiver for entry in delivered], times, excerpt) - origins
-        known = np.isfinite(vectors).all(axis=1)
-        moments, counts = np.unique(times[known], return_counts=True)
-        self.stage.arrows("world/messages", moments, origins[known], vectors[known], counts)
+        number = self._number
+        ended = [
+            (entry.time, number[entry.sender], number[entry.receiver], entry.stage == "DROPPED")
+            for entry in entries
+            if entry.stage in ("DELIVERED", "DROPPED") and entry.sender in number and entry.receiver in number
+        ]
+        told = np.concatenate([self._left, np.array(ended, np.int64).reshape(-1, 4)])
+        now, drawn = excerpt.end // self._step, self._drawn
+        first, last = _stays(told, self._step)
+        self._left, self._drawn = told[last >= now], now
+        begin = np.maximum(first, drawn + 1)
+        counts = np.maximum(np.minimum(last, now) - begin + 1, 0)
+        which = np.repeat(np.arange(len(told)), counts)
+        instants = begin[which] + np.arange(len(which)) - np.repeat(np.cumsum(counts) - counts, counts)
+        # Where there is no arrow any more, that has to be said once.
+        gone = last[(last >= drawn) & (last < now) & (last >= first)] + 1
+        self._draw(np.unique(np.concatenate([instants, gone])), told[which], instants, excerpt)
 
-    def _ends(self, agents: Sequence[str], times: NDArray[np.int64], excerpt: Excerpt) -> Array:
-        """Where each of some agents is, each at its time; (m, 3) [m]."""
-        places, names = np.empty((len(agents), 3)), np.array(agents)
-        for name in dict.fromkeys(agents):
-            mine = names == name
-            places[mine] = self.places(name, times[mine], excerpt)
+    def _draw(self, moments: Integers, told: Integers, instants: Integers, excerpt: Excerpt) -> None:
+        """Draw arrows, each at its instant; both counted in steps."""
+        if not len(moments):
+            return
+        order = np.argsort(instants, kind="stable")
+        told, instants = told[order], instants[order]
+        times = instants * self._step
+        origins, targets = (self._ends(told[:, end], times, excerpt) for end in (1, 2))
+        ways = np.linalg.norm(targets - origins, axis=1)
+        known = ways > 0.0  # neither unknown nor the same
+        told, instants, times, ways = told[known], instants[known], times[known], ways[known]
+        points, lengths = self._lines(told, origins[known], targets[known], ways, self._scene(excerpt))
+        plain = np.where(told[:, 3:] > 0, np.array(LOSS, np.uint8), np.array(MESSAGE, np.uint8))
+        colours = faded(plain, _FADED * (times - told[:, 0]) / _SEEN)
+        drawn = np.bincount(np.searchsorted(moments, instants), minlength=len(moments))
+        self.stage.strips("world/messages", moments * self._step, points, lengths, drawn, colours)
+
+    def _lines(
+        self, told: Integers, origins: Array, targets: Array, ways: Array, scene: float
+    ) -> tuple[Array, NDArray[np.int64]]:
+        """The lines of arrows, from rim to rim.
+
+        Returns:
+            All their points (p, 3) [m], and how many of these each has (m,).
+        """
+        sizes = self._sizes[told[:, 1:3]]
+        if not self.cast.is_spatial:
+            # Just above the bodies, which would hide them.
+            lift = 1.1 * sizes.max(axis=1, initial=0.0)[:, None] * [0.0, 0.0, 1.0]
+            origins, targets = origins + lift, targets + lift
+        out = np.minimum((sizes + _GAP * scene) / ways[:, None], _OUT)
+        heads = np.minimum((_ASLANT_HEAD if self.cast.is_spatial else _HEAD) * scene, 0.3 * ways)
+        lost = told[:, 3] > 0
+        lengths = np.where(lost, BROKEN_POINTS, POINTS)
+        starts = np.cumsum(lengths) - lengths
+        points = np.empty((int(lengths.sum()), 3))
+        for some, draw, ends in ((~lost, arrows, 1.0 - out[:, 1]), (lost, broken, np.full(len(lost), _LOSS_AT))):
+            lines = draw(origins[some], targets[some], out[some, 0], ends[some], heads[some])
+            points[starts[some, None] + np.arange(lines.shape[1])] = lines
+        return points, lengths
+
+    def _ends(self, agents: Integers, times: Integers, excerpt: Excerpt) -> Array:
+        """Where each of some agents is, each at its time; (m, 3) [m], NaN if unknown."""
+        places = np.full((len(agents), 3), np.nan)
+        groups = self._groups[agents]
+        for name, troupe in self.cast.troupes.items():
+            frames = excerpt.frames.get(troupe.whereabouts)
+            mine = np.flatnonzero(groups == name)
+            if frames is not None and len(mine):
+                places[mine] = troupe.positions(frames.of(times[mine], self._rows[agents[mine]]))
         return places
+
+    def _scene(self, excerpt: Excerpt) -> float:
+        """How wide the scene is, as it is when the first message is drawn [m]."""
+        if not self._width:
+            corners = [np.empty((0, 3)), *(prop.corners for prop in self.cast.props.values())]
+            for troupe in self.cast.troupes.values():
+                frames = excerpt.frames.get(troupe.whereabouts)
+                if frames is not None:
+                    corners += [troupe.positions(frames.values).reshape(-1, 3), troupe.positions(frames.before)]
+            everywhere = np.concatenate(corners)
+            everywhere = everywhere[np.isfinite(everywhere).all(axis=1)]
+            self._width = float(np.max(np.ptp(everywhere, axis=0))) if len(everywhere) else 0.0
+        return self._width
+
+
+def _stays(told: Integers, step: int) -> tuple[Integers, Integers]:
+    """The first and the last instant at which each arrow is seen, counted in steps; of a link only its latest is."""
+    times, senders, receivers = told[:, :3].T
+    first, last = -(-times // step), -(-(times + _SEEN) // step) - 1
+    order = np.lexsort((times, receivers, senders))
+    before, after = order[:-1], order[1:]
+    again = (senders[before] == senders[after]) & (receivers[before] == receivers[after])
+    last[before[again]] = np.minimum(last[before[again]], first[after[again]] - 1)
+    return first, last
 
 
 def _line(entry: journal.Communication) -> str:

@@ -13,7 +13,7 @@ from symaware_cli.viewing.drawing.base import Drawing
 from symaware_cli.viewing.drawing.minds import ellipsoids, fading, position_columns, unnamed_position
 from symaware_cli.viewing.excerpt import Excerpt
 from symaware_cli.viewing.outline import circle
-from symaware_cli.viewing.palette import SCENERY, faded
+from symaware_cli.viewing.palette import faded
 
 Array = NDArray[np.float64]
 
@@ -97,7 +97,7 @@ class Others(Drawing):
     def _looks(self, name: str) -> tuple[Sequence[int], float]:
         """The colour of somebody and the radius [m]."""
         if name not in self.cast.place:
-            return SCENERY, self.cast.props[name].shape.radius
+            return self.cast.props[name].colour, self.cast.props[name].shape.radius
         group, row = self.cast.place[name]
         troupe = self.cast.troupes[group]
         return troupe.colours[row].tolist(), troupe.extent or _POINT

@@ -9,7 +9,7 @@ from symaware_cli.viewing.detail import Detail
 from symaware_cli.viewing.drawing.base import Drawing
 from symaware_cli.viewing.excerpt import Excerpt
 from symaware_cli.viewing.outline import mesh, outlines
-from symaware_cli.viewing.palette import SCENERY, faded
+from symaware_cli.viewing.palette import faded
 from symaware_cli.viewing.stage import Stage
 
 #: How high obstacles without a height are drawn in space [m].
@@ -34,9 +34,7 @@ class Scenery(Drawing):
             low, high = self._extent(prop)
             for number, outline in enumerate(outlines(prop.shape)):
                 vertices, triangles = mesh(outline, low, high)
-                solid = rr.Mesh3D(
-                    vertex_positions=vertices, triangle_indices=triangles, albedo_factor=_shade(prop.moves)
-                )
+                solid = rr.Mesh3D(vertex_positions=vertices, triangle_indices=triangles, albedo_factor=_shade(prop))
                 self.stage.static(f"{path}/{number}", solid)
 
     def draw(self, excerpt: Excerpt) -> None:
@@ -67,6 +65,5 @@ def _path(prop: Prop) -> str:
     return f"world/scenery/{prop.name}"
 
 
-def _shade(moves: bool) -> tuple[int, ...]:
-    colour = np.array(SCENERY, np.uint8)
-    return tuple(int(part) for part in (colour if moves else faded(colour, 0.45)))
+def _shade(prop: Prop) -> tuple[int, ...]:
+    return prop.colour if prop.moves else tuple(faded(np.array(prop.colour, np.uint8), 0.45).tolist())

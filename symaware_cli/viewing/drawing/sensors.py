@@ -54,8 +54,8 @@ class Scans(Drawing):
         moments, which = np.unique([scan.time for scan in found], return_inverse=True)
         sizes = np.array([len(each) for each in points])
         rows = np.array([troupe.agents.index(scan.agent) for scan in found])
-        # Lighter than the bodies, to stand out from the walls that they lie on.
-        colours = (troupe.colours // 2 + 127)[np.repeat(rows, sizes)]
+        # A little lighter than the bodies, to stand out from the walls that they lie on.
+        colours = (troupe.colours // 4 * 3 + 63)[np.repeat(rows, sizes)]
         columns = rr.Points3D.columns(
             positions=np.concatenate(points).astype(np.float32),
             colors=colours,

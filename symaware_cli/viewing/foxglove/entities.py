@@ -30,7 +30,6 @@ from symaware_cli.core.time import SECOND
 from symaware_cli.viewing.cast import Prop, Troupe
 from symaware_cli.viewing.foxglove.output import Output
 from symaware_cli.viewing.outline import circle, mesh, outlines
-from symaware_cli.viewing.palette import SCENERY
 
 Array = NDArray[np.float64]
 
@@ -195,7 +194,7 @@ def scenery(prop: Prop, time: int, *, spatial: bool) -> SceneEntity:
     made = entity(prop.name, time, prop.name)
     high = prop.shape.box.height if prop.shape.box and prop.shape.box.height else _HEIGHT
     low, high = (-0.5 * high, 0.5 * high) if spatial else (-2.0 * _FLOOR, -_FLOOR)
-    made.triangles.extend(_prisms(prop.shape, low, high, colour(SCENERY)))
+    made.triangles.extend(_prisms(prop.shape, low, high, colour(prop.colour)))
     return made
 
 

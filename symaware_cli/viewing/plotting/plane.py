@@ -124,14 +124,14 @@ def _obstacle(content: Trajectories, number: int, step: int) -> list[Circle | Po
 def _draw_obstacles(axes: Axes, content: Trajectories) -> list[Line2D | Patch]:
     colour, moved = hexadecimal(SCENERY), False
     for number in range(len(content.obstacles.props)):
-        here = _obstacle(content, number, content.at)
+        here, own = _obstacle(content, number, content.at), hexadecimal(content.obstacles.props[number].colour)
         axes.add_collection(
-            PatchCollection(here, facecolors=_faded(colour, 0.45), edgecolors="none", zorder=1), autolim=False
+            PatchCollection(here, facecolors=_faded(own, 0.45), edgecolors="none", zorder=1), autolim=False
         )
         way = content.obstacles.positions[:, number, :2]
         if content.obstacles.moves(number):
             moved = True
-            axes.plot(way[:, 0], way[:, 1], color=colour, linewidth=1.0, linestyle=":", zorder=1)
+            axes.plot(way[:, 0], way[:, 1], color=own, linewidth=1.0, linestyle=":", zorder=1)
     handles: list[Line2D | Patch] = []
     if content.obstacles.props:
         handles.append(Patch(facecolor=_faded(colour, 0.45), label="obstacle"))

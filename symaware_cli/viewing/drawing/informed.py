@@ -1,0 +1,58 @@
+"""Who knows what is told around: a dot on everybody who was told, or told others."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from symaware_cli.recording import journal
+from symaware_cli.viewing.cast import Cast
+from symaware_cli.viewing.detail import Detail
+from symaware_cli.viewing.drawing.base import Drawing
+from symaware_cli.viewing.excerpt import Excerpt
+from symaware_cli.viewing.palette import MESSAGE
+from symaware_cli.viewing.stage import Stage
+
+#: The event that says so, and what in its data names who told it.
+_EVENT, _TELLER = "informed", "other"
+#: How large the dots are: those who are points themselves are hidden by them, and so change their colour [pixels].
+_POINT = 4.5
+_NEVER = np.iinfo(np.int64).max
+
+
+class Informed(Drawing):
+    """Marks agents from the event ``informed`` on, as gossip records it."""
+
+    def __init__(self, cast: Cast, detail: Detail, stage: Stage) -> None:
+        super().__init__(cast, detail, stage)
+        self._since = {name: np.full(len(troupe.agents), _NEVER) for name, troupe in cast.troupes.items()}
+
+    def begin(self) -> None:
+        """Put up how the marks look."""
+        import rerun as rr
+
+        for name in self.cast.troupes:
+            look = rr.Points3D.from_fields(radii=rr.Radius.ui_points([_POINT]), colors=[MESSAGE])
+            self.stage.static(f"world/agents/{name}/informed", look)
+
+    def draw(self, excerpt: Excerpt) -> None:
+        """Mark those who know by then."""
+        moments = []
+        for time, message in excerpt.entries.get("/events", ()):
+            if message.name == _EVENT:
+                event = journal.event(time, message)
+                # The source of an event is a component: agents.<agent>.<component>.
+                told = event.source.removeprefix("agents.").rpartition(".")[0]
+                for agent in (told, event.data.get(_TELLER)):
+                    if isinstance(agent, str) and agent in self.cast.place:
+                        group, row = self.cast.place[agent]
+                        self._since[group][row] = min(self._since[group][row], time)
+                moments.append(time)
+        for name, troupe in self.cast.troupes.items():
+            since, frames = self._since[name], excerpt.frames.get(troupe.whereabouts)
+            if frames is None or (since == _NEVER).all():
+                continue
+            times = np.union1d(frames.times, np.array(moments, np.int64))
+            # Above the bodies, which would hide them.
+            places = troupe.positions(frames.at(times)) + np.array([0.0, 0.0, 1.1 * troupe.extent])
+            places[since > times[:, None]] = np.nan
+            self.stage.points(f"world/agents/{name}/informed", times, places)
