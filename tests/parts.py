@@ -94,6 +94,7 @@ def write_part(
     start: int | None = None,
     until: int | None = None,
     end: str = "finish",
+    begun: bool = False,
 ) -> Path:
     """Write the part of a process.
 
@@ -108,6 +109,7 @@ def write_part(
         start: The first simulated time, ns.
         until: The first simulated time that is not recorded any more, ns.
         end: `finish`, or `kill` for a process that is killed.
+        begun: Whether it records that the run has started whenever it begins itself, as processes do.
     """
     agents = list(agents)
     members = {group: [row for row, id in enumerate(ids) if id in agents] for group, ids in log.agents.items()}
@@ -126,6 +128,9 @@ def write_part(
         if wanted and channel.topic != "/timing":
             schema = log.channels[channel.topic].schema.removeprefix("symaware.v1.")
             numbers[channel.topic] = writer.channel(channel.topic, schema, channel.metadata)
+    if begun:
+        started = v1.Event(name="started", source="run").SerializeToString()
+        writer.add(numbers["/events"], 0, started)
     flushed = 0
     for message in log.messages(numbers, start, until):
         if message.time - flushed >= _FLUSH_INTERVAL:

@@ -89,6 +89,8 @@ class Encounters:
 class EncounterRisk(GroupComponent):
     """A risk that each agent sees in its encounters with others; what it makes of them is left to `_compute`."""
 
+    sees_world = True
+
     def series_quantities(self, group: AgentGroup) -> Mapping[str, Sequence[Quantity]]:
         """The risk is one number without a unit."""
         return {"risk": [Quantity("risk", "1")]}

@@ -13,6 +13,8 @@ Array = NDArray[np.float64]
 class SelfPerception(GroupComponent):
     """Each agent knows its own state exactly, and nothing of others."""
 
+    sees_world = True
+
     def _compute(self) -> Array:
         return self.environment.state(self._group)
 
@@ -26,9 +28,12 @@ class OmniscientPerception(GroupComponent):
     All share one read-only snapshot of the world, so a step costs O(n), not O(n^2).
     """
 
+    sees_world = True
+
     def _compute(self) -> Snapshot:
         return self.environment.snapshot()
 
     def _update(self, value: Snapshot) -> None:
         self._group.awareness.state = self.environment.state(self._group)
         self._group.awareness.world = value
+        self._group.awareness.seen = None

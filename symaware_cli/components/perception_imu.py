@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
@@ -20,9 +22,9 @@ QUANTITIES = (
 class InertialUnit(Sensor):
     """Measures the specific force and the angular rates along the axes of the body.
 
-    The specific force is the acceleration less that of gravity: who rests feels 9.81 m/s^2 upwards. Both are means over
-    the time since the turn before, as a unit that integrates has them: so nothing is felt at the first turn, where the
-    reading is that of an agent which keeps its velocity.
+    The specific force is the acceleration less that of gravity: who rests on Earth feels 9.81 m/s^2 upwards. Both are
+    means over the time since the turn before, as a unit that integrates has them: so nothing is felt at the first turn,
+    where the reading is that of an agent which keeps its velocity.
 
     The axes of the body are those of its attitude, where the model has one (`angles`), else those of its heading; x
     points forwards, z upwards. The unit sits where the position of the agent is.
@@ -35,7 +37,13 @@ class InertialUnit(Sensor):
     class Parameters(SensorParameters):
         """What the unit can do."""
 
-        gravity: float = Field(9.81, ge=0, le=1e3, description="Acceleration of gravity [m/s^2].")
+        gravity: float | None = Field(
+            None,
+            ge=0,
+            le=1e3,
+            description="Acceleration of gravity, straight down [m/s^2]. If null, it is that of the world; where that "
+            "has none, that of the model; or else 9.81.",
+        )
         acceleration_noise: float = Field(0.0, ge=0, description="Standard deviation of accelerations [m/s^2].")
         rate_noise: float = Field(0.0, ge=0, description="Standard deviation of angular rates [rad/s].")
         acceleration_bias: float = Field(
@@ -44,9 +52,10 @@ class InertialUnit(Sensor):
         rate_bias: float = Field(0.0, ge=0, description="Standard deviation of the bias of angular rates [rad/s].")
 
     def initialise_component(self, group: AgentGroup) -> None:
-        """Draw the biases."""
+        """Draw the biases, and look which way is down."""
         super().initialise_component(group)
         parameters = self.parameters
+        self._gravity = np.array(self._falling())
         self._bias = np.zeros((len(group), 6))
         if parameters.acceleration_bias or parameters.rate_bias:
             deviations = np.repeat([parameters.acceleration_bias, parameters.rate_bias], 3)
@@ -66,7 +75,7 @@ class InertialUnit(Sensor):
             acceleration = (velocities - velocities_then) / passed
             values[:, 3:] = rotation_vectors(np.swapaxes(attitudes_then, 1, 2) @ attitudes) / passed
         self._before = self.now, velocities, attitudes
-        acceleration[:, 2] += parameters.gravity
+        acceleration -= self._gravity
         values[:, :3] = np.einsum("nij,ni->nj", attitudes, acceleration)
         values += self._bias
         if parameters.acceleration_noise or parameters.rate_noise:
@@ -76,6 +85,13 @@ class InertialUnit(Sensor):
             values[self.random.uniform(1)[:, 0] < parameters.dropout] = np.nan
         values.flags.writeable = False
         return Measurement(self.now, QUANTITIES, values)
+
+    def _falling(self) -> Sequence[float]:
+        """How what is free falls, [x, y, z] [m/s^2]."""
+        given, world = self.parameters.gravity, self.environment.gravity
+        if given is None and world is not None:
+            return world
+        return 0.0, 0.0, -(getattr(self._group.model.parameters, "gravity", 9.81) if given is None else given)
 
     def _velocities(self) -> Array:
         """How fast the agents truly are; shape (n, 3) [m/s]."""

@@ -4,26 +4,39 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from symaware_cli.core import AgentGroup, GroupComponent, Observation, Parameters, Scenery, Snapshot, Tracks
-from symaware_cli.core.proximity import Proximity
+from symaware_cli.core import AgentGroup, GroupComponent, Observation, Parameters, Snapshot, Tracks
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 NotNegative = Annotated[float, Field(ge=0)]
 
 
+class Sight(NamedTuple):
+    """Who sees whom.
+
+    Attributes:
+        snapshot: The world when that was.
+        rows: Who sees, as rows of the group, ascending; shape (m,).
+        others: Whom, as indices in the roster; shape (m,).
+    """
+
+    snapshot: Snapshot
+    rows: Indices
+    others: Indices
+
+
 class RangePerception(GroupComponent):
     """Sees the others that are near, in view and not hidden, with errors, and one's own state with errors.
 
     Another is seen if its position is within range, within the field of view (a wedge around the heading; in space it
-    is as high as one likes) and, where obstacles hide, if none of them cuts the straight line between both positions,
-    in space where the world says how high they are. Bodies of agents hide nobody.
+    is as high as one likes) and, where obstacles hide, if none of them cuts the straight line between the middles of
+    both: as the world has them, in `pybullet` by their very shapes. Bodies of agents hide nobody.
 
     All errors are normal, without bias and independent of each other. What is drawn for an agent depends on its own
     path and on whom it sees, and on nothing else.
@@ -35,6 +48,8 @@ class RangePerception(GroupComponent):
     others seen at this instant, as they were measured. Whoever is out of sight is forgotten at once, unless an
     estimator follows that remembers.
     """
+
+    sees_world = True
 
     class Parameters(Parameters):
         """What the sensor can do."""
@@ -86,21 +101,21 @@ class RangePerception(GroupComponent):
         self._start = environment.roster.start(group.name)
         self._state_deviation = np.broadcast_to(np.asarray(parameters.self_noise, float), len(group.model.state))
         self._delay = round(parameters.delay * 1e9 / environment.time_step) * environment.time_step
-        self._past: deque[tuple[Snapshot, Scenery]] = deque()
-        # The shared index is about the present; the past would make it start anew all the time.
-        self._proximity = Proximity() if self._delay else environment.proximity
+        self._past: deque[Sight] = deque()
 
     def _compute(self) -> Observation:
         parameters, count = self.parameters, len(self._group)
-        visible = self._visible_world()
-        if visible is None:
+        sight = self._delayed(self._sight())
+        if sight is None:
             time, state = self.now - self._delay, None
             nobody, nowhere = np.empty(0, np.intp), np.empty((2, 0, self.environment.snapshot().positions.shape[1]))
             tracks = self._tracks(time, np.zeros(count, np.intp), nobody, *nowhere)
         else:
-            snapshot, scenery = visible
+            snapshot, rows, others = sight
             time, state = snapshot.time, self._own_state(snapshot)
-            rows, others = self._in_sight(snapshot, scenery)
+            if parameters.dropout:
+                noticed = self.random.uniform_of(np.bincount(rows, minlength=count)) >= parameters.dropout
+                rows, others = rows[noticed], others[noticed]
             counts = np.bincount(rows, minlength=count)
             positions, velocities = snapshot.positions.take(others, 0), snapshot.velocities.take(others, 0)
             self._blur(counts, positions, velocities)
@@ -114,22 +129,21 @@ class RangePerception(GroupComponent):
         if value.state is not None:
             awareness.state = value.state
         awareness.observation = value
-        awareness.tracks = value.tracks
+        awareness.seen = value.tracks
 
     def _has_blind_side(self) -> bool:
         width = self.parameters.field_of_view
         return width is not None and width < 2 * math.pi
 
-    def _visible_world(self) -> tuple[Snapshot, Scenery] | None:
-        """The world as it was a delay ago; None before there was one."""
-        present = self.environment.snapshot(), self.environment.scenery
+    def _delayed(self, present: Sight) -> Sight | None:
+        """What could be seen a delay ago; None before there was anything."""
         if not self._delay:
             return present
         past, then = self._past, self.now - self._delay
         past.append(present)
-        while len(past) > 1 and past[1][0].time <= then:
+        while len(past) > 1 and past[1].snapshot.time <= then:
             past.popleft()
-        return past[0] if past[0][0].time <= then else None
+        return past[0] if past[0].snapshot.time <= then else None
 
     def _own_state(self, snapshot: Snapshot) -> Array:
         """The own states with their errors; shape (n, nx)."""
@@ -139,10 +153,12 @@ class RangePerception(GroupComponent):
         state.flags.writeable = False
         return state
 
-    def _in_sight(self, snapshot: Snapshot, scenery: Scenery) -> tuple[Indices, Indices]:
-        """Who sees whom: rows of the group, ascending, and indices in the roster; each of shape (m,)."""
-        positions, parameters = snapshot.positions, self.parameters
-        one, other, _ = self._proximity.directed(positions, parameters.range)
+    def _sight(self) -> Sight:
+        """Look around."""
+        environment, parameters = self.environment, self.parameters
+        snapshot = environment.snapshot()
+        positions = snapshot.positions
+        one, other, _ = environment.proximity.directed(positions, parameters.range)
         if len(self._group) < len(positions):
             first, last = np.searchsorted(one, (self._start, self._start + len(self._group)))
             one, other = one[first:last], other[first:last]
@@ -150,13 +166,9 @@ class RangePerception(GroupComponent):
             seen = self._in_view(snapshot, one, other)
             one, other = one[seen], other[seen]
         if parameters.occlusion:
-            seen = ~scenery.blocks(positions.take(one, 0), positions.take(other, 0))
+            seen = environment.in_sight(one, other)
             one, other = one[seen], other[seen]
-        rows = one - self._start if self._start else one
-        if parameters.dropout:
-            seen = self.random.uniform_of(np.bincount(rows, minlength=len(self._group))) >= parameters.dropout
-            rows, other = rows[seen], other[seen]
-        return rows, other
+        return Sight(snapshot, one - self._start if self._start else one, other)
 
     def _in_view(self, snapshot: Snapshot, one: Indices, other: Indices) -> NDArray[np.bool_]:
         """Whether others are less than half a field of view off the heading; shape (m,).
@@ -184,10 +196,9 @@ class RangePerception(GroupComponent):
             values += deviation * errors[:, number]
 
     def _tracks(self, time: int, counts: Indices, others: Indices, positions: Array, velocities: Array) -> Tracks:
-        """What was seen, as old as it is."""
+        """What was seen, as of then."""
         pointers = np.zeros(len(counts) + 1, np.intp)
         np.cumsum(counts, out=pointers[1:])
-        ages = np.full(len(others), (self.now - time) / 1e9)
-        for array in (positions, velocities, ages):
+        for array in (positions, velocities):
             array.flags.writeable = False  # spares the tracks a copy
-        return Tracks(time, pointers, others, positions, velocities, ages=ages)
+        return Tracks(time, pointers, others, positions, velocities)

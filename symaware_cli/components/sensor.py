@@ -26,6 +26,8 @@ class Sensor(GroupComponent):
     How often it measures is the component's `period` in the scenario.
     """
 
+    sees_world = True
+
     Parameters: ClassVar[type[BaseModel]] = SensorParameters
 
     def initialise_component(self, group: AgentGroup) -> None:

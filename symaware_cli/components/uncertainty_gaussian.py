@@ -34,6 +34,8 @@ class GaussianUncertainty(GroupComponent):
     on from the initial state.
     """
 
+    sees_world = True
+
     class Parameters(Parameters):
         """What is assumed of oneself at the start, and of others."""
 
@@ -119,7 +121,8 @@ class GaussianUncertainty(GroupComponent):
         awareness = self._group.awareness
         awareness.state = belief.state
         awareness.uncertainty.set(self.now, belief.covariance.reshape(len(self._group), 1, -1))
-        awareness.tracks = tracks
+        if self._observation is not None or awareness.world is None:
+            awareness.seen = tracks  # who sees everybody without error has nothing to estimate of others
 
     def _remember_input(self, now: int) -> None:
         """Note the control input that was applied since the last turn, in steps such as the world makes."""

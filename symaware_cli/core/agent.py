@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from symaware_cli.core.awareness import AwarenessDatabase, GroupAwareness, SelfAwareness, Tracks
+from symaware_cli.core.awareness import AwarenessDatabase, GroupAwareness, SelfAwareness
 from symaware_cli.core.column import Column
 from symaware_cli.core.entity import Entity
 from symaware_cli.core.event import EventBus
@@ -18,6 +18,7 @@ from symaware_cli.core.knowledge import KnowledgeDatabase
 from symaware_cli.core.message import Exchange
 from symaware_cli.core.model import Model
 from symaware_cli.core.time import Clock
+from symaware_cli.core.tracks import Tracks
 
 if TYPE_CHECKING:
     from symaware_cli.core.environment import Environment
@@ -73,8 +74,8 @@ class AgentGroup:
         self.name = name
         self.ids = tuple(ids)
         self.model = model
-        self.entity = entity
-        self.awareness = GroupAwareness(np.array(initial_state, float))
+        self.entity = model.embodied(entity)
+        self.awareness = GroupAwareness(np.array(initial_state, float), name)
         self.initial_state = self.awareness.state
         self.knowledge_news: set[int] = set()
         self.knowledge = tuple(

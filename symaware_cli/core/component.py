@@ -36,12 +36,15 @@ class BaseComponent(Plugin, ABC, Generic[Owner]):
     A turn of a component computes a value from what its agent is aware of, then updates the awareness with it.
 
     Attributes:
-        bodies: Which of its parameters name an ``agent``, or an ``agent or entity``; looked up before a run.
+        bodies: Which of its parameters name an ``agent``, an ``agent or entity``, or ``agents`` by a list of ids, groups
+            and patterns; looked up before a run.
         events: The events that the component fires besides those of every component, with what each means.
         knowledge: What an agent must know for the component to work, with what each means.
         name: The component's key in the scenario.
         path: Where it stands, such as ``agents.robot.2.steer``; the source of its events.
         requires: What the world must have for the component to work, as in `Environment.provides`, with where it is.
+        sees_world: Whether it looks at the world itself, and not only at what its agent is aware of; then it cannot
+            compute in a process of its own.
         use: The plugin's entry-point name.
     """
 
@@ -49,6 +52,7 @@ class BaseComponent(Plugin, ABC, Generic[Owner]):
     events: ClassVar[Mapping[str, str]] = {}
     knowledge: ClassVar[Mapping[str, str]] = {}
     requires: ClassVar[Mapping[str, str]] = {}
+    sees_world: ClassVar[bool] = False
 
     # Class defaults, so that a subclass with an __init__ of its own need not call this one.
     name: str = ""
@@ -292,6 +296,8 @@ class PerceptionSystem(Component):
 
     `_compute` returns the perceived states by id, or a `Snapshot` for one who perceives everything.
     """
+
+    sees_world = True
 
     @abstractmethod
     def _compute(self) -> Mapping[str, ArrayLike] | Snapshot:

@@ -132,6 +132,32 @@ class ScriptedPath(Part):
         turn = headings[after] - headings[before]
         return Pose(position, headings[before] + share * turn, velocity, turn / span)
 
+    def course(self, time: float, span: float, heading: float = 0.0) -> Pose:
+        """Return where the obstacle is, and how it moves on average over a span of time from there on.
+
+        Where the path begins anew in between and jumps, it moves as it does before that: a jump is no motion.
+
+        Args:
+            time: Simulated time [s].
+            span: How long [s].
+            heading: Its heading if the path states none [rad].
+        """
+        now, then = self.pose(time, heading), self.pose(time + span, heading)
+        if self._jumps and self._round(time) < self._round(time + span):
+            return now
+        velocity = tuple((after - before) / span for before, after in zip(now.position, then.position, strict=True))
+        return Pose(now.position, now.heading, velocity, (then.heading - now.heading) / span)
+
+    @property
+    def _jumps(self) -> bool:
+        """Whether it begins anew elsewhere, or turned another way, than it ends."""
+        turned = self.headings is not None and self.headings[0] != self.headings[-1]
+        return self.repeat and (turned or self.positions[0] != self.positions[-1])
+
+    def _round(self, time: float) -> int:
+        """How often it has begun anew at a time."""
+        return int(max(0.0, time - self.times[0]) // (self.times[-1] - self.times[0]))
+
 
 class Obstacle(Surface):
     """A body that is part of the environment.

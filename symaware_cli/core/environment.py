@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Self
 
@@ -39,11 +40,39 @@ class WorldError(ValueError):
 
     Attributes:
         path: Where in the scenario that is asked, such as ``("agents", "robot", "model")``.
+        others: What else it cannot do, if several things were tried.
     """
 
     def __init__(self, message: str, *path: str) -> None:
         super().__init__(message)
         self.path = path or ("environment",)
+        self.others: Sequence[WorldError] = ()
+
+
+class Attempts:
+    """Tries all that a scenario asks of a world, so that an author learns at once of everything that cannot be."""
+
+    def __init__(self) -> None:
+        self._failed: list[WorldError] = []
+
+    @contextmanager
+    def one(self) -> Iterator[None]:
+        """Try one of them; where it fails, the next one follows."""
+        try:
+            yield
+        except WorldError as error:
+            self._failed.append(error)
+
+    def conclude(self) -> None:
+        """End with the first that failed, which knows of the others.
+
+        Raises:
+            WorldError: One failed.
+        """
+        if self._failed:
+            first, *rest = self._failed
+            first.others = rest
+            raise first
 
 
 class Environment(Plugin, ABC):
@@ -59,7 +88,8 @@ class Environment(Plugin, ABC):
         ground: The height of a plane that carries what falls [m]; None where there is none.
         groups: The groups in the roster's order.
         obstacles: The bodies that are part of the environment, by name.
-        provides: What this world has and not every world, for components that require it, such as ``images``.
+        provides: What this world has and not every world: ``images``, for components that require it; ``vehicles``, if
+            it moves bodies by `Model.vehicle`.
         proximity: Which agents are near each other, shared by all who ask about `snapshot().positions`.
         roster: Who is who.
         is_shared: Whether other processes can follow this world, by `capture` and `adopt`.
@@ -111,6 +141,11 @@ class Environment(Plugin, ABC):
         if self._scenery.moves:
             self._scenery = self._scenery.at(self.snapshot().time)
         return self._scenery
+
+    @property
+    def gravity(self) -> Sequence[float] | None:
+        """How what is free falls in space, [x, y, z] [m/s^2]; None where the world does not say what is up."""
+        return None
 
     def moves(self, name: str) -> bool:
         """Tell whether an obstacle ever moves."""
@@ -232,6 +267,22 @@ class Environment(Plugin, ABC):
             self._bodies_in_plane = BodiesInPlane(self.groups)
         pieces, owners = self._bodies_in_plane.placed(self.snapshot())
         return rays_in_plane(senders, origins, directions, reach, pieces, owners, self.scenery)
+
+    def in_sight(self, ones: Indices, others: Indices) -> NDArray[np.bool_]:
+        """Tell whether no obstacle stands between the middles of agents; other agents hide nobody.
+
+        By default obstacles are what `Scenery` knows of them: outlines seen from above, with heights where these are
+        known.
+
+        Args:
+            ones: Agents, by index; shape (m,).
+            others: Whom each looks at; shape (m,).
+
+        Returns:
+            Shape (m,).
+        """
+        positions = self.snapshot().positions
+        return ~self.scenery.blocks(positions.take(ones, 0), positions.take(others, 0))
 
     def body_positions(self, names: Sequence[str]) -> Array:
         """Return where bodies are in space, by ids of agents and names of entities; shape (n, 3) [m].

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from symaware_cli.core.topology import Links
 
 Indices = NDArray[np.intp]
 Times = NDArray[np.int64]
@@ -100,6 +103,10 @@ class Exchange(Protocol):
 
     def post(self, mailing: Mailing) -> None:
         """Take the messages of many agents at once."""
+
+    @property
+    def links(self) -> Links | None:
+        """Who reaches whom now; the same object until that changes. None where everybody reaches everybody."""
 
     def neighbours(self, sender: str) -> Sequence[str]:
         """The ids of all whom an agent reaches now, in the roster's order."""

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from symaware_cli.core.entity import Entity
 from symaware_cli.core.plugin import Plugin
 from symaware_cli.core.vehicle import Vehicle
 
@@ -61,6 +62,9 @@ class Model(Plugin, ABC):
             models whose velocity is no part of their state.
         angles: Which elements of x are angles that may be wrapped for display or comparison.
         time_step: The one step that a discrete model can take [s]; None for models in continuous time.
+        body: The body that comes with the model; None where the scenario says what body an agent has. Then a shape in
+            the scenario only says what others keep clear of.
+        needs_vehicle: Which parameters have an effect only in worlds that move bodies by `vehicle`.
     """
 
     state: tuple[Quantity, ...] = ()
@@ -70,6 +74,8 @@ class Model(Plugin, ABC):
     velocities: tuple[int, ...] = ()
     angles: tuple[int, ...] = ()
     time_step: float | None = None
+    body: ClassVar[Entity | None] = None
+    needs_vehicle: ClassVar[Sequence[str]] = ()
 
     @abstractmethod
     def derivative(self, state: Any, control_input: Any, math: Any) -> Sequence[Any]:
@@ -150,6 +156,12 @@ class Model(Plugin, ABC):
     def vehicle(self) -> Vehicle | None:
         """Return what moves the bodies of a group in the world `pybullet`; None for those that a velocity moves."""
         return None
+
+    def embodied(self, entity: Entity) -> Entity:
+        """Return the body of an agent for which a scenario says this one."""
+        if self.body is None:
+            return entity
+        return self.body.model_copy(update={"shape": entity.shape}) if entity.shape else self.body
 
     def noise_deviation(self, step: float) -> Array | None:
         """Return the standard deviation of the process noise of each element of x over a step [s].

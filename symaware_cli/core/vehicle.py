@@ -22,9 +22,13 @@ class Vehicle(ABC):
 
     Attributes:
         flags: What ``loadURDF`` is told besides.
+        needs_ground: Whether it drives on the ground, so that a world without one is refused.
+        ground: The height of the ground [m], which the world says before all else; None where there is none.
     """
 
     flags: int = 0
+    needs_ground: bool = False
+    ground: float | None = 0.0
 
     @abstractmethod
     def description(self) -> Path:
@@ -57,6 +61,9 @@ class Vehicle(ABC):
             bodies: The id of each agent's body.
             state: The initial states; shape (n, nx).
             step_time: A physics step [s].
+
+        Raises:
+            WorldError: The world is none for it; the path may be that of a parameter, as ``("with", "gravity")``.
         """
 
     @abstractmethod
@@ -69,6 +76,31 @@ class Vehicle(ABC):
     @abstractmethod
     def read(self) -> tuple[Array, Array]:
         """Return the states, shape (n, nx), and the velocities [m/s], shape (n, 3)."""
+
+    def displace(self, rows: Sequence[int], change: Array) -> None:
+        """Put bodies elsewhere all at once, and give them another velocity: what process noise and pushes do.
+
+        Args:
+            rows: Which agents.
+            change: What to add to the state of each; shape (k, nx).
+
+        Raises:
+            NotImplementedError: The vehicle cannot do that.
+        """
+        raise NotImplementedError(f"{type(self).__name__} cannot be displaced")
+
+
+def place_body(engine: Any, client: int, body: int, values: Sequence[float]) -> None:
+    """Put a body somewhere, with a velocity; its joints stay as they are.
+
+    Args:
+        engine: The module ``pybullet``.
+        client: The client's id.
+        body: Its id.
+        values: What `read_bodies` returns of it.
+    """
+    engine.resetBasePositionAndOrientation(body, values[:3], values[3:7], client)
+    engine.resetBaseVelocity(body, values[7:10], values[10:13], client)
 
 
 def read_bodies(engine: Any, client: int, bodies: Sequence[int]) -> Array:

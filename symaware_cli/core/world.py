@@ -154,6 +154,8 @@ class Snapshot:
 
 def _stacked(parts: Sequence[Array]) -> Array:
     """Join the rows of all groups; a group of a plane among groups of space stands at height 0."""
+    if not parts:
+        return frozen(np.empty((0, 2)))
     if len(parts) == 1:
         return frozen(parts[0]) if parts[0].flags.writeable else parts[0]
     dimensions = max(part.shape[1] for part in parts)

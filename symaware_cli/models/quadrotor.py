@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math as numbers
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from symaware_cli.core import Parameters, Quantity, Vehicle
+from symaware_cli.core import Cylinder, Entity, Parameters, Quantity, Shape, Vehicle
 from symaware_cli.core.model import columns, rows
 from symaware_cli.models.crazyflie import (
     INERTIA,
@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 
 
 class Quadrotor(NoisyModel):
-    """A Crazyflie 2.x in flight: a rigid body under the thrust of four rotors, told their speeds.
+    """A Crazyflie 2.x in flight: a rigid body under the thrust of four rotors, told how fast to turn.
 
     Its attitude is roll, pitch and yaw (first about z, then y, then x), which fail where the nose points straight up or
     down. Angular rates are about the axes of the body. Rotors reach their speed at once.
@@ -49,10 +49,17 @@ class Quadrotor(NoisyModel):
     heading = 5
     velocities = (6, 7, 8)
     angles = (3, 4, 5)
+    # What of assets/crazyflie.urdf collides.
+    body = Entity(shape=Shape(cylinder=Cylinder(radius=0.07, height=0.03)), mass=MASS)
+    needs_vehicle = ("ground_effect", "downwash")
 
     class Parameters(Parameters):
-        """What acts on it, and how it follows a velocity."""
+        """What acts on it, what it is told, and how it follows a velocity."""
 
+        input: Literal["speed", "normalised"] = Field(
+            "speed",
+            description="What its rotors are told: their speeds [rad/s], or these as parts of the greatest, 0 to 1.",
+        )
         gravity: float = Field(9.81, gt=0, description="Acceleration of gravity [m/s^2]; that of the world.")
         drag: bool = Field(True, description="Whether the air brakes it.")
         ground_effect: bool = Field(
@@ -75,6 +82,11 @@ class Quadrotor(NoisyModel):
 
     def _declare(self) -> None:
         self.top_speed = numbers.sqrt(THRUST_TO_WEIGHT * MASS * 9.81 / (4.0 * THRUST))
+        #: The speed of a rotor for each unit of control input [rad/s].
+        self.input_scale = 1.0
+        if self.parameters.input == "normalised":
+            self.input_scale = self.top_speed
+            self.control_input = tuple(Quantity(name, "1") for name, _ in self.control_input)
 
     @property
     def hover_speed(self) -> float:
@@ -83,17 +95,24 @@ class Quadrotor(NoisyModel):
 
     def input_bounds(self) -> tuple[Sequence[float], Sequence[float]]:
         """From standstill to what lifts 2.25 times its weight on Earth."""
-        return [0.0] * 4, [self.top_speed] * 4
+        return [0.0] * 4, [self.top_speed / self.input_scale] * 4
+
+    def rotor_speeds(self, control_input: Any) -> Any:
+        """The speeds that a control input tells the rotors [rad/s]; its elements are those of `derivative`."""
+        if self.input_scale == 1.0:
+            return control_input
+        return [control_input[number] * self.input_scale for number in range(4)]
 
     def derivative(self, state: Any, control_input: Any, math: Any) -> Sequence[Any]:
         """Newton's and Euler's equations of a rigid body."""
         roll, pitch, yaw = state[3], state[4], state[5]
         velocity, rate = (state[6], state[7], state[8]), (state[9], state[10], state[11])
         axes = body_axes(roll, pitch, yaw, math)
-        thrust, torque = rotor_wrench(control_input)
+        speeds = self.rotor_speeds(control_input)
+        thrust, torque = rotor_wrench(speeds)
         force: Vector = (0.0, 0.0, thrust)
         if self.parameters.drag:
-            force = added(force, drag(axes, velocity, control_input))
+            force = added(force, drag(axes, velocity, speeds))
         pushed = to_world(axes, force)
         sine, cosine, tangent = math.sin(roll), math.cos(roll), math.tan(pitch)
         inertia_x, inertia_y, inertia_z = INERTIA
@@ -120,7 +139,7 @@ class Quadrotor(NoisyModel):
         return self.accelerate(state, wanted, state[:, 5])
 
     def accelerate(self, state: Array, acceleration: Array, yaw: Array) -> Array:
-        """Return the speeds of the rotors that tilt the vehicle towards an acceleration and push it there.
+        """Return the control inputs that tilt the vehicle towards an acceleration and push it there.
 
         Gravity and drag are made up for. The attitude is corrected on the group of rotations (T. Lee, M. Leok and N. H.
         McClamroch, Geometric Tracking Control of a Quadrotor UAV on SE(3), CDC 2010), without feeding forward how the
@@ -164,11 +183,12 @@ class Quadrotor(NoisyModel):
             inertia * (-natural * natural * off - 2.0 * natural * turning) + spun
             for inertia, natural, off, turning, spun in zip(INERTIA, frequency, error, rate, gyration, strict=True)
         )
-        return rows(rotor_speeds(thrust, torque, self.top_speed), len(state))
+        speeds = rotor_speeds(thrust, torque, self.top_speed)
+        return rows([speed / self.input_scale for speed in speeds], len(state))
 
     def vehicle(self) -> Vehicle:
         """Its body and rotors in the world `pybullet`."""
-        return QuadrotorVehicle(self.parameters)
+        return QuadrotorVehicle(self.parameters, self.rotor_speeds)
 
 
 def _axes_towards(thrust: Vector, yaw: Array) -> Axes:

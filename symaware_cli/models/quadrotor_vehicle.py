@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from symaware_cli.core import Vehicle, WorldError
 from symaware_cli.core.model import columns
 from symaware_cli.core.rotation import attitude, continued
-from symaware_cli.core.vehicle import read_bodies
+from symaware_cli.core.vehicle import place_body, read_bodies
 from symaware_cli.models import crazyflie
 from symaware_cli.models.vector import Vector, added, body_axes, dot, quaternion_axes, to_world
 
@@ -22,8 +22,9 @@ Array = NDArray[np.float64]
 class QuadrotorVehicle(Vehicle):
     """The bodies and rotors of quadrotors in the world `pybullet`."""
 
-    def __init__(self, parameters: Any) -> None:
+    def __init__(self, parameters: Any, rotor_speeds: Callable[[Array], Any]) -> None:
         self._parameters = parameters
+        self._rotor_speeds = rotor_speeds
 
     def description(self) -> Path:
         """Our own file."""
@@ -43,14 +44,16 @@ class QuadrotorVehicle(Vehicle):
         self._fresh = False
         settings = engine.getPhysicsEngineParameters(client)
         gravity = [settings[f"gravityAcceleration{axis}"] for axis in "XYZ"]
-        if not np.allclose(gravity, [0.0, 0.0, -self._parameters.gravity]):
+        *aside, down = gravity
+        if any(aside) or down >= 0.0:
+            raise WorldError(f"it flies where gravity points straight down, and that of the world is {gravity}")
+        if not np.isclose(-down, self._parameters.gravity):
             raise WorldError(
-                f"the model has a `gravity` of {self._parameters.gravity:g}, and the world one of {gravity}"
+                f"the gravity of the world is {-down:g} m/s^2, and the model's {self._parameters.gravity:g}: set "
+                f"`gravity` to {-down:g}, too",
+                *("with", "gravity"),
             )
-        values = columns(state)
-        axes = body_axes(values[3], values[4], values[5], np)
-        spins = np.stack(np.broadcast_arrays(*to_world(axes, (values[9], values[10], values[11]))), axis=1)
-        for body, own, spin in zip(bodies, state, spins, strict=True):
+        for body, own, spin in zip(bodies, state, _spins(state), strict=True):
             engine.changeDynamics(
                 body,
                 -1,
@@ -64,8 +67,8 @@ class QuadrotorVehicle(Vehicle):
         self._look()
 
     def actuate(self, control_input: Array) -> None:
-        """Let the rotors turn at these speeds."""
-        self._rotors = columns(control_input)
+        """Let the rotors turn as told."""
+        self._rotors = self._rotor_speeds(columns(control_input))
         self._thrust, self._torque = crazyflie.rotor_wrench(self._rotors)
 
     def push(self) -> None:
@@ -75,8 +78,8 @@ class QuadrotorVehicle(Vehicle):
         self._fresh = False
         axes, parameters = self._axes, self._parameters
         lift = self._thrust
-        if parameters.ground_effect:
-            lift = lift * crazyflie.ground_effect(self._values[:, 2])
+        if parameters.ground_effect and self.ground is not None:
+            lift = lift * crazyflie.ground_effect(self._values[:, 2] - self.ground)
         force: Vector = (np.zeros_like(lift), np.zeros_like(lift), lift)
         if parameters.drag:
             force = added(force, crazyflie.drag(axes, self._velocity, self._rotors))
@@ -106,6 +109,17 @@ class QuadrotorVehicle(Vehicle):
             state[:, 9 + axis] = dot(axes[axis], spin)
         return state, values[:, 7:10].copy()
 
+    def displace(self, rows: Sequence[int], change: Array) -> None:
+        """Move the centres of mass, and turn the bodies; with their attitude, their angular rates turn in the world."""
+        changed = self.read()[0][list(rows)] + change
+        values, spins = self._values[list(rows)], _spins(changed)
+        values[:, :3], values[:, 7:10] = changed[:, :3], changed[:, 6:9]
+        for row, own, state, spin in zip(rows, values, changed, spins, strict=True):
+            own[3:7], own[10:13] = attitude(state[3], state[4], state[5]), spin
+            self._yaws[row] = state[5]
+            place_body(self._engine, self._client, self._bodies[row], own.tolist())
+        self._fresh = False
+
     def _look(self) -> None:
         """Read where everybody is and how it turns, until the next physics step."""
         values = self._values = read_bodies(self._engine, self._client, self._bodies)
@@ -114,3 +128,10 @@ class QuadrotorVehicle(Vehicle):
         velocity_x, velocity_y, velocity_z = columns(values[:, 7:10])
         self._velocity = (velocity_x, velocity_y, velocity_z)
         self._fresh = True
+
+
+def _spins(state: Array) -> Array:
+    """The angular velocities in the world's coordinates [rad/s]; (n, 12) to (n, 3)."""
+    values = columns(state)
+    axes = body_axes(values[3], values[4], values[5], np)
+    return np.stack(np.broadcast_arrays(*to_world(axes, (values[9], values[10], values[11]))), axis=1)

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from symaware_cli.core import Model, Parameters, Quantity, Vehicle
-from symaware_cli.core.rotation import continued, yaws
-from symaware_cli.core.vehicle import read_bodies
+from symaware_cli.core import Entity, Model, Parameters, Polygon, Quantity, Shape, Vehicle
+from symaware_cli.core.rotation import about, composed, continued, yaws
+from symaware_cli.core.vehicle import place_body, read_bodies
 from symaware_cli.models.heading import HeadingModel
 from symaware_cli.models.noise import Deviation
 
@@ -22,6 +22,8 @@ Array = NDArray[np.float64]
 #: [m] As pybullet_data/racecar/racecar.urdf has them: between the axles, between the wheels of one, and of a wheel, to
 #: which PyBullet adds a margin of 1 mm.
 WHEELBASE, TRACK, WHEEL_RADIUS = 0.325, 0.245, 0.051
+#: [rad] As far as the hinges go.
+_MOST_STEERED = 1.0
 #: The colour of the wheels, where they are seen.
 _TYRE = (0.1, 0.1, 0.1, 1.0)
 
@@ -37,7 +39,7 @@ class Racecar(HeadingModel):
     for with a time constant each: x' = v cos(heading), y' = v sin(heading), heading' = v tan(s) / L, v' = (speed - v) /
     speed_time, s' = (steering_angle - s) / steering_time.
 
-    The position is that of the middle of the rear axle; on the ground, at height 0 of the file.
+    The position is that of the middle of the rear axle, and the wheels stand on the ground.
     """
 
     state = (
@@ -51,6 +53,10 @@ class Racecar(HeadingModel):
     heading = 2
     angles = (2, 4)
     wheelbase = WHEELBASE
+    # What of the file collides, around the middle of the rear axle; and all of its masses.
+    body = Entity(
+        shape=Shape(polygon=Polygon(vertices=((-0.06, -0.15), (0.41, -0.15), (0.41, 0.15), (-0.06, 0.15)))), mass=5.89
+    )
 
     class Parameters(Parameters):
         """Limits of the racecar, and how it responds."""
@@ -132,6 +138,7 @@ class RacecarVehicle(Vehicle):
 
     #: URDF_USE_INERTIA_FROM_FILE: by default PyBullet makes inertia up from collision shapes, and the chassis has none.
     flags = 2
+    needs_ground = True
 
     def __init__(self, parameters: Any) -> None:
         self._parameters = parameters
@@ -144,8 +151,8 @@ class RacecarVehicle(Vehicle):
 
     def pose(self, state: Array) -> tuple[Sequence[float], Sequence[float]]:
         """The base of the file is the middle of the rear axle, at the height where the wheels stand."""
-        half = 0.5 * float(state[2])
-        return (float(state[0]), float(state[1]), WHEEL_RADIUS - 0.05), (0.0, 0.0, numbers.sin(half), numbers.cos(half))
+        half, height = 0.5 * float(state[2]), (self.ground or 0.0) + WHEEL_RADIUS - 0.05
+        return (float(state[0]), float(state[1]), height), (0.0, 0.0, numbers.sin(half), numbers.cos(half))
 
     def dress(self, engine: Any, client: int, body: int) -> None:
         """Paint the wheels: PyBullet would keep 0.9 MB of texture for each, more than half of what a car takes."""
@@ -159,6 +166,7 @@ class RacecarVehicle(Vehicle):
         names = {name: joint for joint, name in enumerate(self._joints(engine, client, bodies[0]))}
         self._driven = [names["left_rear_wheel_joint"], names["right_rear_wheel_joint"]]
         rolling = [names["left_front_wheel_joint"], names["right_front_wheel_joint"]]
+        self._rolling = [*self._driven, *rolling]
         self._steered = [names["left_steering_hinge_joint"], names["right_steering_hinge_joint"]]
         self._headings = state[:, 2].copy()
         self._told: list[list[float]] = [[] for _ in bodies]
@@ -167,7 +175,7 @@ class RacecarVehicle(Vehicle):
                 engine.changeDynamics(
                     body, joint, lateralFriction=0.0, linearDamping=0.0, angularDamping=0.0, physicsClientId=client
                 )
-            for joint in (*self._driven, *rolling):
+            for joint in self._rolling:
                 friction = self._parameters.wheel_friction
                 engine.changeDynamics(body, joint, lateralFriction=friction, physicsClientId=client)
                 engine.resetJointState(body, joint, 0.0, float(own[3]) / WHEEL_RADIUS, client)
@@ -224,6 +232,27 @@ class RacecarVehicle(Vehicle):
         tangent = np.tan(hinges)
         state[:, 4] = np.arctan(tangent / (1.0 + 0.5 * TRACK / WHEELBASE * tangent))
         return state, values[:, 7:10]
+
+    def displace(self, rows: Sequence[int], change: Array) -> None:
+        """Move the rear axle over the ground, turn the car about it, and its front wheels; nothing tilts it."""
+        engine, client = self._engine, self._client
+        states = self.read()[0][list(rows)]
+        values = read_bodies(engine, client, [self._bodies[row] for row in rows])
+        for row, own, state, (x, y, heading, speed, angle) in zip(rows, values, states, change.tolist(), strict=True):
+            own[:2] += x, y
+            own[3:7] = composed(about((0.0, 0.0, 1.0), heading), own[3:7])
+            cosine, sine = numbers.cos(heading), numbers.sin(heading)
+            own[7:9] = cosine * own[7] - sine * own[8], sine * own[7] + cosine * own[8]
+            towards = float(state[2]) + heading
+            self._headings[row] += heading
+            own[7:9] += speed * numbers.cos(towards), speed * numbers.sin(towards)
+            place_body(engine, client, self._bodies[row], own.tolist())
+            steered = min(max(float(state[4]) + angle, -_MOST_STEERED), _MOST_STEERED)
+            for joint, turned in zip(self._steered, hinge_angles(steered), strict=True):
+                engine.resetJointState(self._bodies[row], joint, turned, 0.0, client)
+            for joint in self._rolling:
+                turned, rate = engine.getJointState(self._bodies[row], joint, client)[:2]
+                engine.resetJointState(self._bodies[row], joint, turned, rate + speed / WHEEL_RADIUS, client)
 
 
 def hinge_angles(angle: float) -> list[float]:

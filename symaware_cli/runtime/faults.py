@@ -176,12 +176,12 @@ def _blindfold(rows: frozenset[int], group: AgentGroup, before: Array | None) ->
             del database[id]
         if database.world is not awareness.world:
             database.world = None
-    if awareness.world is not None and awareness.tracks is None:
+    if awareness.world is not None and awareness.seen is None:
         # One snapshot is shared by all; without some of them, everybody's picture has to be written out.
-        awareness.tracks = group.others(np.inf)
+        awareness.seen = awareness.everybody(awareness.world)
         awareness.world = None
-    if awareness.tracks is not None:
-        awareness.tracks = awareness.tracks.select(~np.isin(awareness.tracks.observers, sorted(rows)))
+    if awareness.seen is not None:
+        awareness.seen = awareness.seen.select(~np.isin(awareness.seen.observers, sorted(rows)))
     observation = awareness.observation
     if observation is not None:
         seen = observation.tracks.select(~np.isin(observation.tracks.observers, sorted(rows)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import NoReturn
 
 from symaware_cli.core import (
     AgentGroup,
@@ -22,7 +23,7 @@ from symaware_cli.core import (
 )
 from symaware_cli.core.event import RECURRING
 from symaware_cli.network.exchange import MemoryExchange
-from symaware_cli.network.network import Change, Network
+from symaware_cli.network.network import Change, Network, Stretch
 from symaware_cli.network.traffic import Traffic
 from symaware_cli.runtime.failure import RunError, describe
 from symaware_cli.runtime.interruption import Interrupted
@@ -197,7 +198,14 @@ class Simulation:
 
     def connect(self, network: Network) -> None:
         """Let messages go over a network, instead of from everybody to everybody at once."""
+        network.on_failure = self._blame_topology
         self.exchange.network = network
+
+    def _blame_topology(self, stretch: Stretch, error: BaseException) -> NoReturn:
+        """Take the failure of a topology for that of the run."""
+        if isinstance(error, Interrupted | KeyboardInterrupt):
+            raise error
+        raise RunError(stretch.source, stretch.use, self.clock.now, describe(error), error) from error
 
     def _sent(self, message: Message) -> None:
         if "sent" in self.events.wanted:

@@ -22,14 +22,15 @@ from symaware_cli.core import (
     WorldError,
     nanoseconds,
 )
-from symaware_cli.environments.asset import needed
 from symaware_cli.runtime.failure import RunError
 from symaware_cli.runtime.faults import Fault
 from symaware_cli.runtime.simulation import Simulation, Slot
 from symaware_cli.runtime.terms import Terms
+from symaware_cli.scenario.assets import assets, check_assets
 from symaware_cli.scenario.catalogue import Catalogue
 from symaware_cli.scenario.check import check
 from symaware_cli.scenario.compose import Composition, compose
+from symaware_cli.scenario.consensus import check_consensus
 from symaware_cli.scenario.document import Scenario
 from symaware_cli.scenario.faults import FaultBuilder
 from symaware_cli.scenario.making import Workshop, mapping, topologies, words
@@ -141,16 +142,19 @@ class _Builder:
         if isinstance(document, Scenario) and environment is not None:
             terms = self._terms(document, environment, groups, slots)
             check_requirements(document, environment, groups, slots, self._report)
+            check_assets(document, environment, self._folder, self._report)
+            check_consensus(document, environment.time_step, slots, self._report)
             if document.topology is not None and len(groups) == len(document.agents):
                 builder = NetworkBuilder(self._report, environment, groups, seed)
-                network = builder.build(document.topology, networks)
+                narrowed = any(each.degrade and each.degrade.bandwidth for each in document.faults.values())
+                network = builder.build(document.topology, networks, narrowed=narrowed)
         if self._problems or self._found or isinstance(document, list) or environment is None:
             raise ScenarioError([*self._found, *filter(self._is_news, self._problems)])
         simulation = self._simulation(document, environment, groups, slots)
         if network is not None:
             simulation.connect(network)
         text = resolved(data, document)
-        files = {**self._composition.files, **_assets(document, self._folder)}
+        files = {**self._composition.files, **assets(document, self._folder)}
         return Built(document, simulation, steps, terms, text, files, self._uses, transport)
 
     def _terms(
@@ -166,8 +170,7 @@ class _Builder:
         run, until = document.run, check.until(document.run)
         faults: Sequence[Fault | None] = ()
         if len(groups) == len(document.agents):
-            names = list(document.faults)
-            builder = FaultBuilder(self._composition, self._report, check, environment, groups, slots, names)
+            builder = FaultBuilder(self._composition, self._report, check, environment, groups, slots, document.faults)
             faults = [builder.build(name, use) for name, use in document.faults.items()]
         return Terms(
             mode=run.mode,
@@ -342,20 +345,13 @@ class _Builder:
         except RunError as error:
             cause = error.__cause__
             if isinstance(cause, WorldError):
-                said = f"{quoted(error.plugin)} cannot do this: {words(cause)}"
-                self._report("unsuitable", said, cause.path, key=True)
+                for each in (cause, *cause.others):
+                    said = f"{quoted(error.plugin)} cannot do this: {words(each)}"
+                    self._report("unsuitable", said, each.path, key=True)
             else:
                 said = f"{quoted(error.plugin)} cannot set up the world: {error.problem}"
                 self._report("unsuitable", said, ("environment",))
             raise ScenarioError(self._problems) from error
-
-
-def _assets(document: Scenario, folder: FilePath) -> dict[str, bytes]:
-    """The files that shapes are made of, by path relative to the folder."""
-    shapes = [entity.shape for entity in document.environment.entities.values()]
-    shapes += [agents.entity.shape for agents in document.agents.values() if agents.entity.shape]
-    named = [body.file for shape in shapes for body in (shape.mesh, shape.urdf) if body]
-    return {name: content for file in named for name, content in needed(file, folder).items()}
 
 
 def _unresolved(value: Any, path: Path) -> Iterator[Path]:

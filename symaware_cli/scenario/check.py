@@ -74,8 +74,13 @@ def check(
     except ValidationError as error:
         details = error.errors(include_url=False)
     judge = _Judge(model, data, composition, path, others)
-    problems = [judge.problem(each) for each in details]
+    problems = [judge.problem(each) for each in details if not _is_consequence(each)]
     return _one_each(problem for problem in problems if judge.missing.get(problem) not in judge.meant)
+
+
+def _is_consequence(error: ErrorDetails) -> bool:
+    """Whether a list is only too short because what is wrong in it, and told of itself, was not counted."""
+    return error["type"] == "too_short" and len(error["input"]) >= error["ctx"]["min_length"]
 
 
 def _one_each(problems: Iterable[Problem]) -> list[Problem]:
@@ -89,7 +94,7 @@ def _one_each(problems: Iterable[Problem]) -> list[Problem]:
             first[key] = problem
         elif known.code == problem.code == "wrong-type" and problem.expected not in (None, known.expected):
             first[key] = replace(known, expected=f"{known.expected} or {problem.expected}")
-        elif known.code == "wrong-type" and problem.code == "invalid-value":
+        elif known.code == "wrong-type" and problem.code in ("invalid-value", "wrong-length"):
             # One branch takes what another has no use for, and says what is wrong with it.
             first[key] = problem
     # Where something inside a list is wrong, it is no news that the list is not what another branch wants.
@@ -125,6 +130,8 @@ class _Judge:
         inner = _existing(self._data, error["loc"])
         path = (*self._base, *inner)
         said = f"{_what(path)} is {said_of(value)}"
+        if kind == "missing" and isinstance(error["loc"][-1], int):
+            return self._composition.problem("wrong-length", said, path, expected=self._as_many(inner))
         if kind == "missing":
             return self._missing(inner, str(error["loc"][-1]))
         if kind == "extra_forbidden":
@@ -229,6 +236,11 @@ class _Judge:
         bound = f"at least {least}" if most is None else f"at most {most}"
         said = f"{_what(path)} is {said_of(value)}"
         return self._composition.problem("wrong-length", said, path, expected=f"a list of {bound}")
+
+    def _as_many(self, inner: Path) -> str | None:
+        """Return how many elements a list has that is to have so many."""
+        lists = [each for each in _branches(_annotation_at(self._model, inner)) if typing.get_origin(each) is tuple]
+        return f"a list of {len(typing.get_args(lists[0]))}" if lists else None
 
     def _choice(self, path: Path, value: Any, expected: str) -> Problem:
         written = [part.strip() for part in expected.replace(" or ", ", ").split(",") if part.strip()]

@@ -10,6 +10,7 @@ from pathlib import Path as FilePath
 from pathlib import PurePath, PurePosixPath, PureWindowsPath
 from typing import Any
 
+from symaware_cli.environments.asset import is_packaged
 from symaware_cli.scenario.overrides import Override
 from symaware_cli.scenario.parameters import substitute
 from symaware_cli.scenario.problem import Problem, ScenarioError, Span, dotted, quoted
@@ -109,11 +110,29 @@ def compose(path: FilePath, overrides: Sequence[str] = (), name: str | None = No
     for override in parsed:
         root = override.apply(root)
     root = substitute(root, sources)
+    if any(files.folders.values()):
+        root = _found_beside(root, files.folders)
     problems = _problems(sources)
     partial = Composition(files.name, root, files.raw, sources) if _is_whole(sources) else None
     if problems or partial is None:
         raise ScenarioError(problems, partial)
     return partial
+
+
+def _found_beside(root: Node, folders: Mapping[str, str], inside: str = "", around: str = "") -> Node:
+    """Returns a document in which the files of shapes are named from the top file's folder, not from who names them."""
+    if isinstance(root.value, dict):
+        entries = {
+            key: Entry(entry.key, _found_beside(entry.node, folders, key, inside)) for key, entry in root.value.items()
+        }
+        changed = any(entry.node is not root.value[key].node for key, entry in entries.items())
+        named = entries.get("file")
+        folder = folders.get(named.node.span.file) if named and around == "shape" else None
+        if named and folder and isinstance(named.node.value, str) and not is_packaged(named.node.value):
+            beside = Node(str(PurePosixPath(folder, named.node.value)), named.node.span)
+            entries, changed = entries | {"file": Entry(named.key, beside)}, True
+        return Node(entries, root.span) if changed else root
+    return root
 
 
 def _problems(sources: Mapping[str, Source]) -> list[Problem]:
@@ -148,6 +167,8 @@ class _Files:
         self.name = name
         self.sources: dict[str, Source] = {}
         self.raw: dict[str, bytes] = {}
+        #: The folder of each file below that of the top file, by the name of its source.
+        self.folders: dict[str, str] = {}
         self._path = path
         self._folder = os.path.realpath(path.parent)
         # What each file says with its bases merged in, by its path relative to the folder.
@@ -163,6 +184,7 @@ class _Files:
     def _compose(self, relative: str, source: Source) -> Node | None:
         """Returns what a file says with its bases merged in, or `None` if it cannot be told."""
         self.sources[source.name] = source
+        self.folders[source.name] = PurePath(relative).parent.as_posix().removeprefix(".")
         self.raw[PurePath(relative).as_posix()] = source.raw
         root = source.root
         if root is None or not isinstance(root.value, dict):

@@ -392,7 +392,9 @@ class Scenario(Part):
     )
     run: Run = Field(description="How long, and in which way, the scenario runs.")
     environment: EnvironmentUse = Field(description="The world.")
-    agents: dict[Name, Agents] = Field(min_length=1, description="The groups of agents by name.")
+    agents: dict[Name, Agents] = Field(
+        default_factory=dict, description="The groups of agents by name; without any, the world goes its own way."
+    )
     topology: TopologyUse | None = Field(
         None, description="Who reaches whom with messages; everybody, with the next step, if left out."
     )
@@ -403,3 +405,9 @@ class Scenario(Part):
     )
     faults: dict[Name, FaultUse] = Field(default_factory=dict, description="What goes wrong, by name.")
     recording: Recording = Field(default_factory=lambda: Recording(), description="What goes into the log.")
+
+    @model_validator(mode="after")
+    def _is_about_something(self) -> Self:
+        if not self.agents and not self.environment.entities:
+            raise ValueError("there are no agents, and no entities in the world either")
+        return self

@@ -1,13 +1,17 @@
-"""Whether the world has what components require of it, and the bodies that they name."""
+"""Whether the world has what models and components require of it, and the bodies that these name."""
 
 from __future__ import annotations
 
+import fnmatch
 from collections.abc import Callable, Sequence
 
+from symaware_cli.components.sensor import Sensor
 from symaware_cli.core import AgentGroup, Environment
+from symaware_cli.recording.reader import FIELDS
 from symaware_cli.runtime.simulation import Slot
 from symaware_cli.scenario.document import Scenario
 from symaware_cli.scenario.problem import nearest, quoted
+from symaware_cli.scenario.source import Path
 
 #: So many names are listed where one is unknown.
 _LISTED = 6
@@ -20,7 +24,7 @@ def check_requirements(
     slots: Sequence[Slot],
     report: Callable[..., None],
 ) -> None:
-    """Report each component that cannot work in its world.
+    """Report each model and component that cannot work in its world.
 
     Args:
         document: What the scenario says.
@@ -30,10 +34,19 @@ def check_requirements(
         report: Takes the code and the message of a problem, the path, and hints.
     """
     agents = [id for group in groups for id in group.ids]
-    names = {"agent": agents, "agent or entity": [*agents, *document.environment.entities]}
+    names = {
+        "agent": agents,
+        "agents": [*(group.name for group in groups if group.name not in agents), *agents],
+        "agent or entity": [*agents, *document.environment.entities],
+    }
     complete = len(groups) == len(document.agents)
+    for group in groups:
+        _check_model(document, environment, group, report)
     for slot in slots:
         component, path = slot.components[0], ("agents", slot.group.name, "components", slot.name)
+        if isinstance(component, Sensor) and slot.name in FIELDS:
+            message = f"a sensor {quoted(slot.name)} could not be told from the series of that name in the log"
+            report("bad-name", message, path, key=True, expected=f"none of {', '.join(sorted(FIELDS))}")
         for name, where in component.requires.items():
             if name not in environment.provides:
                 world = quoted(document.environment.use)
@@ -43,13 +56,30 @@ def check_requirements(
             if kind not in names or not hasattr(component.parameters, parameter):
                 report("broken-plugin", f"{quoted(slot.use)} has no parameter `{parameter}` that names an {kind}", path)
                 continue
-            body, known = getattr(component.parameters, parameter), names[kind]
-            if isinstance(body, str) and body not in known:
-                listed = ", ".join(known[:_LISTED]) + (", ..." if len(known) > _LISTED else "")
-                report(
-                    "unknown-target",
-                    f"there is no {kind} {quoted(body)}",
-                    (*path, "with", parameter),
-                    expected=f"one of {listed}",
-                    suggestion=nearest(body, known),
-                )
+            named, known = getattr(component.parameters, parameter), names[kind]
+            if kind == "agents":
+                for number, pattern in enumerate(named):
+                    if not any(fnmatch.fnmatchcase(name, pattern) for name in known):
+                        _report_unknown("agent or group", pattern, known, (*path, "with", parameter, number), report)
+            elif isinstance(named, str) and named not in known:
+                _report_unknown(kind, named, known, (*path, "with", parameter), report)
+
+
+def _report_unknown(kind: str, name: str, known: Sequence[str], path: Path, report: Callable[..., None]) -> None:
+    listed = ", ".join(known[:_LISTED]) + (", ..." if len(known) > _LISTED else "")
+    message = f"there is no {kind} {quoted(name)}"
+    report("unknown-target", message, path, expected=f"one of {listed}", suggestion=nearest(name, known))
+
+
+def _check_model(document: Scenario, environment: Environment, group: AgentGroup, report: Callable[..., None]) -> None:
+    """Report what is asked of a model with a body of its own that nothing would come of."""
+    agents, model, path = document.agents[group.name], group.model, ("agents", group.name)
+    for name in model.needs_vehicle:
+        if getattr(model.parameters, name) and "vehicles" not in environment.provides:
+            world = quoted(document.environment.use)
+            message = f"{quoted(agents.model.use)} has its {quoted(name)} in worlds with vehicles, and {world} has none"
+            report("unsuitable", message, (*path, "model", "with", name), expected="`pybullet`, or false")
+    for name in sorted(agents.entity.model_fields_set - {"shape"}) if model.body else ():
+        message = f"{quoted(agents.model.use)} comes with a body of its own, whose {quoted(name)} cannot be set"
+        expected = "nothing but a `shape`, which says what others keep clear of"
+        report("unsuitable", message, (*path, "entity", name), key=True, expected=expected)

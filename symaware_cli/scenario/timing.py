@@ -9,7 +9,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from symaware_cli.core import AgentGroup, CommunicationReceiver, Component, PerceptionSystem, nanoseconds
+from symaware_cli.core import AgentGroup, CommunicationReceiver, Component, nanoseconds
 from symaware_cli.core.component import BaseComponent
 from symaware_cli.core.event import RECURRING, TURNS
 from symaware_cli.runtime.expression import Expression, ExpressionError
@@ -112,8 +112,8 @@ class TimingCheck:
     def _can_leave(self, use: ComponentUse, component: type[BaseComponent[Any]], path: Path) -> None:
         """Look whether a component can compute in a process of its own."""
         problem = None
-        if issubclass(component, PerceptionSystem):
-            problem = "perceives the world, and in a process of its own there is none"
+        if component.sees_world:
+            problem = "looks at the world, and in a process of its own there is none"
         elif issubclass(component, CommunicationReceiver):
             problem = "reads messages, and in a process of its own there are none"
         elif component._async_compute is not Component._async_compute:

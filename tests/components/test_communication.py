@@ -2,77 +2,16 @@
 
 import numpy as np
 import pytest
-from simulating import STEP, Team, simulation
+from simulating import STEP, Team
+from talking import Watch, made, team
 
-from symaware_cli import Component, TimeSeries
+from symaware_cli import TimeSeries
 from symaware_cli.components.communication.broadcast import Broadcast
-from symaware_cli.components.communication.consensus import Consensus
-from symaware_cli.components.communication.flooding import Flooding
-from symaware_cli.components.communication.gossip import Gossip
 from symaware_cli.components.communication.inbox import Inbox
-from symaware_cli.components.communication.request import Request
 from symaware_cli.components.communication.state import StateSender
 from symaware_cli.components.perception import SelfPerception
 from symaware_cli.components.perception_range import RangePerception
-from symaware_cli.network.channel.parameters import ChannelParameters
-from symaware_cli.network.network import Network, Stretch
-from symaware_cli.network.topology.still import Complete, Line, Random, Ring, Star
-from symaware_cli.runtime.run import run
-
-
-class Setting(Component):
-    """Does what a test says."""
-
-    def __init__(self, act):
-        super().__init__()
-        self._act = act
-
-    def _compute(self):
-        return None
-
-    def _update(self, value):
-        self._act(self._agent)
-
-
-class Watch:
-    """A run, and what was fired in it."""
-
-    def __init__(self, teams, topology=None, channel=None, seed=7, **parameters):
-        self.simulation = simulation(teams, seed=seed)
-        self.groups = {group.name: group for group in self.simulation.groups}
-        self.events = []
-        self.frames = []
-        if topology is not None:
-            made = topology(topology.Parameters(**parameters))
-            made.initialise(self.simulation.environment, seed)
-            roster = self.simulation.environment.roster
-            channel = ChannelParameters.model_validate(channel or {})
-            self.simulation.connect(Network(roster, [Stretch(0, made)], channel=channel))
-        self.simulation.events.subscribe("*", self.events.append)
-
-    def run(self, steps, look=None):
-        """Make the run; look at it after the turns of each step."""
-        if look is not None:
-            self.simulation.events.subscribe("iterated", lambda event: self.frames.append(look()))
-        summary = run(self.simulation, steps)
-        assert summary.status == "finished", summary.failure
-        return self
-
-    def fired(self, name):
-        return [event for event in self.events if event.name == name]
-
-
-def made(kind, **parameters):
-    return lambda: kind(kind.Parameters(**parameters))
-
-
-def team(count=2, control=None, knowledge=(), **components):
-    def act(agent):
-        if control is not None:
-            agent.model.control_input = control(agent)
-
-    each = {"sense": SelfPerception, **components, "act": lambda: Setting(act)}
-    return Team(each, count=count, knowledge=knowledge)
+from symaware_cli.network.topology.still import Complete
 
 
 class TestStates:
@@ -90,7 +29,7 @@ class TestStates:
         assert watch.frames[0][1] is None
 
     def test_uncertainty_grows_with_the_age_of_a_message(self):
-        quiet = {"threshold": 100.0}
+        quiet = {"threshold": 100.0, "silence": None}
         noise = {"position_noise": 0.1, "velocity_noise": 0.2, "acceleration_noise": 0.5, "memory": 100.0}
         watch = Watch({"robot": team(tell=made(StateSender, **quiet), hear=made(Inbox, **noise))})
         awareness = watch.groups["robot"].awareness
@@ -207,158 +146,7 @@ class TestBroadcasts:
         agent = watch.groups["robot"].agents[0]
         assert agent.knowledge_database["robot.2"]["name"] == "carl"
         vector = agent.awareness_database["robot.2"]
-        assert vector.state.tolist() == [2.0, 0.0]
+        assert vector.state.tolist() == [2.0, 0.0, 0.0, 0.0]
         assert vector.intent[1.0].tolist() == [2.0, 0.0]
-        # At the instant for which it was told.
-        assert vector.uncertainty.times.tolist() == [3 * STEP - STEP]
-
-
-class TestRequests:
-    def teams(self, **ask):
-        asking = made(Request, whom=("robot.*",), names=("goal",), **ask)
-        return {
-            "boss": Team({"ask": asking}, count=1),
-            "robot": Team({"answer": Request}, count=2, knowledge=[{"goal": 1}, {"goal": "north", "secret": 2}]),
-        }
-
-    def test_who_is_asked_answers_what_it_knows(self):
-        watch = Watch(self.teams()).run(10)
-        known = watch.groups["boss"].agents[0].knowledge_database
-        assert (dict(known["robot.0"]), dict(known["robot.1"])) == ({"goal": 1}, {"goal": "north"})
-        assert [(event.time, event.data["other"]) for event in watch.fired("answered")] == [
-            (2 * STEP, "robot.0"),
-            (2 * STEP, "robot.1"),
-        ]
-
-    def test_who_does_not_answer_is_asked_again(self):
-        watch = Watch(self.teams(timeout=0.2, tries=100), Complete, {"loss": 0.6}).run(300)
-        assert {event.data["other"] for event in watch.fired("answered")} == {"robot.0", "robot.1"}
-        assert watch.simulation.exchange.sent > 4
-
-    def test_at_last_it_is_given_up(self):
-        watch = Watch(self.teams(timeout=0.2, tries=3), Complete, {"loss": 1.0}).run(60)
-        assert [event.data["other"] for event in watch.fired("unanswered")] == ["robot.0", "robot.1"]
-        assert watch.simulation.exchange.sent == 6
-
-    def test_answers_can_be_kept_up_to_date(self):
-        watch = Watch(self.teams(interval=0.5)).run(60)
-        assert len(watch.fired("answered")) == 2 * 5
-
-
-class TestGossip:
-    def test_a_rumour_reaches_a_thousand_in_about_as_many_rounds_as_a_logarithm_says(self):
-        rounds = {}
-        for count in (10, 100, 1000):
-            knowledge = [{"rumour": "fire"}] + [{} for _ in range(count - 1)]
-            watch = Watch({"robot": Team({"tell": Gossip}, count=count, knowledge=knowledge)}, Complete)
-            watch.run(40)
-            informed = [event.time // STEP for event in watch.fired("informed")]
-            assert len(informed) == count - 1
-            rounds[count] = max(informed)
-        # Pittel 1987: log2(n) + ln(n), up to a constant; it takes a step more for the first to be told.
-        for count, taken in rounds.items():
-            assert abs(taken - (np.log2(count) + np.log(count))) < 6, rounds
-
-    def test_a_later_version_takes_the_place_of_an_earlier_one(self):
-        def change(agent):
-            if agent.row == 3 and agent.surroundings.clock.now == 20 * STEP:
-                agent.self_knowledge["rumour"] = "no fire"
-            return [0.0, 0.0]
-
-        knowledge = [{"rumour": "fire"}] + [{} for _ in range(9)]
-        watch = Watch({"robot": team(10, change, knowledge, tell=Gossip)}, Complete).run(60)
-        assert {known["rumour"] for known in watch.groups["robot"].knowledge} == {"no fire"}
-
-    def test_it_gets_through_where_much_is_lost(self):
-        knowledge = [{"rumour": "fire"}] + [{} for _ in range(29)]
-        watch = Watch({"robot": Team({"tell": Gossip}, count=30, knowledge=knowledge)}, Complete, {"loss": 0.5})
-        watch.run(60)
-        assert len(watch.fired("informed")) == 29
-
-
-class TestFlooding:
-    def flood(self, count, steps, topology=Line, channel=None, **parameters):
-        knowledge = [{"alarm": "fire"}] + [{} for _ in range(count - 1)]
-        flooding = made(Flooding, names=("alarm",), **parameters)
-        watch = Watch({"robot": Team({"tell": flooding}, count=count, knowledge=knowledge)}, topology, channel)
-        return watch.run(steps)
-
-    def test_what_is_flooded_goes_on_from_one_to_the_next(self):
-        watch = self.flood(6, 10)
-        heard = {event.source: (event.time // STEP, event.data["hops"]) for event in watch.fired("heard")}
-        assert heard == {f"agents.robot.{number}.tell": (number, number) for number in range(1, 6)}
-        assert watch.groups["robot"].agents[5].knowledge_database["robot.0"]["alarm"] == "fire"
-
-    def test_it_dies_when_its_time_is_over(self):
-        assert len(self.flood(6, 10, time_to_live=3).fired("heard")) == 3
-
-    def test_what_comes_another_way_is_suppressed(self):
-        watch = self.flood(8, 10, Complete)
-        assert len(watch.fired("heard")) == 7
-        # The first tells 7; each of these tells all but the first and itself, once.
-        assert watch.simulation.exchange.sent == 7 + 7 * 6
-
-    def test_copies_and_delays_change_nothing_of_that(self):
-        channel = {"duplication": 0.5, "delay": {"exponential": 0.1}}
-        assert len(self.flood(8, 60, Ring, channel).fired("heard")) == 7
-
-
-def consensus(topology, gain, steps, count=12, channel=None, **parameters):
-    """The values of all agents at each turn, and the eigenvalues of the Laplacian."""
-    first = np.random.default_rng(5).uniform(0, 10, count)
-    knowledge = [{"value": float(each)} for each in first]
-    agree = made(Consensus, gain=gain)
-    watch = Watch({"node": Team({"agree": agree}, count=count, knowledge=knowledge)}, topology, channel, **parameters)
-    group = watch.groups["node"]
-    watch.run(steps, lambda: [known["value"] for known in group.knowledge])
-    links = watch.simulation.exchange.network.links
-    adjacency = np.zeros((count, count))
-    adjacency[links.senders, links.receivers] = 1
-    laplacian = np.diag(adjacency.sum(axis=1)) - adjacency
-    return np.array(watch.frames[:-1] if len(watch.frames) > steps else watch.frames), laplacian, watch
-
-
-GRAPHS = [
-    (Ring, 0.3, {}),
-    (Star, 0.08, {}),
-    (Random, 0.1, {"probability": 0.4, "connected": True}),
-]
-
-
-class TestConsensus:
-    @pytest.mark.parametrize(("topology", "gain", "parameters"), GRAPHS)
-    def test_values_follow_the_laplacian_exactly(self, topology, gain, parameters):
-        values, laplacian, _ = consensus(topology, gain, 60, **parameters)
-        expected = [values[0]]
-        for _ in values[1:]:
-            expected.append(expected[-1] - gain * laplacian @ expected[-1])
-        assert np.allclose(values, expected, atol=1e-12)
-
-    @pytest.mark.parametrize("loss", [0.0, 0.2])
-    @pytest.mark.parametrize(("topology", "gain", "parameters"), GRAPHS)
-    def test_all_come_to_the_mean_as_fast_as_the_laplacian_says(self, topology, gain, parameters, loss):
-        values, laplacian, watch = consensus(topology, gain, 400, channel={"loss": loss}, **parameters)
-        error = np.linalg.norm(values - values[0].mean(), axis=1)
-        eigenvalues = np.linalg.eigvalsh(laplacian)
-        predicted = max(1 - gain * eigenvalues[1], gain * eigenvalues[-1] - 1)
-        # Until rounding takes over.
-        steady = np.flatnonzero((error < 0.1 * error[0]) & (error > 1e-9))
-        rate = np.exp(np.polyfit(steady, np.log(error[steady]), 1)[0])
-        assert rate == pytest.approx(predicted, abs=0.01 if loss == 0.0 else 0.03)
-        assert error[-1] < 1e-5
-        assert len({event.source for event in watch.fired("agreed")}) == 12
-
-    def test_vectors_are_agreed_on_element_by_element(self):
-        knowledge = [{"value": [float(row), -2.0 * row]} for row in range(5)]
-        watch = Watch({"node": Team({"agree": made(Consensus, gain=0.3)}, count=5, knowledge=knowledge)}, Ring)
-        watch.run(200)
-        assert np.allclose([known["value"] for known in watch.groups["node"].knowledge], [2.0, -4.0], atol=1e-9)
-
-    def test_groups_agree_with_each_other(self):
-        teams = {
-            name: Team({"agree": made(Consensus, gain=0.3)}, count=3, knowledge=[{"value": value}] * 3)
-            for name, value in (("cat", 1.0), ("dog", 3.0))
-        }
-        watch = Watch(teams, Ring).run(300)
-        values = [known["value"] for group in watch.groups.values() for known in group.knowledge]
-        assert np.allclose(values, 2.0, atol=1e-9)
+        # At the last turn, by when it had become less certain.
+        assert vector.uncertainty.times.tolist() == [3 * STEP]

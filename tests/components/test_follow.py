@@ -92,7 +92,7 @@ def test_who_has_no_belief_about_the_leader_stops_and_says_so_once():
     steer.compute_and_update()
     assert group.control_input.tolist() == [[0.0, 0.0]]
     assert told == [("agents.robot.0.steer", "leader-lost")]
-    group.awareness.tracks = Tracks.of(
+    group.awareness.seen = Tracks.of(
         0, 1, np.array([0]), np.array([0]), np.array([[-1.0, 0.0]]), np.array([[0.5, 0.0]])
     )
     steer.compute_and_update()
@@ -109,7 +109,7 @@ def test_a_velocity_that_may_well_be_none_has_no_direction():
     def turned_after(deviation):
         square = np.diag([0.01, 0.01, deviation**2, deviation**2])[None]
         leader = np.array([[-2.0, 0.0]]), np.array([[0.0, 0.3]])
-        group.awareness.tracks = Tracks.of(0, 1, np.array([0]), np.array([0]), *leader, covariances=square)
+        group.awareness.seen = Tracks.of(0, 1, np.array([0]), np.array([0]), *leader, covariances=square)
         steer.compute_and_update()
         return group.control_input[0].tolist()
 

@@ -9,17 +9,19 @@ from hypothesis import strategies as st
 from simulating import STEP, Team, simulation
 
 from symaware_cli.components.perception_imu import InertialUnit, rotation_vectors, rotations
+from symaware_cli.environments.planar import PymunkEnvironment
+from symaware_cli.environments.spatial import PyBulletEnvironment
 from symaware_cli.models.integrator import DoubleIntegrator
 from symaware_cli.models.quadrotor import Quadrotor
 from symaware_cli.models.unicycle import Unicycle
 
 
-def felt(model, state, control_input, turns=3, count=1, seed=7, **parameters):
+def felt(model, state, control_input, turns=3, count=1, seed=7, environment=None, **parameters):
     """What is felt at each turn; shape (turns, n, 6)."""
     team = Team(
         {"feel": lambda: InertialUnit(InertialUnit.Parameters(**parameters))}, count, [state] * count, model=model
     )
-    ready = simulation({"robot": team}, seed=seed)
+    ready = simulation({"robot": team}, seed=seed, environment=environment)
     ready.initialise()
     (group,) = ready.groups
     group.control_input = [control_input] * count
@@ -106,3 +108,23 @@ def test_who_else_there_is_changes_nothing_for_an_agent():
 def test_a_missed_turn_is_not_a_number():
     found = felt(Unicycle(), [0, 0, 0], [0, 0], turns=200, dropout=0.25)
     assert np.isnan(found[:, 0, 0]).mean() == pytest.approx(0.25, abs=0.1)
+
+
+def test_gravity_is_that_of_the_world_else_that_of_the_model():
+    lunar = Quadrotor(Quadrotor.Parameters(gravity=1.62, drag=False))
+    hovering = [lunar.hover_speed] * 4, [0, 0, 5, *[0] * 9]
+    np.testing.assert_allclose(felt(lunar, hovering[1], hovering[0])[1:, 0, :3], [[0, 0, 1.62]] * 2, atol=1e-9)
+    moon = PyBulletEnvironment(PyBulletEnvironment.Parameters(time_step=STEP / 1e9, gravity=(0.0, 0.0, -1.62)))
+    with moon:
+        for model, state, still in ((lunar, hovering[1], hovering[0]), (Unicycle(), [0, 0, 0], [0, 0])):
+            found = felt(model, state, still, environment=moon)[1:, 0, :3]
+            np.testing.assert_allclose(found, [[0, 0, 1.62]] * 2, atol=1e-6)
+    assert felt(Unicycle(), [0, 0, 0], [0, 0], gravity=3.7)[0, 0, 2] == 3.7
+
+
+def test_in_a_plane_seen_from_the_side_down_is_where_things_fall():
+    side = PymunkEnvironment(PymunkEnvironment.Parameters(time_step=STEP / 1e9, gravity=(0.0, -9.81)))
+    found = felt(Unicycle(), [0, 0, np.pi / 2], [0, 0], environment=side)[1:, 0, :3]
+    np.testing.assert_allclose(found, [[9.81, 0, 0]] * 2, atol=1e-9)
+    above = PymunkEnvironment(PymunkEnvironment.Parameters(time_step=STEP / 1e9))
+    np.testing.assert_allclose(felt(Unicycle(), [0, 0, 0], [0, 0], environment=above)[1, 0, :3], [0, 0, 9.81])

@@ -97,3 +97,11 @@ def test_what_it_cannot_work_with_is_said(model, waypoints, said):
     group = AgentGroup("car", ["car"], model, Entity(), [[0, 0, 0]], [{"waypoints": waypoints}])
     with pytest.raises(ValueError, match=said):
         PurePursuit().check(group)
+
+
+@pytest.mark.parametrize("heading", [np.pi, -np.pi, 3.0, 2.0])
+def test_who_has_the_line_behind_it_turns_round(heading, tmp_path):
+    line = [[0.0, 0.0], [4.0, 0.0], [4.0, 4.0]]
+    states, events = drive(tmp_path / "log", line, [0, 0, heading], 400, tolerance=0.1)
+    assert [event.name for event in events].count("goal-reached") == 1
+    assert np.abs(states[:, :2]).max() < 5.0

@@ -218,7 +218,7 @@ def believing(covariances, own=None, model=None, velocity=(0.0, 0.0), **paramete
     ready.initialise()
     (group,) = ready.groups
     others = np.array([[2.0, 0.0], [2.0, 0.0]])
-    group.awareness.tracks = Tracks.of(
+    group.awareness.seen = Tracks.of(
         0, 3, np.array([0, 0]), np.array([1, 2]), others, np.tile(velocity, (2, 1)), np.array(covariances)
     )
     if own is not None:

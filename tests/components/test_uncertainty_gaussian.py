@@ -12,6 +12,7 @@ from simulating import STEP, Team, simulation
 
 from symaware_cli import Obstacle
 from symaware_cli.components.kalman import Belief, corrected, predicted
+from symaware_cli.components.perception import OmniscientPerception
 from symaware_cli.components.perception_range import RangePerception
 from symaware_cli.components.tracker import Tracker
 from symaware_cli.components.uncertainty_gaussian import GaussianUncertainty
@@ -596,6 +597,15 @@ def test_beliefs_share_no_memory_with_the_world():
             for own in (group.awareness.state, group.awareness.tracks.positions, group.awareness.tracks.velocities):
                 for theirs in (run.truth(name), run.world.positions, run.world.velocities):
                     assert not np.shares_memory(own, theirs)
+        run.step()
+
+
+def test_who_perceives_everybody_without_error_does_not_lose_sight_of_them():
+    team = Team({"sense": OmniscientPerception, "estimate": GaussianUncertainty}, count=3)
+    run = Run({"robot": team})
+    for _ in range(3):
+        run.turn()
+        assert run.group["robot"].others(100.0).others.tolist() == [1, 2, 0, 2, 0, 1]
         run.step()
 
 

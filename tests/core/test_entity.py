@@ -57,6 +57,28 @@ def test_what_repeats_begins_anew_at_the_last_time(turns, time):
     assert path.pose(0.5) == once.pose(0.5), "it rests before the first time"
 
 
+def test_a_course_leads_to_where_the_path_is_next():
+    path = ScriptedPath(**PATH)
+    assert path.course(1.5, 0.5) == path.pose(1.5)
+    # A turn at half of the span: 1 m along x and 1.5 m along y.
+    assert path.course(1.5, 1.0) == ((1, 0), 0.5, (1, 1.5), 0.0)
+
+
+@pytest.mark.parametrize("early", [0.25, 1e-9])
+def test_a_jump_is_no_motion(early):
+    jumping = ScriptedPath(**PATH, repeat=True)
+    assert jumping.course(4.0 - early, 0.5) == jumping.pose(4.0 - early)
+    assert jumping.course(7.0 - early, 0.5) == jumping.pose(7.0 - early)
+    assert jumping.course(4.0, 0.5) == jumping.pose(1.0)
+    turning = ScriptedPath(times=(0, 1), positions=((0, 0), (0, 0)), headings=(0.0, 6.0), repeat=True)
+    assert turning.course(1.0 - early, 0.5).turn_rate == 6.0
+
+
+def test_a_path_that_closes_goes_on_where_it_begins_anew():
+    path = ScriptedPath(times=(0, 1, 2), positions=((0, 0), (1, 0), (0, 0)), repeat=True)
+    assert path.course(1.75, 0.5) == ((0.25, 0), 0.0, (0, 0), 0.0)
+
+
 def test_without_headings_what_moves_keeps_its_own():
     path = ScriptedPath(times=(0, 1), positions=((0, 0), (1, 0)))
     assert [Obstacle(shape=DISC, heading=0.7, path=path).pose(time).heading for time in (-1, 0.5, 2)] == [0.7] * 3

@@ -9,6 +9,7 @@ from symaware_cli.components.control.quadrotor_velocity import QuadrotorVelocity
 from symaware_cli.components.perception import SelfPerception
 from symaware_cli.core import AgentGroup, Entity, WorldError
 from symaware_cli.environments.kinematic import KinematicEnvironment
+from symaware_cli.environments.noise import process_noise
 from symaware_cli.environments.planar import PymunkEnvironment
 from symaware_cli.environments.spatial import PyBulletEnvironment
 from symaware_cli.models.crazyflie import MASS, THRUST
@@ -148,15 +149,19 @@ def test_in_a_fall_drag_and_weight_balance():
 
 
 def test_the_ground_pushes_back():
-    def climbed(**parameters):
-        environment, group, model = flight(resting((0, 0, 0.03)), Quadrotor(Quadrotor.Parameters(**parameters)))
+    def climbed(level=0.0, ground=True, **parameters):
+        quadrotor = Quadrotor(Quadrotor.Parameters(**parameters))
+        below = {"height": level} if ground else None
+        environment, group, model = flight(resting((0, 0, level + 0.03)), quadrotor, ground=below)
         with environment:
             group.control_input = [[model.hover_speed] * 4]
             for _ in range(8):
                 environment.step()
-            return environment.state(group)[0, 2]
+            return environment.state(group)[0, 2] - level
 
     assert climbed() == pytest.approx(0.03, abs=1e-6)
+    assert climbed(ground=False, ground_effect=True) == pytest.approx(0.03, abs=1e-6)
+    assert climbed(5.0, ground_effect=True) == pytest.approx(climbed(ground_effect=True), abs=1e-9)
     # At a height of 3 cm the thrust grows by 1 / (1 - (2.3 / 12)^2), 3.9 %: 0.38 m/s^2 for 0.2 s.
     assert climbed(ground_effect=True) == pytest.approx(0.03 + 0.5 * 0.38 * 0.04, rel=0.05)
 
@@ -188,7 +193,7 @@ def test_a_crash_into_the_ground_is_a_contact():
 
 
 def test_another_gravity_than_that_of_the_world_is_refused():
-    with pytest.raises(WorldError, match=r"`gravity` of 1\.62"):
+    with pytest.raises(WorldError, match=r"set `gravity` to 9\.81, too"):
         flight(resting((0, 0, 1)), Quadrotor(Quadrotor.Parameters(gravity=1.62)))
     environment, group, model = flight(
         resting((0, 0, 1)), Quadrotor(Quadrotor.Parameters(gravity=1.62)), gravity=(0, 0, -1.62)
@@ -220,3 +225,67 @@ def test_what_becomes_of_one_does_not_depend_on_the_others():
     together = flown([0, 1, 2, 3, 4])
     for number in range(5):
         assert flown([number])[0].tobytes() == together[number].tobytes()
+
+
+def test_process_noise_moves_the_body_after_each_step():
+    model = made(Quadrotor, process_noise=[0.1, 0.2, 0.05, *[0.1] * 3, *[0.3] * 3, *[0.5] * 3])
+    quiet, group, _ = flight([AWRY, AWRY])
+    shaken, restless, _ = flight([AWRY, AWRY], model=model)
+    with quiet, shaken:
+        for each in (group, restless):
+            each.control_input = [[model.hover_speed] * 4] * 2
+        for environment in (quiet, shaken):
+            environment.step()
+        drawn = process_noise(restless, 0.025, 1).draw()
+        assert shaken.state(restless) - quiet.state(group) == pytest.approx(drawn, abs=1e-9)
+        assert shaken.snapshot().velocities == pytest.approx(shaken.state(restless)[:, 6:9])
+
+
+def test_it_wanders_in_every_world_alike():
+    spreads = []
+    for kind in (PyBulletEnvironment, KinematicEnvironment):
+        model = made(Quadrotor, process_noise=[0.2, 0.2, 0.2, *[0.0] * 9])
+        places = resting(*((4.0 * row, 0, 100) for row in range(50)))
+        environment, group, _ = flight(places, model=model, kind=kind)
+        with environment:
+            group.control_input = [[model.hover_speed] * 4] * 50
+            for _ in range(40):
+                environment.step()
+            spreads.append((environment.state(group) - np.array(places))[:, :3].std())
+    assert spreads == pytest.approx([0.2, 0.2], rel=0.15)  # after one second
+    assert spreads[0] == pytest.approx(spreads[1], rel=0.01)  # they draw the same numbers
+
+
+@pytest.mark.parametrize("kind", [PyBulletEnvironment, KinematicEnvironment])
+def test_it_can_be_told_parts_of_the_greatest_speed_instead(kind):
+    ends = []
+    for unit in ("speed", "normalised"):
+        model = made(Quadrotor, input=unit)
+        environment, group, _ = flight([AWRY], model=model, kind=kind)
+        with environment:
+            for _ in range(40):
+                group.control_input = model.follow_velocity(environment.state(group), np.array([[1.0, 0.0, 0.5]]))
+                environment.step()
+            ends.append(environment.state(group))
+        top = model.input_bounds()[1][0]
+        assert environment.applied_input(group).max() <= top
+        assert top == (1.0 if unit == "normalised" else pytest.approx(2274.5, abs=0.1))
+    assert ends[0] == pytest.approx(ends[1], abs=1e-9)
+    assert [quantity.unit for quantity in model.control_input] == ["1"] * 4
+
+
+def test_it_brings_a_body_along_and_a_shape_of_the_scenario_is_what_others_keep_clear_of():
+    _, group, _ = flight([AWRY], kind=KinematicEnvironment)
+    assert (group.entity.radius, group.entity.mass) == (0.07, MASS)
+    guarded = AgentGroup("drone", ["drone"], Quadrotor(), Entity(shape={"circle": {"radius": 0.3}}), [AWRY])
+    assert (guarded.entity.radius, guarded.entity.mass) == (0.3, MASS)
+
+
+@pytest.mark.parametrize(("time_step", "warnings"), [(0.025, 0), (0.05, 1)])
+def test_its_controller_warns_once_of_turns_that_are_too_rare(time_step, warnings, tmp_path):
+    team = Team(state=resting((0, 0, 2)), model=Quadrotor(), knowledge=[{"velocity": [0, 0, 0]}])
+    team.components = {"sense": SelfPerception, "fly": lambda: made(QuadrotorVelocity)}
+    with made(PyBulletEnvironment, time_step=time_step) as environment:
+        simulate({"drone": team}, 4, tmp_path / "log.mcap", environment=environment)
+    events = [event for event in open_log(tmp_path / "log.mcap").events() if event.name == "turns-too-rare"]
+    assert [(event.level, event.data["period"]) for event in events] == [("WARNING", 0.05)] * warnings

@@ -9,6 +9,7 @@ import pytest
 
 from symaware_cli.core import AgentGroup, Entity, WorldError
 from symaware_cli.environments.kinematic import KinematicEnvironment
+from symaware_cli.environments.noise import process_noise
 from symaware_cli.environments.planar import PymunkEnvironment
 from symaware_cli.environments.spatial import PyBulletEnvironment
 from symaware_cli.models.racecar import TRACK, WHEELBASE, Racecar, hinge_angles
@@ -39,6 +40,22 @@ def test_it_starts_exactly_where_the_file_says(state):
     with environment:
         assert environment.state(group)[0] == pytest.approx(state, abs=1e-9)
         assert environment.contacts() == []  # that it stands on the road is no news
+
+
+def test_it_drives_on_the_ground_however_high_that_is():
+    environment, group = road([[0.0] * 5], ground={"height": 2.0})
+    with environment:
+        assert environment.contacts() == []
+        state = driven(environment, group, [1.5, 0.0], 2.0)
+        assert environment.contacts() == []
+        assert state[0, 3] == pytest.approx(1.5, rel=0.03)
+        assert environment.body_positions(["car.0"])[0, 2] == pytest.approx(2.001, abs=2e-3)
+
+
+def test_without_a_ground_it_cannot_drive():
+    with pytest.raises(WorldError, match="the vehicles of `car` drive on the ground, and there is none") as caught:
+        road([[0.0] * 5], ground=None)
+    assert caught.value.path == ("environment", "with", "ground")
 
 
 def test_it_stays_where_it_stands():
@@ -167,3 +184,46 @@ def test_worlds_of_cars_that_were_seen_leave_nothing_behind():
         one()
     gc.collect()
     assert resident() - before < 5.0
+
+
+def test_process_noise_moves_the_car_after_each_step():
+    states = [[1.0, 2.0, 0.5, 1.0, 0.2], [-3.0, 0.0, 4.0, 0.0, -0.1]]
+    model = made(Racecar, process_noise=[0.2, 0.2, 0.5, 0.3, 0.2])
+    quiet, group = road(states)
+    shaken, restless = road(states, model=model)
+    with quiet, shaken:
+        for environment in (quiet, shaken):
+            environment.step()
+        drawn = process_noise(restless, 0.02, 1).draw()
+        assert shaken.state(restless) - quiet.state(group) == pytest.approx(drawn, abs=1e-6)
+
+
+def test_the_body_that_it_brings_along_is_what_collides():
+    engine = pytest.importorskip("pybullet")
+    environment, group = road([[0.0] * 5])
+    with environment:
+        body, client = environment._bodies_of("car")[0], environment._id
+        links = [
+            link
+            for link in range(engine.getNumJoints(body, client))
+            if engine.getCollisionShapeData(body, link, client)
+        ]
+        boxes = np.array([engine.getAABB(body, link, client) for link in links])
+        mass = sum(
+            engine.getDynamicsInfo(body, link, client)[0] for link in range(-1, engine.getNumJoints(body, client))
+        )
+    corners = np.array(group.entity.shape.polygon.vertices)
+    assert corners.min(axis=0) == pytest.approx(boxes[:, 0, :2].min(axis=0), abs=0.01)
+    assert corners.max(axis=0) == pytest.approx(boxes[:, 1, :2].max(axis=0), abs=0.01)
+    assert group.entity.mass == pytest.approx(mass, rel=0.001)
+
+
+def test_cars_that_meet_head_on_are_at_risk_though_nobody_said_how_large_they_are():
+    states = [[0.0, 0.0, 0.0, 1.0, 0.0], [2.0, 0.05, np.pi, 1.0, 0.0]]
+    environment, group = road(states, kind=KinematicEnvironment, substeps=1)
+    group.control_input = [[1.0, 0.0]] * 2
+    touched = []
+    for _ in range(50):
+        environment.step()
+        touched += environment.contacts()
+    assert touched

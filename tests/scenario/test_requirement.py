@@ -54,3 +54,30 @@ def test_a_world_that_lacks_what_is_required_is_told_of_before_the_run(world, tm
 def test_a_component_that_names_a_parameter_it_has_not_is_at_fault_itself(tmp_path, monkeypatch):
     monkeypatch.setattr(Camera, "bodies", {"nowhere": "agent or entity"})
     assert problems(tmp_path) == [("broken-plugin", "agents.robot.components.eye")]
+
+
+DRONE = {"use": "quadrotor", "with": {"ground_effect": True, "downwash": True}}
+
+
+def flown(path, *overrides, **entity):
+    drone = {"model": DRONE, "state": [0, 0, 1, *[0] * 9], "entity": entity}
+    return problems(path, f"agents={yaml.safe_dump({'drone': drone}, default_flow_style=True)}", *overrides)
+
+
+def test_effects_of_the_air_are_refused_where_there_is_none(tmp_path):
+    where = [("unsuitable", f"agents.drone.model.with.{name}") for name in ("downwash", "ground_effect")]
+    assert flown(tmp_path) == []
+    assert flown(tmp_path, "environment.use=kinematic") == where
+    assert flown(tmp_path, "environment.use=kinematic", "agents.drone.model.with={}") == []
+
+
+def test_of_a_body_that_comes_with_the_model_nothing_can_be_set_but_what_others_keep_clear_of(tmp_path):
+    assert flown(tmp_path, shape={"circle": {"radius": 0.3}}) == []
+    found = flown(tmp_path, shape={"circle": {"radius": 0.3}}, mass=0.5, max_force=1.0)
+    assert found == [("unsuitable", f"agents.drone.entity.{name}") for name in ("mass", "max_force")]
+
+
+def test_the_gravity_of_a_vehicle_is_that_of_the_world(tmp_path):
+    moon = "environment.with.gravity=[0, 0, -1.62]"
+    assert flown(tmp_path, moon) == [("unsuitable", "agents.drone.model.with.gravity")]
+    assert flown(tmp_path, moon, "agents.drone.model.with.gravity=1.62") == []

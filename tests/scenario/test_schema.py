@@ -67,7 +67,6 @@ def test_what_new_writes_fits_the_schema(validator: jsonschema.Draft202012Valida
         "missing-use.toml",
         "name-with-a-space.yaml",
         "negative-step.yaml",
-        "no-agents.yaml",
         "parameter-beside-with.toml",
         "parameter-of-the-wrong-type.yaml",
         "plugin-of-another-kind.yaml",

@@ -218,6 +218,56 @@ def test_without_a_topology_everybody_reaches_everybody_with_the_next_step(tmp_p
     assert sorted(first) == [pair for pair in itertools.product(ids, ids) if pair[0] != pair[1]]
 
 
+@pytest.mark.usefixtures("known_plugins")
+@pytest.mark.parametrize(
+    ("use", "failure"),
+    [
+        ("broken.stray", "failed at 1 s: ValueError: a link ends at the agent of index 7, and there are 6 agents"),
+        ("broken.short-lived", "failed at 1 s: RuntimeError: no more"),
+    ],
+)
+def test_a_topology_that_fails_is_named(use, failure, tmp_path):
+    path, log = tmp_path / "talk.yaml", tmp_path / "talk.mcap"
+    topology = {"use": "complete", "changes": [{"at": 1.0, "use": use}]}
+    path.write_text(yaml.safe_dump(changed(topology=topology), sort_keys=False))
+    summary = execute(build(path), log)
+    assert summary.status == "failed"
+    assert str(summary.failure) == f"topology.changes.0 ({use}) {failure}"
+    (event,) = [event for event in open_log(log).events() if event.name == "failed"]
+    assert (event.source, event.data["plugin"]) == ("topology.changes.0", use)
+
+
+@pytest.mark.parametrize(
+    ("channel", "links", "faults"),
+    [
+        ({"bandwidth": 300.0}, [{"sender": "car", "channel": {"queue": 100.0, "drop": "head"}}], {}),
+        ({"queue": 100.0}, [{"receiver": "car", "channel": {"bandwidth": 300.0}}], {}),
+        ({"drop": "head"}, [{"sender": "car", "channel": {"bandwidth": 300.0, "queue": 100.0}}], {}),
+        ({"queue": 100.0}, [], {"mud": {"at": 1.0, "degrade": {"bandwidth": 300.0}}}),
+        ({"queue": 100.0, "drop": "head"}, [], {"mud": {"at": 1.0, "degrade": {"bandwidth": 300.0}}}),
+    ],
+)
+def test_a_channel_may_be_put_together_from_parts(channel, links, faults, tmp_path):
+    topology = {"use": "complete", "channel": channel, "links": links}
+    log = ran(tmp_path, changed(topology=topology, faults=faults))
+    assert {entry.reason for entry in log.communications() if entry.stage == "DROPPED"} == {"queue-full"}
+
+
+@pytest.mark.parametrize("drop", ["tail", "head"])
+@pytest.mark.parametrize("bandwidth", [1000.0, 3000.0, 7000.0])
+def test_as_much_waits_as_the_queue_holds_whatever_the_bandwidth(bandwidth, drop, tmp_path):
+    tell = {"use": "communication.state", "period": 1.0}
+    agents = {
+        "one": {"model": {"use": "single-integrator"}, "components": {"a": tell, "b": tell, "c": tell}},
+        "two": {"model": {"use": "single-integrator"}, "components": {"hear": {"use": "communication.inbox"}}},
+    }
+    channel = {"bandwidth": bandwidth, "queue": 160.0, "drop": drop}
+    log = ran(tmp_path, changed(agents=agents, topology={"use": "complete", "channel": channel}))
+    # Three messages of 80 bytes each, at once, every second.
+    fates = Counter(entry.stage for entry in log.communications())
+    assert fates == {"SENT": 6, "DELIVERED": 4, "DROPPED": 2}
+
+
 def fate_of(log, start, end):
     entries = [entry for entry in log.communications() if entry.stage == "DROPPED" and start <= entry.time < end]
     return {(entry.sender, entry.receiver) for entry in entries}, {entry.reason for entry in entries}

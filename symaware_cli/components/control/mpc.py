@@ -89,6 +89,7 @@ class ModelPredictiveControl(Component):
     the agent slows down as far as its model can. The intent is the plan.
     """
 
+    sees_world = True
     knowledge: ClassVar = {"goal": "where to go, as a position [m] or a whole state"}
     events: ClassVar = {
         "goal-reached": "The agent came within the tolerance of its goal, for the first time.",

@@ -104,7 +104,7 @@ class Others:
         """Where another said that it is going to be, and straight on from where it said nothing; shape (N + 1, d)."""
         agent, dimensions = self._agent, straight.shape[1]
         roster = agent.surroundings.environment.roster
-        told = agent.awareness_database.others.get(roster.ids[index])
+        told = agent.awareness_database.get(roster.ids[index])
         if told is None or not len(told.intent) or told.intent.values.shape[1] < dimensions:
             return straight
         intent = told.intent

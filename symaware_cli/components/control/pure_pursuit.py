@@ -20,7 +20,7 @@ class PurePursuit(Approach):
     The circle that touches the heading at the rear axle and goes through that point has the curvature 2 sin(a) / d,
     with the point at a distance d and an angle a off the heading (R. C. Coulter, Implementation of the Pure Pursuit
     Path Tracking Algorithm, CMU-RI-TR-92-01, 1992); the steering angle is the one that a car without slip takes it
-    with. A longer look ahead cuts corners, a shorter one swings.
+    with. A longer look ahead cuts corners, a shorter one swings. Who has the point behind it steers as far as it can.
 
     An agent knows how far along the line it is and looks for itself only ahead of that, so a line may cross itself. It
     stops at the last waypoint, or goes round.
@@ -82,7 +82,10 @@ class PurePursuit(Approach):
         way = target - position
         distance = np.maximum(lengths(way), 1e-6)
         off = np.arctan2(way[:, 1], way[:, 0]) - state[:, model.heading]
-        curvature = 2.0 * np.sin(off) / distance
+        sine = np.sin(off)
+        # A circle through a point behind would be as wide as that is far: who has to turn round does so at once.
+        behind = np.cos(off) < 0.0
+        curvature = 2.0 * sine / distance
         remaining = lengths(self._corners[:, -1] - position)
         speed = np.full(len(state), parameters.speed)
         if not parameters.loop:
@@ -92,7 +95,8 @@ class PurePursuit(Approach):
             speed = np.where(past, 0.0, np.where(ends, self._slowing(remaining), speed))
         control_input = np.empty((len(state), 2))
         control_input[:, 0] = speed
-        control_input[:, 1] = np.arctan(model.wheelbase * curvature)  # type: ignore[attr-defined]
+        angle = np.arctan(model.wheelbase * curvature)  # type: ignore[attr-defined]
+        control_input[:, 1] = np.where(behind, np.copysign(model.input_bounds()[1][1], sine), angle)
         intent = np.stack([self._at(travelled + speed * later) for later in self._ahead], axis=1)
         return control_input, intent, travelled, remaining
 

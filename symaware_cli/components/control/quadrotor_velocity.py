@@ -10,8 +10,12 @@ from pydantic import Field
 
 from symaware_cli.components.control.steering import Steering, lengths, scaled
 from symaware_cli.core import AgentGroup
+from symaware_cli.core.event import Level
 
 Array = NDArray[np.float64]
+
+#: [s] The attitude of a quadrotor, corrected at 20 rad/s, settles with turns of up to 0.04 s, and never with 0.05 s.
+_LONGEST = 0.025
 
 
 class QuadrotorVelocity(Steering):
@@ -26,6 +30,9 @@ class QuadrotorVelocity(Steering):
     """
 
     knowledge: ClassVar = {"velocity": "at which velocity to fly [m/s], as [x, y, z]"}
+    events: ClassVar = {
+        "turns-too-rare": "Turns are more than 1/40 s apart, as `period` says [s]: it flies badly; fired once."
+    }
 
     class Parameters(Steering.Parameters):
         """How to reach the velocity."""
@@ -51,6 +58,7 @@ class QuadrotorVelocity(Steering):
         self._yaw = group.initial_state[:, heading].copy() if yaw is None else np.full(len(group), float(yaw))
         self._lost = np.zeros((len(group), 3))
         self._before: int | None = None
+        self._told = False
 
     def _compute(self) -> tuple[Array, Array, Array]:
         model, parameters, state = self._group.model, self.parameters, self._group.awareness.state
@@ -68,5 +76,10 @@ class QuadrotorVelocity(Steering):
 
     def _update(self, value: tuple[Array, Array, Array]) -> None:
         control_input, ahead, self._lost = value
+        period = 0.0 if self._before is None else (self.now - self._before) / 1e9
+        if period > _LONGEST + 1e-6 and not self._told:
+            self._told = True
+            text = f"turns are {period:g} s apart, and flying well takes one every {_LONGEST:g} s"
+            self.emit("turns-too-rare", text, level=Level.WARNING, period=period)
         self._before = self.now
         self._steer(control_input, ahead)

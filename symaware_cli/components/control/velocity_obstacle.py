@@ -81,6 +81,8 @@ class VelocityObstacle(GoalSeeking):
     The intent is the velocity over the horizon.
     """
 
+    sees_world = True
+
     class Parameters(GoalSeeking.Parameters):
         """How to avoid."""
 

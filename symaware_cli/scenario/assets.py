@@ -1,0 +1,55 @@
+"""The files that the shapes of a scenario are made of."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path as FilePath
+
+from symaware_cli.core import Entity, Environment, Mesh, Obstacle, Urdf, WorldError
+from symaware_cli.environments import asset
+from symaware_cli.scenario.document import Scenario
+from symaware_cli.scenario.source import Path
+
+
+def check_assets(document: Scenario, environment: Environment, folder: FilePath, report: Callable[..., None]) -> None:
+    """Report every file that is missing or makes no sense, even where the world has no use for it.
+
+    Args:
+        document: What the scenario says.
+        environment: The world, in which nobody is in place yet.
+        folder: The scenario's folder.
+        report: Takes the code and the message of a problem, and the path.
+    """
+    for path, body in _named(document):
+        if asset.is_packaged(body.file) and "vehicles" not in environment.provides:
+            # A world that makes discs of such bodies does not need the package that they come with.
+            continue
+        try:
+            file = asset.find(body.file, folder)
+        except WorldError as error:
+            report("missing-file", str(error), path)
+            continue
+        try:
+            if isinstance(body, Urdf):
+                asset.check_description(file, body.file, folder)
+        except WorldError as error:
+            report("unsuitable", str(error), path)
+
+
+def assets(document: Scenario, folder: FilePath) -> dict[str, bytes]:
+    """Return the content of the files and of all that they need, by path relative to the folder."""
+    files = [body.file for _, body in _named(document)]
+    return {name: content for file in files for name, content in asset.needed(file, folder).items()}
+
+
+def _named(document: Scenario) -> Iterator[tuple[Path, Mesh | Urdf]]:
+    """Yield every shape that a file describes, with the path of the file's name."""
+    bodies: dict[Path, Entity | Obstacle] = {
+        ("environment", "entities", name): entity for name, entity in document.environment.entities.items()
+    }
+    bodies |= {("agents", name, "entity"): agents.entity for name, agents in document.agents.items()}
+    for path, owner in bodies.items():
+        shape = owner.shape
+        body = (shape.mesh or shape.urdf) if shape else None
+        if shape and body:
+            yield (*path, "shape", shape.kind, "file"), body

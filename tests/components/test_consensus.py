@@ -1,0 +1,154 @@
+"""Agents agree on the mean as the Laplacian says, and are told where they cannot."""
+
+import numpy as np
+import pytest
+from simulating import STEP, Team
+from talking import Watch, made
+
+from symaware_cli.components.communication.consensus import Consensus
+from symaware_cli.network.topology.still import Complete, Random, Ring, Star
+from symaware_cli.runtime.faults import Freeze, Restart
+from symaware_cli.runtime.timing import Timing
+
+
+def consensus(topology, gain, steps, count=12, channel=None, **parameters):
+    """The values of all agents at each turn, and the eigenvalues of the Laplacian."""
+    first = np.random.default_rng(5).uniform(0, 10, count)
+    knowledge = [{"value": float(each)} for each in first]
+    agree = made(Consensus, gain=gain)
+    watch = Watch({"node": Team({"agree": agree}, count=count, knowledge=knowledge)}, topology, channel, **parameters)
+    group = watch.groups["node"]
+    watch.run(steps, lambda: [known["value"] for known in group.knowledge])
+    links = watch.simulation.exchange.network.links
+    adjacency = np.zeros((count, count))
+    adjacency[links.senders, links.receivers] = 1
+    laplacian = np.diag(adjacency.sum(axis=1)) - adjacency
+    return np.array(watch.frames[:-1] if len(watch.frames) > steps else watch.frames), laplacian, watch
+
+
+GRAPHS = [
+    (Ring, 0.3, {}),
+    (Star, 0.08, {}),
+    (Random, 0.1, {"probability": 0.4, "connected": True}),
+]
+
+
+class TestConsensus:
+    @pytest.mark.parametrize(("topology", "gain", "parameters"), GRAPHS)
+    def test_values_follow_the_laplacian_exactly(self, topology, gain, parameters):
+        values, laplacian, _ = consensus(topology, gain, 60, **parameters)
+        expected = [values[0]]
+        for _ in values[1:]:
+            expected.append(expected[-1] - gain * laplacian @ expected[-1])
+        assert np.allclose(values, expected, atol=1e-12)
+
+    @pytest.mark.parametrize("loss", [0.0, 0.2])
+    @pytest.mark.parametrize(("topology", "gain", "parameters"), GRAPHS)
+    def test_all_come_to_the_mean_as_fast_as_the_laplacian_says(self, topology, gain, parameters, loss):
+        values, laplacian, watch = consensus(topology, gain, 400, channel={"loss": loss}, **parameters)
+        error = np.linalg.norm(values - values[0].mean(), axis=1)
+        eigenvalues = np.linalg.eigvalsh(laplacian)
+        predicted = max(1 - gain * eigenvalues[1], gain * eigenvalues[-1] - 1)
+        # Until rounding takes over.
+        steady = np.flatnonzero((error < 0.1 * error[0]) & (error > 1e-9))
+        rate = np.exp(np.polyfit(steady, np.log(error[steady]), 1)[0])
+        assert rate == pytest.approx(predicted, abs=0.01 if loss == 0.0 else 0.03)
+        assert error[-1] < 1e-5
+        assert len({event.source for event in watch.fired("agreed")}) == 12
+
+    def test_vectors_are_agreed_on_element_by_element(self):
+        knowledge = [{"value": [float(row), -2.0 * row]} for row in range(5)]
+        watch = Watch({"node": Team({"agree": made(Consensus, gain=0.3)}, count=5, knowledge=knowledge)}, Ring)
+        watch.run(200)
+        assert np.allclose([known["value"] for known in watch.groups["node"].knowledge], [2.0, -4.0], atol=1e-9)
+
+    def test_groups_agree_with_each_other(self):
+        teams = {
+            name: Team({"agree": made(Consensus, gain=0.3)}, count=3, knowledge=[{"value": value}] * 3)
+            for name, value in (("cat", 1.0), ("dog", 3.0))
+        }
+        watch = Watch(teams, Ring).run(300)
+        values = [known["value"] for group in watch.groups.values() for known in group.knowledge]
+        assert np.allclose(values, 2.0, atol=1e-9)
+
+    def test_values_keep_their_shape(self):
+        knowledge = [{"value": [[float(row), 1.0], [0.0, -row]]} for row in range(5)]
+        watch = Watch({"node": Team({"agree": made(Consensus, gain=0.3)}, count=5, knowledge=knowledge)}, Ring)
+        watch.run(200)
+        expected = [[2.0, 1.0], [0.0, -2.0]]
+        assert np.allclose([known["value"] for known in watch.groups["node"].knowledge], expected, atol=1e-9)
+
+
+def watched(values, gain=0.3, topology=Complete, channel=None, timing=None, **parameters):
+    """Groups of one agent each, by name with what it knows."""
+    teams = {
+        name: Team(
+            {"agree": made(Consensus, gain=gain)},
+            knowledge=[{"value": value}],
+            timings={} if timing is None else {"agree": timing},
+        )
+        for name, value in values.items()
+    }
+    return Watch(teams, topology, channel, **parameters)
+
+
+def known(watch):
+    return np.array([each["value"] for group in watch.groups.values() for each in group.knowledge])
+
+
+class TestLateMessages:
+    """x(k + 1) = x(k) - e L x(k - d) converges if and only if e lambda_n < 2 sin(pi / (4 d + 2)) (Levin, May 1976)."""
+
+    @pytest.mark.parametrize("late", [0, 1, 3])
+    @pytest.mark.parametrize("share", [0.93, 1.07])
+    def test_the_limit_of_the_gain_is_that_of_the_theory(self, late, share):
+        # The Laplacian of a ring of 12 has the greatest eigenvalue 4.
+        gain = share * np.sin(np.pi / (4 * late + 2)) / 2
+        values, laplacian, watch = consensus(Ring, gain, 600, channel={"delay": (late + 1) * STEP / 1e9})
+        assert np.linalg.eigvalsh(laplacian)[-1] == pytest.approx(4.0)
+        apart = np.abs(values - values[0].mean()).max(axis=1)
+        assert apart[-1] < 0.1 * apart[0] if share < 1 else apart[-1] > 10.0 * apart[0]
+        warned = watch.fired("unstable")
+        assert len(warned) == (share > 1)
+        if warned:
+            assert warned[0].level.name == "WARNING"
+            assert warned[0].data["limit"] == pytest.approx(gain / share)
+
+    def test_the_mean_is_kept_all_the_same(self):
+        values, _, watch = consensus(Ring, 0.05, 800, channel={"delay": {"uniform": [0.0, 0.3]}, "loss": 0.1})
+        assert np.allclose(values[-1], values[0].mean(), atol=1e-4)
+        assert not watch.fired("unstable")
+
+
+class TestBeginningAnew:
+    @pytest.mark.parametrize("channel", [None, {"loss": 0.3}, {"delay": 0.12, "loss": 0.1}])
+    def test_who_has_agreed_stays_with_the_mean(self, channel):
+        watch = watched({"cat": 1.0, "dog": 3.0, "emu": 8.0}, 0.14, channel=channel)
+        watch.fault(Restart, "cat", "agree", 70).fault(Restart, "emu", "agree", 90).fault(Restart, "cat", "agree", 100)
+        watch.run(400, lambda: known(watch))
+        assert np.allclose(watch.frames[69], 4.0, atol=1e-2)
+        assert np.allclose(watch.frames[70:], watch.frames[69].mean(), atol=1e-2)
+
+    @pytest.mark.parametrize("effect", [Restart, Freeze])
+    def test_those_on_the_way_agree_on_what_lies_between(self, effect):
+        watch = watched({"cat": 1.0, "dog": 3.0, "emu": 8.0}, 0.14)
+        watch.fault(effect, "dog", "agree", 8, None if effect is Restart else 40).run(400, lambda: known(watch))
+        frames = np.array(watch.frames)
+        assert ((frames >= 1.0 - 1e-9) & (frames <= 8.0 + 1e-9)).all()
+        assert np.ptp(frames[-1]) < 1e-6
+        # What two turns would have brought is lost at most, or what others did meanwhile made up for otherwise.
+        assert frames[-1].mean() == pytest.approx(4.0, abs=0.3)
+
+
+class TestNoEnd:
+    def test_what_is_not_finite_is_a_failure(self):
+        watch = watched({"cat": 1.0, "dog": 3.0, "emu": 8.0}, 1.0)
+        watch.run(3000, status="failed")
+        assert "the consensus on `value` diverges" in watch.summary.failure
+        assert watch.fired("unstable")[0].time == STEP
+
+    def test_on_failure_decides_what_becomes_of_it(self):
+        watch = watched({"cat": 1.0, "dog": 3.0, "emu": 8.0}, 1.0, timing=Timing(on_failure="isolate"))
+        watch.run(3000)
+        assert {event.source for event in watch.fired("terminated")} >= {"agents.cat"}
+        assert np.isfinite(known(watch)).all()

@@ -1,0 +1,59 @@
+"""What says the same is the same, however it is written, and a copy to compare with stays as it was."""
+
+import copy
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from symaware_cli import AwarenessVector, TimeSeries
+from symaware_cli.components.communication.sameness import kept, same
+
+plain = st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=3)
+values = st.recursive(
+    plain | st.lists(st.floats(), max_size=3).map(np.array),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=2), inner, max_size=3),
+    max_leaves=6,
+)
+
+
+@given(values)
+def test_a_value_is_the_same_as_its_copy(value):
+    assert same(value, kept(value))
+    assert same(kept(value), copy.deepcopy(value))
+
+
+@given(values, values)
+def test_sameness_does_not_depend_on_the_order(one, other):
+    assert same(one, other) == same(other, one)
+
+
+def test_what_is_changed_in_place_differs_from_what_was_kept():
+    known = {"goal": np.zeros(2), "route": [[1, 2], {"end": [3]}]}
+    before = kept(known)
+    known["goal"][1] = 1.0
+    assert not same(known, before)
+    known["goal"][1] = 0.0
+    known["route"][1]["end"].append(4)
+    assert not same(known, before)
+
+
+def test_shapes_and_kinds_count():
+    assert not same(np.zeros(2), np.zeros((2, 1)))
+    assert not same(np.zeros(2), [0.0, 0.0])
+    assert not same({"a": 1}, {"b": 1})
+    assert same(np.array([1.0, np.nan]), np.array([1.0, np.nan]))
+
+
+def test_series_and_awareness_are_compared_by_what_they_say():
+    series = {0.0: [1.0, np.nan]}
+    assert same(TimeSeries(series), kept(TimeSeries(series)))
+    assert not same(TimeSeries(series), TimeSeries({0.5: [1.0, np.nan]}))
+    assert same(AwarenessVector("a", [1.0], TimeSeries(series)), kept(AwarenessVector("a", [1.0], TimeSeries(series))))
+    assert not same(AwarenessVector("a", [1.0]), AwarenessVector("b", [1.0]))
+
+
+def test_what_cannot_be_compared_is_the_same_as_itself_alone():
+    one = object()
+    assert same(one, kept(one))
+    assert not same(one, object())
