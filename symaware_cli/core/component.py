@@ -36,8 +36,8 @@ class BaseComponent(Plugin, ABC, Generic[Owner]):
     A turn of a component computes a value from what its agent is aware of, then updates the awareness with it.
 
     Attributes:
-        bodies: Which of its parameters name an ``agent``, an ``agent or entity``, or ``agents`` by a list of ids, groups
-            and patterns; looked up before a run.
+        bodies: Which of its parameters name an ``agent``, an ``agent or entity``, or ``agents`` by a list of ids,
+            groups and patterns; looked up before a run.
         events: The events that the component fires besides those of every component, with what each means.
         knowledge: What an agent must know for the component to work, with what each means.
         name: The component's key in the scenario.
