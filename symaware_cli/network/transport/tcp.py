@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import socket
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import cast
 
 from symaware_cli.core import Port, Transport, TransportError
@@ -139,11 +140,19 @@ class _TcpConnection(asyncio.Protocol, Connection):
         return False
 
     def connection_lost(self, error: Exception | None) -> None:
+        if error is not None:
+            self._read_rest()
         self._sockets.discard(self)
         self._buffer.clear()
         self.lost()
         if not self.closed.done():
             self.closed.set_result(None)
+
+    def _read_rest(self) -> None:
+        """Hear what came before the other end closed: asyncio reads no more once it could not write."""
+        with suppress(OSError), self._transport.get_extra_info("socket").dup() as rest:
+            while data := rest.recv(_AHEAD):
+                self.data_received(data)
 
     def pause_writing(self) -> None:
         self.held = True
