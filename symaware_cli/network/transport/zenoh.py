@@ -67,11 +67,10 @@ class _HostPort(ZenohPort):
             if sample.kind == self.zenoh.SampleKind.DELETE:
                 self.note_end(session, f"{_ROOT}/host/{str(sample.key_expr).rpartition('/')[2]}")
 
-        alive = session.liveliness()
         self._declared = [
             self.subscribe(session, f"{_ROOT}/host/*"),
-            alive.declare_subscriber(f"{_ROOT}/alive/member/*", note),
-            alive.declare_token(f"{_ROOT}/alive/host"),
+            self.watch(session, f"{_ROOT}/alive/member/*", note),
+            session.liveliness().declare_token(f"{_ROOT}/alive/host"),
         ]
 
     def stranger(self, name: str) -> ZenohConnection | None:
@@ -115,11 +114,10 @@ class _MemberPort(ZenohPort):
                 else:
                     self.later(found.set)
 
-            alive = session.liveliness()
             self._declared = [
                 self.subscribe(session, f"{_ROOT}/member/{name}"),
-                alive.declare_token(f"{_ROOT}/alive/member/{name}"),
-                alive.declare_subscriber(f"{_ROOT}/alive/host", note, history=True),
+                session.liveliness().declare_token(f"{_ROOT}/alive/member/{name}"),
+                self.watch(session, f"{_ROOT}/alive/host", note, history=True),
             ]
             # The host's declarations come with its token: what is sent sooner might reach nobody.
             async with asyncio.timeout(self.parameters.timeout):

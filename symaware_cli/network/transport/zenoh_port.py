@@ -108,6 +108,18 @@ class ZenohPort(LoopPort):
         _threads.add(thread)
         thread.start()
 
+    def watch(self, session: Any, key: str, note: Callable[[Any], None], **options: Any) -> Any:
+        """Take note of the liveliness tokens of a key expression; returns what must be kept for it."""
+        # Not in a callback: that would be in a thread of Zenoh's own, which nobody can wait for in the end.
+        channel = self.zenoh.handlers.FifoChannel(_ARRIVALS)
+        subscriber = session.liveliness().declare_subscriber(key, channel, **options)
+        self.aside(self._watch, subscriber.handler, note)
+        return subscriber
+
+    def _watch(self, tokens: Any, note: Callable[[Any], None]) -> None:
+        for token in tokens:
+            note(token)
+
     def note_end(self, session: Any, key: str) -> None:
         """Take note that a process is not there any more: behind all that it sent to a key expression.
 
