@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from symaware_cli import Entity, Environment, Model, Obstacle
-from symaware_cli.core import AgentGroup, Component, GroupComponent
+from symaware_cli.core import AgentGroup, Component, Contact, GroupComponent
 from symaware_cli.environments.kinematic import KinematicEnvironment
 from symaware_cli.models.integrator import SingleIntegrator
 from symaware_cli.recording.manifest import manifest
@@ -96,3 +96,12 @@ def execute(ready: Simulation, steps: int, log: Path | None = None, terms: Terms
         )
         writer.attach("manifest.json", "application/json", content)
         return run(ready, steps, Recorder(writer, ready.environment, ready.groups), terms=terms)
+
+
+def moved(environment: Environment, time: float) -> list[Contact]:
+    """Let a world move for a while [s]; the contacts that began or ended in it, and before."""
+    contacts = list(environment.contacts())
+    for _ in range(round(time * 1e9 / environment.time_step)):
+        environment.step()
+        contacts += environment.contacts()
+    return contacts

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 from simulating import STEP, Team, simulation
+from talking import Setting
 
-from symaware_cli import Component, Links, TimeSeries, Topology
+from symaware_cli import Links, TimeSeries, Topology
 from symaware_cli.components.communication.broadcast import Broadcast
 from symaware_cli.components.communication.inbox import Inbox
 from symaware_cli.components.communication.state import StateSender
@@ -21,20 +22,6 @@ from symaware_cli.runtime.terms import Terms
 from symaware_cli.runtime.timing import Timing
 
 A, B = frozenset({"a"}), frozenset({"b"})
-
-
-class Acting(Component):
-    """Does what a test says, at each step."""
-
-    def __init__(self, act):
-        super().__init__()
-        self._act = act
-
-    def _compute(self):
-        return None
-
-    def _update(self, value):
-        self._act(self._agent)
 
 
 class Late(Topology):
@@ -61,7 +48,7 @@ def moving(speed=2.0):
     def move(agent):
         agent.model.control_input = [speed, 0.0]
 
-    return lambda: Acting(move)
+    return lambda: Setting(move)
 
 
 def speaker(tell=StateSender, speed=2.0, **options):
@@ -252,7 +239,7 @@ class TestBroadcasts:
             agent.self_awareness.risk = TimeSeries({0.0: [0.3]})
             agent.model.control_input = [1.0, 0.0]
 
-        a = Team({"sense": SelfPerception, "mean": lambda: Acting(mean), "tell": Broadcast})
+        a = Team({"sense": SelfPerception, "mean": lambda: Setting(mean), "tell": Broadcast})
         scene = Scene(a=a, b=Team({"hear": made(Inbox, memory=0.5)}))
         database = scene.groups["b"].agents[0].awareness_database
 
@@ -285,7 +272,7 @@ class TestKnowledge:
             agent.self_knowledge["value"] = float(agent.surroundings.clock.now // STEP)
 
         a = Team(
-            {"sense": SelfPerception, "count": lambda: Acting(count), "tell": made(tell, knowledge=("value",))},
+            {"sense": SelfPerception, "count": lambda: Setting(count), "tell": made(tell, knowledge=("value",))},
             knowledge=[{"value": 0.0}],
         )
         scene = Scene(Complete, {"jitter": 1.0}, a=a, b=Team({"hear": Inbox}))

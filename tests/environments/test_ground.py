@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from simulating import moved
 
 from symaware_cli.core import AgentGroup, Entity, Obstacle, WorldError
 from symaware_cli.environments.spatial import PyBulletEnvironment
@@ -41,14 +42,6 @@ def world(obstacles, groups=(), folder=None, **parameters):
     return environment
 
 
-def run(environment, time):
-    contacts = list(environment.contacts())
-    for _ in range(round(time * 1e9 / environment.time_step)):
-        environment.step()
-        contacts += environment.contacts()
-    return contacts
-
-
 @pytest.mark.parametrize("mass", [None, 1.0], ids=["fixed", "free"])
 @pytest.mark.parametrize("level", [0.0, 2.0])
 def test_files_given_two_coordinates_stand_on_the_ground(level, mass, tmp_path):
@@ -64,7 +57,7 @@ def test_files_given_two_coordinates_stand_on_the_ground(level, mass, tmp_path):
     with world(obstacles, [robot], tmp_path, ground={"height": level}) as environment:
         expected = [level + 0.5, level + 0.5, level + 0.6]
         assert environment.body_positions(["robot", "mesh", "lamp"])[:, 2] == pytest.approx(expected, abs=1.1e-3)
-        assert run(environment, 1.0) == []
+        assert moved(environment, 1.0) == []
         assert environment.body_positions(["robot", "mesh", "lamp"])[:, 2] == pytest.approx(expected, abs=2e-3)
 
 
@@ -111,7 +104,7 @@ def test_a_bounce_without_loss_adds_no_energy():
         "right": Obstacle(shape=CUBE, position=[0.6, 0, 5], elasticity=1.0),
     }
     with world(obstacles, gravity=(0, 0, 0), ground=None) as environment:
-        contacts = run(environment, 3.0)
+        contacts = moved(environment, 3.0)
         assert sum(each.begins for each in contacts) > 20
         assert abs(environment.pose("ball").velocity[0]) == pytest.approx(3.0, abs=1e-6)
 
@@ -121,7 +114,7 @@ def test_what_slides_stops_where_coulomb_has_it(friction, speed):
     """v^2 / 2 mu g; R. C. Hibbeler, Engineering Mechanics: Dynamics, section 14.2. It is half a physics step short."""
     obstacles = {"plate": Obstacle(shape=PLATE, position=[0, 0], mass=2.0, friction=friction, velocity=[speed, 0.0])}
     with world(obstacles, time_step=0.02, substeps=5) as environment:
-        run(environment, 1.5 * speed / (friction * 9.81))
+        moved(environment, 1.5 * speed / (friction * 9.81))
         x, y, _ = environment.pose("plate").position
     way = speed * speed / (2 * friction * 9.81)
     assert x + 0.5 * speed * 0.004 == pytest.approx(way, rel=0.01)
@@ -134,7 +127,7 @@ def test_a_stack_of_four_stands():
         for number in range(4)
     }
     with world(obstacles) as environment:
-        run(environment, 5.0)
+        moved(environment, 5.0)
         places = np.array([environment.pose(name).position for name in obstacles])
     assert places == pytest.approx(np.array([[0, 0, 0.25 + 0.5 * row] for row in range(4)]), abs=3e-3)
 
@@ -155,7 +148,7 @@ def test_boxes_far_from_the_origin_stand_on_the_ground_too():
         "west": Obstacle(shape=CUBE, position=[5e5 - 3e3, 6e6], mass=1.0),
     }
     with world(obstacles) as environment:
-        assert run(environment, 1.0) == []
+        assert moved(environment, 1.0) == []
         assert [environment.pose(name).position[2] for name in obstacles] == pytest.approx([0.25] * 2, abs=1e-3)
 
 

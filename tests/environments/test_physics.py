@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pybullet
 import pytest
-from simulating import Team, simulate
+from simulating import Team, moved, simulate
 
 from symaware_cli.components.perception_range import RangePerception
 from symaware_cli.core import AgentGroup, Entity, Obstacle, WorldError
@@ -57,14 +57,6 @@ def world(kind, groups=(), obstacles=None, seed=1, **parameters):
     return environment
 
 
-def run(environment, time):
-    contacts = list(environment.contacts())
-    for _ in range(round(time * 1e9 / environment.time_step)):
-        environment.step()
-        contacts += environment.contacts()
-    return contacts
-
-
 def speed(environment, name):
     return environment.pose(name).velocity[0]
 
@@ -106,7 +98,7 @@ def test_a_body_goes_where_its_model_goes(kind, model, state, control_input):
     )
     for environment in (truth, found):
         environment.groups[0].control_input = [control_input]
-        run(environment, 2.0)
+        moved(environment, 2.0)
     mine, theirs = found.state(found.groups[0]), truth.state(truth.groups[0])
     assert np.abs(mine - theirs).max() < 0.0125  # a physics step of 5 ms at 1 m/s, and turned by 1.4 rad/s for as long
     if kind is PyBulletEnvironment and not model.velocities:
@@ -135,7 +127,7 @@ def test_a_heading_counts_turns(kind):
     with world(kind, [spinner]) as environment:
         assert environment.state(spinner)[0, 2] == pytest.approx(7.0)
         spinner.control_input = [[0.0, 2.0]]
-        run(environment, 5.0)
+        moved(environment, 5.0)
         assert environment.state(spinner)[0, 2] == pytest.approx(17.0, abs=0.02)
 
 
@@ -144,9 +136,9 @@ def test_the_velocities_of_a_snapshot_are_those_of_the_bodies(kind):
     obstacles = {"wall": Obstacle(shape={"box": {"length": 1, "width": 5}}, position=[1.0, 0.0])}
     with world(kind, [robot], obstacles) as environment:
         robot.control_input = [[1.0, 0.0]]
-        run(environment, 0.1)
+        moved(environment, 0.1)
         assert np.allclose(environment.snapshot().velocities[0, :2], [1.0, 0.0])
-        run(environment, 0.9)
+        moved(environment, 0.9)
         assert np.allclose(environment.snapshot().velocities[0, :2], [0.0, 0.0], atol=0.01)
         assert environment.state(robot)[0, 0] == pytest.approx(0.4, abs=0.01)
         assert environment.applied_input(robot).tolist() == [[1.0, 0.0]]
@@ -155,7 +147,7 @@ def test_the_velocities_of_a_snapshot_are_those_of_the_bodies(kind):
 def test_process_noise_moves_bodies_through_their_velocity(kind):
     robots = group(SingleIntegrator(SingleIntegrator.Parameters(process_noise=0.1)), np.zeros((200, 2)), shape=None)
     with world(kind, [robots], time_step=0.1) as environment:
-        run(environment, 1.0)
+        moved(environment, 1.0)
         spread = environment.state(robots).std()
     assert spread == pytest.approx(0.1, rel=0.15)
 
@@ -172,7 +164,7 @@ def test_a_collision_keeps_momentum_and_what_elasticity_leaves_of_the_energy(kin
         "other": ball(0.5, mass=other, elasticity=1.0, friction=0.0),
     }
     with world(kind, obstacles=obstacles) as environment:
-        contacts = run(environment, 0.5)
+        contacts = moved(environment, 0.5)
         after = [speed(environment, name) for name in ("one", "other")]
     common = one * 2.0 / (one + other)
     away = elasticity * 2.0
@@ -224,7 +216,7 @@ def test_a_crowd_keeps_its_momentum_and_its_energy(kind):
 
     with world(kind, obstacles=obstacles, substeps=20) as environment:
         momentum, energy = motion(environment)
-        contacts = run(environment, 2.0)
+        contacts = moved(environment, 2.0)
         after = motion(environment)
     assert sum(each.begins for each in contacts) > 15
     assert after[0] == pytest.approx(momentum, abs=1e-9)
@@ -239,7 +231,7 @@ def test_a_glancing_collision_without_friction_keeps_what_goes_along_it(kind):
         "other": ball(0.5 + offset, y=offset, elasticity=1.0, friction=0.0),
     }
     with world(kind, obstacles=obstacles, time_step=0.002) as environment:
-        run(environment, 1.0)
+        moved(environment, 1.0)
         velocities = np.array([environment.pose(name).velocity[:2] for name in ("one", "other")])
     assert velocities == pytest.approx(np.array([[0.5, -0.5], [0.5, 0.5]]), abs=0.01)
 
@@ -248,7 +240,7 @@ def test_what_falls_is_where_galilei_has_it(kind):
     obstacles = {"stone": Obstacle(shape=BALL, position=[0, 0, 0], mass=2.0, velocity=[1.0, 0, 0])}
     gravity = (0, -10.0) if kind is PymunkEnvironment else (0, -10.0, 0)
     with world(kind, obstacles=obstacles, gravity=gravity) as environment:
-        run(environment, 1.0)
+        moved(environment, 1.0)
         x, y, *_ = environment.pose("stone").position
     assert x == pytest.approx(1.0, abs=1e-9)
     # The engines change the velocity at one end of a physics step: g t step / 2.
@@ -257,7 +249,7 @@ def test_what_falls_is_where_galilei_has_it(kind):
 
 def test_damping_takes_its_part_of_the_velocity_each_second(kind):
     with world(kind, obstacles={"puck": ball(0.0, 3.0)}, damping=0.4) as environment:
-        run(environment, 2.0)
+        moved(environment, 2.0)
         assert speed(environment, "puck") == pytest.approx(3.0 * 0.6**2, rel=1e-6)
 
 
@@ -266,7 +258,7 @@ def test_neither_gravity_nor_damping_diverts_who_follows_a_model(kind):
     gravity = (3.0, -10.0) if kind is PymunkEnvironment else (3.0, 0.0, -10.0)
     with world(kind, [robot], gravity=gravity, damping=0.5) as environment:
         robot.control_input = [[1.0, 0.5]]
-        run(environment, 2.0)
+        moved(environment, 2.0)
         assert environment.state(robot)[0] == pytest.approx([2.0, 1.0], abs=0.006)
 
 
@@ -274,7 +266,7 @@ def test_a_force_that_is_limited_takes_its_time(kind):
     robot = group(SingleIntegrator(), [0.0, 0.0], mass=4.0, max_force=2.0)
     with world(kind, [robot]) as environment:
         robot.control_input = [[1.0, 0.0]]
-        run(environment, 1.0)
+        moved(environment, 1.0)
         # 2 N push 4 kg: 0.5 m/s after a second, and 0.25 m.
         assert environment.snapshot().velocities[0, 0] == pytest.approx(0.5, abs=1e-6)
         assert environment.state(robot)[0, 0] == pytest.approx(0.25, abs=0.002)
@@ -284,7 +276,7 @@ def test_a_torque_that_is_limited_takes_its_time(kind):
     robot = group(Unicycle(), [0.0, 0.0, 0.0], shape=CRATE, mass=3.0, max_torque=0.04)
     with world(kind, [robot]) as environment:
         robot.control_input = [[0.0, 2.0]]
-        run(environment, 1.0)
+        moved(environment, 1.0)
         # The moment of a square plate about its centre is m a^2 / 6 = 0.08 kg m^2.
         assert environment.state(robot)[0, 2] == pytest.approx(0.25, abs=0.002)
 
@@ -297,7 +289,7 @@ def test_who_pushes_harder_wins(kind):
     weak = group(SingleIntegrator(), [0.3, 0.0], "weak", max_force=5.0, shape=CRATE)
     with world(kind, [strong, weak]) as environment:
         strong.control_input, weak.control_input = [[1.0, 0.0]], [[-1.0, 0.0]]
-        run(environment, 1.0)
+        moved(environment, 1.0)
         assert environment.state(strong)[0, 0] > 0.3
         assert environment.state(weak)[0, 0] - environment.state(strong)[0, 0] == pytest.approx(0.4, abs=0.02)
 
@@ -306,7 +298,7 @@ def test_who_has_a_velocity_in_its_state_bounces_and_keeps_what_is_left(kind):
     puck = group(DoubleIntegrator(), [0.0, 0.0, 1.0, 0.5], elasticity=1.0, friction=0.0)
     obstacles = {"wall": Obstacle(shape={"box": {"length": 1, "width": 9}}, position=[1.0, 0.0], elasticity=1.0)}
     with world(kind, [puck], obstacles) as environment:
-        contacts = run(environment, 1.0)
+        contacts = moved(environment, 1.0)
         assert environment.state(puck)[0, 2:] == pytest.approx([-1.0, 0.5], abs=0.005)
     assert [(each.first, each.second, each.begins) for each in contacts] == [
         ("robot.0", "wall", True),
@@ -319,7 +311,7 @@ def test_what_has_a_path_pushes_what_is_free_and_nothing_diverts_it(kind):
     path = {"times": [0, 1, 2], "positions": [[-1, 0], [0, 0], [1, 0]]}
     obstacles = {"bus": Obstacle(shape=CRATE, path=path), "ball": ball(0.0, mass=5.0)}
     with world(kind, obstacles=obstacles) as environment:
-        run(environment, 1.5)
+        moved(environment, 1.5)
         assert environment.pose("bus").position[:2] == pytest.approx((0.5, 0.0))
         assert environment.pose("ball").position[0] > 0.79
         assert environment.moves("bus")
@@ -329,7 +321,7 @@ def test_what_has_a_path_pushes_what_is_free_and_nothing_diverts_it(kind):
 def test_what_has_no_mass_stays_put(kind):
     rock = Obstacle(shape=CRATE, position=[0.5, 0.0])
     with world(kind, obstacles={"rock": rock, "ball": ball(0.0, 3.0)}) as environment:
-        run(environment, 1.0)
+        moved(environment, 1.0)
         assert environment.pose("rock").position == (0.5, 0.0)
         assert not environment.moves("rock")
 
@@ -352,7 +344,7 @@ def test_every_shape_is_agent_free_entity_or_scenery_alike(kind, shape):
     }
     with world(kind, [robot], obstacles) as environment:
         robot.control_input = [[1.0, 0.0]]
-        contacts = run(environment, 2.0)
+        contacts = moved(environment, 2.0)
         assert {(each.first, each.second) for each in contacts} >= {("free", "robot.0"), ("free", "rock")}
         assert environment.state(robot)[0, 0] < 0.75  # nobody goes through
 
@@ -362,7 +354,7 @@ def test_a_wall_keeps_everybody_in(kind):
     robots = group(SingleIntegrator(), [[0.0, 0.0], [0.5, 0.0], [0.0, 0.5], [0.5, 0.5]])
     with world(kind, [robots], {"yard": Obstacle(shape=yard)}) as environment:
         robots.control_input = [[1.0, 0.3], [-1.0, 0.5], [0.3, -1.0], [0.5, 1.0]]
-        run(environment, 4.0)
+        moved(environment, 4.0)
         assert np.abs(environment.state(robots)).max() < 0.9
 
 
@@ -371,7 +363,7 @@ def test_who_slides_along_a_wall_from_part_to_part_does_not_get_caught(kind):
     robot = group(SingleIntegrator(), [-1.0, 0.2], max_force=5.0)
     with world(kind, [robot], {"wall": Obstacle(shape=wall, friction=0.0)}) as environment:
         robot.control_input = [[1.0, -0.2]]
-        contacts = run(environment, 2.0)
+        contacts = moved(environment, 2.0)
         x, y = environment.state(robot)[0]
         assert x > 0.8
         assert y == pytest.approx(0.15, abs=1e-3)
@@ -391,7 +383,7 @@ def test_who_overlaps_at_the_start_is_told_of_and_parted(kind):
             ("robot.0", "rock", True),
         ]
         assert [each.depth for each in contacts] == pytest.approx([0.05, 0.02], abs=1e-6)
-        later = run(environment, 5.0)
+        later = moved(environment, 5.0)
         apart = environment.state(robots)
         assert np.linalg.norm(apart[0] - apart[1]) > 0.19
     begun = [each for each in later if each.begins]
@@ -402,7 +394,7 @@ def test_the_scenery_follows_what_moves(kind):
     obstacles = {"ball": ball(0.0, 1.0), "rock": Obstacle(shape=BALL, position=[5.0, 0.0])}
     with world(kind, obstacles=obstacles) as environment:
         before = environment.scenery
-        run(environment, 1.0)
+        moved(environment, 1.0)
         near = environment.scenery.nearest(np.array([[1.0, 0.5]]), 1.0)
         assert near.distance == pytest.approx([0.4], abs=0.01)
         assert near.velocity[0] == pytest.approx([1.0, 0.0])
@@ -446,7 +438,7 @@ def test_a_run_repeats_itself_byte_for_byte_whoever_lived_before(kind, tmp_path)
     first = crowded(kind, tmp_path / "first.mcap")
     others = [world(each, obstacles={"ball": ball(0.0, 1.0)}) for each in KINDS.values() for _ in range(3)]
     for other in others[::2]:
-        run(other, 0.1)
+        moved(other, 0.1)
     between = crowded(kind, tmp_path / "between.mcap")
     for other in others:
         other.close()
@@ -483,7 +475,7 @@ def test_two_hundred_worlds_leave_nothing_behind(kind):
 
     def one():
         with world(kind, [group(SingleIntegrator(), np.zeros((5, 2)))], {"ball": ball(3.0)}) as environment:
-            run(environment, 0.04)
+            moved(environment, 0.04)
 
     before = clients()
     for _ in range(40):
@@ -519,7 +511,7 @@ def test_a_map_over_the_time_step_is_followed_and_over_another_is_refused(kind):
     robot = group(made(Linear, time_step=0.02, B=np.eye(2).tolist(), **LINEAR), [0.0, 0.0])
     with world(kind, [robot]) as environment:
         robot.control_input = [[0.01, 0.02]]
-        run(environment, 1.0)
+        moved(environment, 1.0)
         assert environment.state(robot)[0] == pytest.approx([0.5, 1.0], abs=0.01)
     with pytest.raises(WorldError, match="both need the same `time_step`"):
         world(kind, [robot], time_step=0.05)
@@ -544,5 +536,5 @@ def test_noise_that_tears_a_position_from_its_velocity_is_refused(kind):
         world(kind, [group(noisy, [0.0, 0.0, 0.0, 0.0])])
     sound = DoubleIntegrator(DoubleIntegrator.Parameters(process_noise=[0, 0, 0.1, 0.1]))
     with world(kind, [group(sound, [0.0, 0.0, 0.0, 0.0])]) as environment:
-        run(environment, 0.1)
+        moved(environment, 0.1)
         assert environment.state(environment.groups[0])[0, 2:].any()

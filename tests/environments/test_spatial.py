@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from simulating import moved
 
 from symaware_cli import open_log
 from symaware_cli.core import AgentGroup, Entity, Obstacle, WorldError
@@ -51,14 +52,6 @@ def world(obstacles=None, groups=(), folder=Path(), **parameters):
     return environment
 
 
-def run(environment, time):
-    contacts = list(environment.contacts())
-    for _ in range(round(time * 1e9 / environment.time_step)):
-        environment.step()
-        contacts += environment.contacts()
-    return contacts
-
-
 def height(environment, name):
     return environment.pose(name).position[2]
 
@@ -70,7 +63,7 @@ def test_what_is_given_no_height_stands_on_the_ground():
         for number, (name, shape) in enumerate(shapes.items())
     }
     with world(obstacles, ground={"height": 2.0}) as environment:
-        contacts = run(environment, 1.0)
+        contacts = moved(environment, 1.0)
         found = [height(environment, name) for name in shapes]
     assert found == pytest.approx([2.1, 2.2, 2.25], abs=2e-3)
     assert contacts == []
@@ -97,7 +90,7 @@ def test_who_moves_in_a_plane_stays_upright_at_one_height_and_the_ground_does_no
     obstacles = {"ball": Obstacle(shape=BALL, position=[1.0, 0.02, 1.9], mass=5.0)}
     with world(obstacles, [robot]) as environment:
         robot.control_input = [[1.0, 0.0]]
-        run(environment, 3.0)
+        moved(environment, 3.0)
         assert environment.state(robot)[0, 0] == pytest.approx(3.0, abs=0.2)
         assert environment._positions[0, 2] == pytest.approx(1.0, abs=1e-3)
 
@@ -108,10 +101,10 @@ def test_who_moves_in_space_is_carried_and_lands_on_what_is_below(kind):
     state = np.eye(1, len(model.state), 2)  # at a height of 1 m, at rest
     drone = AgentGroup("drone", ["drone"], model, Entity(shape=BALL), state)
     with world({}, [drone]) as environment:
-        run(environment, 1.0)
+        moved(environment, 1.0)
         assert environment.state(drone)[0, 2] == pytest.approx(1.0)
         drone.control_input = [[0.0, 0.0, -1.0]]
-        contacts = run(environment, 3.0)
+        contacts = moved(environment, 3.0)
         assert environment.state(drone)[0, 2] == pytest.approx(0.1, abs=0.01)
         assert (contacts[0].first, contacts[0].second) == ("drone", "ground")
 
@@ -124,7 +117,7 @@ def test_a_box_that_tips_over_tells_how_it_is_turned():
     }
     with world(obstacles) as environment:
         assert environment.body_poses("plank") == pytest.approx(np.array([[0, 0, 0.5, 0, 0, 0, 1]]))
-        run(environment, 2.0)
+        moved(environment, 2.0)
         x, y = environment.body_poses("plank")[0, 3:5]
         assert 1 - 2 * (x * x + y * y) == pytest.approx(0.0, abs=0.05)  # its z axis lies in the plane
         assert height(environment, "plank") == pytest.approx(0.05, abs=0.01)
@@ -139,7 +132,7 @@ def test_a_mesh_is_a_body_like_others(tmp_path):
         "ball": Obstacle(shape=BALL, position=[0.0, 0, 1.0], mass=1.0),
     }
     with world(obstacles, folder=tmp_path) as environment:
-        contacts = run(environment, 0.6)
+        contacts = moved(environment, 0.6)
         hit = contacts[0]
         assert (hit.first, hit.second) == ("ball", "tent")
         assert hit.point[2] == pytest.approx(0.5, abs=0.03)  # its tip
@@ -152,7 +145,7 @@ def test_a_free_mesh_falls_and_rests(tmp_path):
     (tmp_path / "tent.obj").write_text(MESH)
     tent = {"mesh": {"file": "tent.obj", "radius": 0.7}}
     with world({"tent": Obstacle(shape=tent, position=[0, 0, 0.5], mass=1.0)}, folder=tmp_path) as environment:
-        contacts = run(environment, 2.0)
+        contacts = moved(environment, 2.0)
         assert (contacts[0].first, contacts[0].second) == ("ground", "tent")
         assert np.abs(environment.pose("tent").velocity).max() < 0.01
 
@@ -165,7 +158,7 @@ def test_a_urdf_file_stands_fixed_or_free(fixed, tmp_path):
     )
     ball = Obstacle(shape=BALL, position=[-1, 0, 0.8], mass=3.0, velocity=[5.0, 0, 0.5])
     with world({"post": post, "ball": ball}, folder=tmp_path) as environment:
-        contacts = run(environment, 2.0)
+        contacts = moved(environment, 2.0)
         assert ("ball", "post") in [(each.first, each.second) for each in contacts]
         if fixed:
             assert environment.pose("post").position == (0, 0, 0.5)
@@ -178,7 +171,7 @@ def test_what_comes_with_pybullet_data_can_be_used():
         shape={"urdf": {"file": "pybullet_data/duck_vhacd.urdf", "radius": 0.1}}, position=[0, 0, 1], mass=1
     )
     with world({"duck": duck}) as environment:
-        run(environment, 2.0)
+        moved(environment, 2.0)
         assert -0.01 < height(environment, "duck") < 0.2
 
 
@@ -255,7 +248,7 @@ def test_agents_are_made_of_files_too(shape, tmp_path):
     with world({"rock": rock}, [robot], tmp_path) as environment:
         assert environment.state(robot)[0] == pytest.approx([0.0, 0.0, 0.5])
         robot.control_input = [[1.0, 0.0]]
-        contacts = run(environment, 3.0)
+        contacts = moved(environment, 3.0)
         assert (contacts[0].first, contacts[0].second) == ("robot", "rock")
         assert environment.state(robot)[0, 0] < 1.5  # it did not go through
 
