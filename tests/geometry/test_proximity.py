@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from symaware_cli.core.proximity import Proximity
+from symaware_cli.geometry.proximity import Proximity
 
 
 def near(positions, reach):

@@ -9,8 +9,8 @@ from outlines import distance, outline, placed, random_core, random_shape
 from simulating import Team
 
 from symaware_cli import Box, Circle, Obstacle, Polygon, Scenery, ScriptedPath, Shape, Wall
-from symaware_cli.core.geometry import Pieces, separation
 from symaware_cli.environments.kinematic import KinematicEnvironment
+from symaware_cli.geometry.pieces import Pieces, separation
 
 seeds = st.integers(0, 2**32 - 1)
 

@@ -1,0 +1,147 @@
+"""Many bodies, a convex outline each: where they are, how far they are apart, and which two are nearest.
+
+One definition for contacts, summaries, plots and replays: in space, bodies count as seen from above once the balls
+around them meet. Two bodies touch where their separation is 0, and overlap where it is negative.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symaware_cli.geometry.pieces import Pieces, separation
+from symaware_cli.geometry.proximity import Proximity
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+#: A core and the radius by which it is rounded, as in `Pieces.of`.
+Outline = tuple[Sequence[Sequence[float]], float]
+
+
+class Nearest(NamedTuple):
+    """The two bodies that are nearest to each other.
+
+    Attributes:
+        gap: How far their outlines are apart; negative where they overlap [m].
+        one: The body of the lesser index.
+        other: The other.
+    """
+
+    gap: float
+    one: int
+    other: int
+
+
+class Bodies:
+    """The outlines of bodies, by index.
+
+    Attributes:
+        radii: Of the smallest circles around the positions that hold them [m]; shape (n,).
+        cornered: Which of them are no discs; shape (n,).
+        any_cornered: Whether any of them is.
+    """
+
+    def __init__(self, outlines: Sequence[Outline | None], counts: Sequence[int] | None = None) -> None:
+        """Take the outlines.
+
+        Args:
+            outlines: Of each body, or of each kind; None for points.
+            counts: How many bodies there are of each kind, one after the other; one if left out.
+        """
+        known = [([(0.0, 0.0)], 0.0) if each is None else each for each in outlines]
+        self._set(Pieces.of(known), np.repeat(np.arange(len(known)), 1 if counts is None else counts))
+
+    def some(self, bodies: Indices) -> Bodies:
+        """Some of them, by index."""
+        chosen = Bodies.__new__(Bodies)
+        chosen._set(self._kinds, self._kind.take(bodies))
+        return chosen
+
+    def _set(self, kinds: Pieces, kind: Indices) -> None:
+        self._kinds, self._kind = kinds, kind
+        vertices = self._kinds.vertices
+        reach = np.sqrt((vertices * vertices).sum(axis=2)).max(axis=1, initial=0.0)
+        self.radii: Array = (reach + self._kinds.rounding).take(self._kind)
+        self.cornered: NDArray[np.bool_] = (reach > 0.0).take(self._kind)
+        self.any_cornered = bool(self.cornered.any())
+        self._largest = float(self.radii.max(initial=0.0))
+        self._alike = not self.any_cornered and bool((self.radii == self.radii[:1]).all())
+
+    def __len__(self) -> int:
+        return len(self._kind)
+
+    def outlines(self, bodies: Indices) -> Pieces:
+        """The outlines of some bodies, x along their headings, around the origin."""
+        return self._kinds.take(self._kind.take(bodies))
+
+    def placed(self, bodies: Indices, positions: Array, headings: Array) -> Pieces:
+        """The outlines of some bodies in their places.
+
+        Args:
+            bodies: Which, by index; shape (m,).
+            positions: Of all of them [m]; shape (n, d).
+            headings: Of all of them [rad]; shape (n,).
+        """
+        places = positions[:, :2].take(bodies, 0)
+        if not self.any_cornered:
+            return Pieces.points(places, self.radii.take(bodies))
+        return self.outlines(bodies).placed(places, headings.take(bodies))
+
+    def gaps(self, one: Indices, other: Indices, distance: Array, positions: Array, headings: Array) -> Array:
+        """How far bodies are apart, pair by pair.
+
+        Args:
+            one: One of each pair, by index; shape (m,).
+            other: The other.
+            distance: Between the positions of both [m]; shape (m,).
+            positions: Of all bodies [m]; shape (n, d).
+            headings: Of all bodies [rad]; shape (n,).
+
+        Returns:
+            From outline to outline [m]; shape (m,).
+        """
+        gaps: Array = distance - self.radii.take(one) - self.radii.take(other)
+        if self.any_cornered:
+            some = np.flatnonzero(self.cornered.take(one) | self.cornered.take(other))
+            first = self.placed(one.take(some), positions, headings)
+            flat = separation(first, self.placed(other.take(some), positions, headings)).distance
+            gaps[some] = np.maximum(flat, gaps[some])
+        return gaps
+
+    def nearest(self, positions: Array, headings: Array, proximity: Proximity, below: float = np.inf) -> Nearest | None:
+        """Find the two that are nearest to each other.
+
+        Args:
+            positions: Of all bodies [m]; shape (n, d).
+            headings: Of all bodies [rad]; shape (n,).
+            proximity: Which of them are near each other.
+            below: Only if they are nearer than this [m].
+
+        Returns:
+            None if no two are so near.
+        """
+        if len(positions) < 2:
+            return None
+        if below == np.inf:
+            # Nobody is nearer than whoever is nearest once discs take the place of all bodies.
+            below = float(np.nextafter(proximity.nearest(positions) * (1 + 1e-12), np.inf))
+        pairs = proximity.pairs(positions, max(0.0, below + 2.0 * self._largest))
+        if self._alike:
+            gap = pairs.least - 2.0 * self._largest
+            if gap >= below:
+                return None
+            return Nearest(gap, int(pairs.first[pairs.closest]), int(pairs.second[pairs.closest]))
+        bound = pairs.distance - self.radii.take(pairs.first) - self.radii.take(pairs.second)
+        near = np.flatnonzero(bound < below)
+        if not len(near):
+            return None
+        one, other = pairs.first.take(near), pairs.second.take(near)
+        gaps = self.gaps(one, other, pairs.distance.take(near), positions, headings)
+        best = int(gaps.argmin())
+        if not gaps[best] < below:
+            return None
+        return Nearest(float(gaps[best]), int(one[best]), int(other[best]))
