@@ -5,7 +5,12 @@ What stands in ``__all__`` is the public API for authors of plugins; all else ma
 
 from typing import TYPE_CHECKING, Any
 
+from symaware_cli import processor
+
 __version__ = "0.1.0"
+
+# Before anything imports NumPy, which looks at the processor once.
+processor.pin()
 
 if TYPE_CHECKING:
     from symaware_cli.core import (

@@ -19,15 +19,27 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import numpy as np
+
+from symaware_cli import processor
+from symaware_cli.core.conformity import faults_of
+from symaware_cli.core.model import Model
 from symaware_cli.recording.digest import Digest, digest
 from symaware_cli.recording.error import LogError
 from symaware_cli.recording.reader import Log, LogMessage, open_log
 
-__all__ = ["assert_repeatable"]
+__all__ = ["assert_conforming", "assert_repeatable"]
 
-#: What differs between the two processes besides time and memory: the hashes of strings, which order sets, and where
-#: objects lie in memory, which is what `id()` returns.
-_SURROUNDINGS = ({"PYTHONHASHSEED": "1"}, {"PYTHONHASHSEED": "2", "PYTHONMALLOC": "malloc"})
+
+def _surroundings() -> tuple[dict[str, str], dict[str, str]]:
+    """The variables of the two processes.
+
+    What differs besides time and memory: the hashes of strings, which order sets; where objects lie in memory, which is
+    what `id()` returns; and the processor, as far as it can be emulated.
+    """
+    common = {name: value for name, value in os.environ.items() if name not in processor.VARIABLES}
+    second = {"PYTHONHASHSEED": "2", "PYTHONMALLOC": "malloc", **processor.emulated("x86-64-v3")}
+    return common | {"PYTHONHASHSEED": "1"}, common | second
 
 
 def assert_repeatable(
@@ -41,7 +53,7 @@ def assert_repeatable(
 
     Everything but /timing must be equal to the byte. Plugins that depend on wall-clock time, on the global random
     state, on the order of a set or on the address of an object are found out; draw from ``self.random`` and sort
-    instead.
+    instead. The second process computes as on a processor of level x86-64-v3, without AVX-512.
 
     Args:
         scenario: A scenario file, or a log to take it from.
@@ -62,7 +74,7 @@ def assert_repeatable(
         with ThreadPoolExecutor() as pool:
             runs = [
                 pool.submit(_run, scenario, overrides, seed, log, surroundings, timeout)
-                for log, surroundings in zip(logs, _SURROUNDINGS, strict=True)
+                for log, surroundings in zip(logs, _surroundings(), strict=True)
             ]
         for run in runs:
             run.result()
@@ -73,6 +85,23 @@ def assert_repeatable(
             where = _first_difference(first, second, differing)
             raise AssertionError(f"two runs of {os.fspath(scenario)} differ in {', '.join(differing)}{where}")
         return result
+
+
+def assert_conforming(model: Model, state: Sequence[float] | None = None) -> None:
+    """Look whether a model returns what it declares: as many rates as states, bounds, positions, Jacobians.
+
+    A scenario is refused for the same reasons.
+
+    Args:
+        model: The model.
+        state: Where to try it, in the model's order; zeros if left out.
+
+    Raises:
+        AssertionError: Names everything that has another form, with the counts.
+    """
+    faults = list(faults_of(model, None if state is None else np.asarray(state, float)))
+    if faults:
+        raise AssertionError("".join(f"the model {fault}\n" for fault in faults).rstrip())
 
 
 def _run(
@@ -87,7 +116,7 @@ def _run(
     line += [word for override in overrides for word in ("--set", override)]
     line += [] if seed is None else ["--seed", str(seed)]
     done = subprocess.run(
-        line, env=os.environ | surroundings, stdin=subprocess.DEVNULL, capture_output=True, timeout=timeout, check=False
+        line, env=surroundings, stdin=subprocess.DEVNULL, capture_output=True, timeout=timeout, check=False
     )
     if done.returncode:
         said = done.stderr.decode(errors="replace").strip()

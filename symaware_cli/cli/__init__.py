@@ -1,8 +1,10 @@
 """The command line: one module for each verb, which parses, calls, prints and exits."""
 
 import errno
+import gc
 import os
 import sys
+import threading
 from typing import NoReturn
 
 
@@ -15,10 +17,20 @@ def main() -> None:
 
         print(f"symaware {__version__}")
         return
+    # What is imported stays: looking for garbage among it takes a tenth of the time that a verb needs to start.
+    gc.set_threshold(20_000, 50, 50)
+    # A plugin of pydantic might change what a scenario means; and the search for one reads all that is installed.
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     try:
         from symaware_cli.cli.application import application
 
         application()
+    except SystemExit as end:
+        if threading.active_count() > 1:
+            from symaware_cli.cli.threads import do_not_wait
+
+            do_not_wait(end.code)
+        raise
     except OSError as error:
         _refuse_output(error)
     except KeyboardInterrupt:

@@ -20,6 +20,7 @@ from symaware_cli.cli import (
     show,
     validate,
 )
+from symaware_cli.cli.terminal import is_plain
 
 application = typer.Typer(
     name="symaware",
@@ -27,6 +28,8 @@ application = typer.Typer(
     epilog="Exit status: 0 done; 1 the run failed; 2 the input is wrong; 3 done, but data was lost; 130 interrupted.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
+    # Help and usage errors, too: Rich would leave out the colours and keep the rest.
+    rich_markup_mode=None if is_plain() else "rich",
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 

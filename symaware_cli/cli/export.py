@@ -18,6 +18,7 @@ from symaware_cli.cli.terminal import (
     WRONG_INPUT,
     Json,
     fail,
+    is_lively,
     names,
     print_json,
     size_in_words,
@@ -41,7 +42,7 @@ class Target(enum.StrEnum):
 
 def export(
     path: Annotated[Path, typer.Argument(help="A log.", metavar="LOG")],
-    to: Annotated[Target, typer.Option("--to", help="A folder of tables, or an MCAP for Foxglove.")],
+    form: Annotated[Target, typer.Option("--format", help="A folder of tables, or an MCAP for Foxglove.")],
     output: Annotated[
         Path | None,
         typer.Option(
@@ -57,13 +58,13 @@ def export(
         str | None, typer.Option("--agents", help="Only these agents, groups and entities, separated by commas.")
     ] = None,
     start: Annotated[float | None, typer.Option("--from", help="Leave out what is before this time, in s.")] = None,
-    end: Annotated[float | None, typer.Option("--until", help="Leave out what is after this time, in s.")] = None,
+    end: Annotated[float | None, typer.Option("--to", help="Leave out what is after this time, in s.")] = None,
     as_json: Json = False,
 ) -> None:
     """Turn a log into tables (Parquet, CSV), or into an MCAP that Foxglove shows."""
-    filters = {"--fields": fields, "--agents": agents, "--from": start, "--until": end}
+    filters = {"--fields": fields, "--agents": agents, "--from": start, "--to": end}
     given = [option for option, value in filters.items() if value is not None]
-    if to is Target.foxglove and given:
+    if form is Target.foxglove and given:
         fail(f"{given[0]} goes with tables only; Foxglove is given all of the log", WRONG_INPUT, as_json)
     # Whoever ends it finds nothing half-written either.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
@@ -72,14 +73,14 @@ def export(
             from symaware_cli.recording.reader import open_log
 
             log = open_log(path)
-            place = output or Path(f"{path.stem}-{to}{'.mcap' if to is Target.foxglove else ''}")
-            shown = sys.stderr.isatty() and not as_json
+            place = output or Path(f"{path.stem}-{form}{'.mcap' if form is Target.foxglove else ''}")
+            shown = is_lively(sys.stderr) and not as_json
             with progress(path.name, log.start_time or 0, log.end_time or 0, shown) as on_progress:
-                if to is Target.foxglove:
+                if form is Target.foxglove:
                     report = _foxglove(log, place, on_progress)
                 else:
-                    window = span(start, end, as_json, "--until")
-                    report = _tables(log, place, to, _listed(fields), _listed(agents), window, on_progress)
+                    window = span(start, end, as_json)
+                    report = _tables(log, place, form, _listed(fields), _listed(agents), window, on_progress)
     except KeyboardInterrupt:
         raise typer.Exit(INTERRUPTED) from None
     lost = bool(log.damage and log.damage.lost)
@@ -97,7 +98,7 @@ def export(
 def _tables(
     log: Log,
     folder: Path,
-    to: Target,
+    form: Target,
     fields: Sequence[str] | None,
     agents: Sequence[str] | None,
     window: tuple[int | None, int | None],
@@ -114,7 +115,7 @@ def _tables(
     # Instants are whole nanoseconds: what is after the last one begins with the next.
     end = None if last is None else last + 1
     selection = select(log, fields=fields, agents=agents, start=start, end=end)
-    written = export_tables(log, folder, CSV if to is Target.csv else PARQUET, selection, on_progress)
+    written = export_tables(log, folder, CSV if form is Target.csv else PARQUET, selection, on_progress)
     return {"tables": [asdict(each) for each in written]}
 
 

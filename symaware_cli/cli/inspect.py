@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from symaware_cli.cli.terminal import DATA_LOST, WRONG_INPUT, Json, fail, print_json, span, trouble_shown
+from symaware_cli.cli.terminal import DATA_LOST, WRONG_INPUT, Json, fail, print_json, printable, span, trouble_shown
 
 if TYPE_CHECKING:
     from symaware_cli.recording.reader import Log
@@ -191,7 +191,7 @@ def _show_digest(log: Log, as_json: bool) -> None:
         print_json(asdict(result))
         return
     for name, value in [*result.channels.items(), *result.attachments.items(), ("combined", result.combined)]:
-        typer.echo(f"{value}  {name}")
+        typer.echo(f"{value}  {printable(name)}")
 
 
 def _show_overview(log: Log, as_json: bool) -> None:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from symaware_cli.cli.terminal import Json, print_json
+from symaware_cli.cli.terminal import Json, bold, print_json
 
 
 class Kind(enum.StrEnum):
@@ -47,7 +47,7 @@ def list_plugins(
         return
     width = max((len(listing.name) for same in listings.values() for listing in same), default=0)
     for each, same in listings.items():
-        typer.secho(PLURALS[each], bold=True)
+        typer.echo(bold(PLURALS[each]))
         for listing in same:
             typer.echo(f"  {listing.name:<{width}}  {listing.package} {listing.version}")
     typer.echo("\nsymaware show NAME tells the parameters of one.")

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from symaware_cli.cli.progress import progress
-from symaware_cli.cli.terminal import DATA_LOST, INTERRUPTED, Json, print_json, size_in_words, trouble_shown
+from symaware_cli.cli.terminal import DATA_LOST, INTERRUPTED, Json, is_lively, print_json, size_in_words, trouble_shown
 
 if TYPE_CHECKING:
     from symaware_cli.recording.merging import Merged
@@ -39,7 +39,7 @@ def merge(
             parts = open_parts(paths)
             start = min((part.log.start_time or 0 for part in parts), default=0)
             end = max((part.log.end_time or 0 for part in parts), default=0)
-            shown = sys.stderr.isatty() and not as_json
+            shown = is_lively(sys.stderr) and not as_json
             with progress(output.name, start, end, shown) as on_progress:
                 merged = write(parts, output, on_progress)
     except KeyboardInterrupt:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
-from symaware_cli.cli.terminal import size_in_words
+from symaware_cli.cli.terminal import printable, size_in_words
 from symaware_cli.recording.overview import Overview
 
 #: How many columns of a channel are named.
@@ -17,7 +17,10 @@ def text(summary: Overview) -> str:
     if summary.foreign:
         lines.append(_line("origin", "not written by SymAware; only its channels can be shown"))
     else:
-        lines.append(_line("scenario", f"{summary.name}, seed {summary.seed}, {summary.mode}"))
+        known = summary.name is not None
+        lines.append(
+            _line("scenario", f"{summary.name}, seed {summary.seed}, {summary.mode}" if known else "not known")
+        )
         groups = ", ".join(f"{name} ({count})" for name, count in summary.agents.items()) or "none"
         lines.append(_line("agents", groups))
         if summary.entities:
@@ -34,6 +37,8 @@ def text(summary: Overview) -> str:
     if summary.versions:
         own = [f"{name} {summary.versions[name]}" for name in ("symaware-cli", "numpy") if name in summary.versions]
         lines.append(_line("versions", f"{', '.join(own)} and {len(summary.versions) - len(own)} more (--json)"))
+    if "Processor" in summary.versions:
+        lines.append(_line("computed", _computed(summary.versions)))
     if summary.recovered:
         lines.append(_line("recovered", summary.recovered))
     if summary.damage:
@@ -46,19 +51,28 @@ def text(summary: Overview) -> str:
     return "\n".join([*lines, "", *_channels(summary)])
 
 
+def _computed(versions: Mapping[str, str]) -> str:
+    """What computed, as far as it was recorded."""
+    by = [f"NumPy {versions.get('NumPy kernels', 'unknown')}", versions.get("BLAS"), versions.get("C library")]
+    pinned = versions.get("Pinned", "yes")
+    return (
+        f"on {versions['Processor']} by {', '.join(filter(None, by))}{'' if pinned == 'yes' else f'; pinned: {pinned}'}"
+    )
+
+
 def _channels(summary: Overview) -> list[str]:
-    width = max((len(channel.topic) for channel in summary.channels), default=0)
+    width = max((len(printable(channel.topic)) for channel in summary.channels), default=0)
     lines = [f"  {'channel':<{width}}  {'messages':>9}  {'rate':>9}  {'size':>8}  content"]
     for channel in summary.channels:
         rate = f"{channel.rate:.4g} Hz" if channel.rate else "-"
-        content = f"{channel.schema.rpartition('.')[2]} {_listed(channel.columns)}".rstrip()
+        content = printable(f"{channel.schema.rpartition('.')[2]} {_listed(channel.columns)}".rstrip())
         size = size_in_words(channel.size)
-        lines.append(f"  {channel.topic:<{width}}  {channel.messages:>9,}  {rate:>9}  {size:>8}  {content}")
+        lines.append(f"  {printable(channel.topic):<{width}}  {channel.messages:>9,}  {rate:>9}  {size:>8}  {content}")
     return lines
 
 
 def _line(label: str, text: str) -> str:
-    return f"  {label:<9} {text}"
+    return f"  {label:<9} {printable(text)}"
 
 
 def _listed(names: Sequence[str]) -> str:

@@ -21,6 +21,7 @@ from symaware_cli.cli.terminal import (
     Json,
     fail,
     instant,
+    is_lively,
     names,
     print_json,
     size_in_words,
@@ -78,10 +79,14 @@ def replay(
             WRONG_INPUT,
             as_json,
         )
+    if screenshot and screenshot.suffix.lower() != ".png":
+        fail(f"--screenshot writes a PNG; end the name of the file in .png, not {screenshot}", WRONG_INPUT, as_json)
+    if at is not None and not screenshot:
+        fail("--at goes with --screenshot", WRONG_INPUT, as_json)
     first, last = span(start, end, as_json)
     moment = instant("--at", at, as_json)
     _require_sound(size, bind, as_json)
-    bar = sys.stderr.isatty() and not as_json
+    bar = is_lively(sys.stderr) and not as_json
     facts: dict[str, object] = {"log": str(path)}
     with trouble_shown(as_json):
         from symaware_cli.viewing.viewer import ViewerError, require
@@ -90,6 +95,7 @@ def replay(
         log = _opened(path, follow)
         if log.foreign and (agents or start is not None or end is not None):
             fail(f"{path} was not written by SymAware; leave out --agents, --from and --to", WRONG_INPUT, as_json)
+        _require_shown(moment, log, first, last, as_json)
         shown = _screening(log, names(agents), first, last)
         facts["shown"] = shown.words
         try:
@@ -188,6 +194,15 @@ def _require_sound(size: str, bind: str, as_json: bool) -> None:
         ipaddress.ip_address(bind)
     except ValueError:
         fail(f"--bind is an IP address, such as 127.0.0.1 or 0.0.0.0, not {bind!r}", WRONG_INPUT, as_json)
+
+
+def _require_shown(moment: int | None, log: Log, first: int | None, last: int | None, as_json: bool) -> None:
+    """Leave if the instant of the picture [ns] is none of those that are shown."""
+    begin = max(time for time in (log.start_time, first, 0) if time is not None)
+    end = min((time for time in (log.end_time, last) if time is not None), default=None)
+    if moment is not None and end is not None and not begin <= moment <= end:
+        what = f"{log.path}, of which {begin / 1e9:g} to {end / 1e9:g} s are shown"
+        fail(f"--at {moment / 1e9:g} is not in {what}", WRONG_INPUT, as_json)
 
 
 def _opened(path: Path, follow: bool) -> Log:

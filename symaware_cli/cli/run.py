@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import warnings
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import replace
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from symaware_cli import processor
 from symaware_cli.cli.progress import progress
 from symaware_cli.cli.terminal import (
     FAILED,
@@ -21,7 +23,9 @@ from symaware_cli.cli.terminal import (
     ScenarioPath,
     Seed,
     fail,
+    is_lively,
     names,
+    output_kept,
     print_json,
     size_in_words,
     trouble_shown,
@@ -109,14 +113,14 @@ def run(
 ) -> None:
     """Run a scenario and record it in a log."""
     place = _place(listen, bind, join, names(",".join(only or ())), key_file, name, wait, as_json)
-    with trouble_shown(as_json):
+    with trouble_shown(as_json), output_kept(as_json):
         from symaware_cli.scenario.execution import open_scenario
 
         built = open_scenario(scenario, overrides or (), seed)
-    from symaware_cli.scenario.execution import unused_path
+    from symaware_cli.scenario.execution import is_read, unused_path
 
-    if output and output.exists() and output.samefile(scenario):
-        fail(f"{output} is the scenario; the log needs a file of its own", WRONG_INPUT, as_json)
+    if output and is_read(built, output, scenario):
+        fail(f"{output} is a file of the scenario; the log needs a file of its own", WRONG_INPUT, as_json)
     log = None if no_record else output or unused_path(built.document.name)
     with ExitStack() as stack:
         path = log
@@ -134,7 +138,9 @@ def run(
             typer.echo(_text(summary))
         if summary.failure and not as_json:
             typer.echo(f"symaware: {summary.failure}", err=True)
-            if summary.log:
+            if summary.log is None:
+                typer.echo(summary.traceback or "", err=True, nl=False)
+            else:
                 typer.echo(f"The traceback is in the log: symaware inspect --events {summary.log}", err=True)
         sys.stdout.flush()
     raise typer.Exit({"finished": 0, "failed": FAILED, "interrupted": INTERRUPTED}[summary.status])
@@ -180,10 +186,14 @@ def _execute(
     from symaware_cli.scenario.execution import execute
     from symaware_cli.scenario.place import DistributionError
 
+    shortfall = processor.shortfall()
+    if shortfall and not quiet:
+        typer.echo(f"symaware: {shortfall}", err=True)
+    warnings.filterwarnings("ignore", category=processor.ProcessorWarning)
     duration = built.steps * built.simulation.environment.time_step
-    shown = sys.stderr.isatty() and not quiet and not as_json
+    shown = is_lively(sys.stderr) and not quiet and not as_json
     try:
-        with progress(built.document.name, 0, duration, shown) as on_progress:
+        with progress(built.document.name, 0, duration, shown) as on_progress, output_kept(as_json):
             return execute(built, log, on_progress, timeout, place)
     except LogError as error:
         fail(str(error), FAILED, as_json)
@@ -211,15 +221,15 @@ def _text(summary: Summary) -> str:
         _line("agents", f"{agents}, {summary.steps:,} steps, seed {summary.seed}"),
         _line("wall time", f"{summary.wall_time:.2f} s, {_factor(summary.real_time_factor)} real time"),
     ]
-    if summary.overruns or summary.failures:
-        lines.append(_line("trouble", f"{summary.overruns:,} overruns, {summary.failures:,} failures survived"))
+    if summary.warnings:
+        lines.append(_line("warnings", ", ".join(f"{count:,} {name}" for name, count in summary.warnings.items())))
     if summary.pace:
         lines.append(_line("pace", _pace(summary.pace)))
     if summary.goals_reached:
         lines.append(_line("goals reached", f"{len(summary.goals_reached)} of {agents}"))
     lines.append(_line("contacts", f"{summary.contacts}"))
     if summary.minimum_separation:
-        lines.append(_line("closest", _extreme(summary.minimum_separation, "m between the centres of")))
+        lines.append(_line("closest", _extreme(summary.minimum_separation, "m between the outlines of")))
     if summary.highest_risk:
         lines.append(_line("highest risk", _extreme(summary.highest_risk, "of")))
     if summary.log:

@@ -7,14 +7,26 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from symaware_cli.cli.terminal import WRONG_INPUT, Json, fail, print_json
+from symaware_cli.cli.terminal import WRONG_INPUT, Json, bold, fail, print_json
 
 if TYPE_CHECKING:
     from symaware_cli.scenario.description import Description
 
 
+def _completed(incomplete: str) -> list[str]:
+    """The names of all plugins that begin like this."""
+    from symaware_cli.scenario.catalogue import GROUPS, Catalogue
+
+    catalogue = Catalogue()
+    known = {listing.name for kind in GROUPS for listing in catalogue.listings(kind)}
+    return sorted(name for name in known if name.startswith(incomplete))
+
+
 def show(
-    name: Annotated[str, typer.Argument(help="Name of a plugin, such as `control.go-to-goal`.")], as_json: Json = False
+    name: Annotated[
+        str, typer.Argument(help="Name of a plugin, such as `control.go-to-goal`.", autocompletion=_completed)
+    ],
+    as_json: Json = False,
 ) -> None:
     """Show a plugin: what it does, its parameters with units and defaults, its events."""
     from symaware_cli.scenario.catalogue import PluginError
@@ -33,9 +45,7 @@ def show(
 
 def _text(description: Description) -> str:
     lines = [
-        typer.style(
-            f"{description.name} ({description.kind} of {description.package} {description.version})", bold=True
-        ),
+        bold(f"{description.name} ({description.kind} of {description.package} {description.version})"),
         "",
         description.text,
     ]

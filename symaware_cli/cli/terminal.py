@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import sys
 import textwrap
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
-from typing import Annotated, Any, NoReturn
+from typing import Annotated, Any, NoReturn, TextIO
 
 import typer
 
@@ -26,6 +27,52 @@ Overrides = Annotated[
 ]
 Seed = Annotated[int | None, typer.Option(min=0, max=2**63 - 1, help="A seed that wins over the scenario's.")]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON for scripts.")]
+
+
+@contextmanager
+def output_kept(for_scripts: bool) -> Iterator[None]:
+    """Let what plugins print go to stderr, so that scripts read nothing but our JSON on stdout.
+
+    That is so for native libraries, too, which write to the file descriptor.
+
+    Args:
+        for_scripts: Whether to; otherwise nothing happens.
+    """
+    if not for_scripts:
+        yield
+        return
+    import ctypes
+
+    sys.stdout.flush()
+    with redirect_stdout(sys.stderr):
+        try:
+            kept = os.dup(1)
+        except OSError:  # there is no stdout
+            yield
+            return
+        os.dup2(2, 1)
+        try:
+            yield
+        finally:
+            # What is still in the buffer of the C library would come after our JSON.
+            ctypes.CDLL(None).fflush(None)
+            os.dup2(kept, 1)
+            os.close(kept)
+
+
+def is_plain() -> bool:
+    """Whether nothing but text is wanted: `NO_COLOR` (https://no-color.org) or `TERM=dumb` says so."""
+    return bool(os.environ.get("NO_COLOR")) or os.environ.get("TERM") == "dumb"
+
+
+def is_lively(stream: TextIO) -> bool:
+    """Whether a stream is a terminal that may be sent colours and moving bars."""
+    return stream.isatty() and not is_plain()
+
+
+def bold(text: str) -> str:
+    """A text to be printed in bold, where that is wanted."""
+    return typer.style(text, bold=True) if is_lively(sys.stdout) else text
 
 
 def print_json(content: Any) -> None:
@@ -80,13 +127,11 @@ def instant(option: str, time: float | None, as_json: bool = False) -> int | Non
     return round(time * 1e9)
 
 
-def span(
-    start: float | None, end: float | None, as_json: bool = False, until: str = "--to"
-) -> tuple[int | None, int | None]:
+def span(start: float | None, end: float | None, as_json: bool = False) -> tuple[int | None, int | None]:
     """The first and the last instant [ns] of what --from and --to [s] ask for; leave where there is nothing between."""
-    first, last = instant("--from", start, as_json), instant(until, end, as_json)
+    first, last = instant("--from", start, as_json), instant("--to", end, as_json)
     if first is not None and last is not None and first > last:
-        fail(f"--from {start:g} is later than {until} {end:g}", WRONG_INPUT, as_json)
+        fail(f"--from {start:g} is later than --to {end:g}", WRONG_INPUT, as_json)
     return first, last
 
 
@@ -102,7 +147,7 @@ def trouble_shown(as_json: bool = False) -> Iterator[None]:
         if as_json:
             print_json({"valid": False, "problems": to_json(error.problems)})
         else:
-            typer.echo(render(error.problems, colour=sys.stderr.isatty()), err=True)
+            typer.echo(render(error.problems, colour=is_lively(sys.stderr)), err=True)
         raise typer.Exit(WRONG_INPUT) from None
     except OutputError as error:
         fail(str(error), FAILED, as_json)
@@ -111,6 +156,11 @@ def trouble_shown(as_json: bool = False) -> Iterator[None]:
         fail(f"{error}; did you mean `{near}`?" if near else str(error), WRONG_INPUT, as_json)
     except LogError as error:
         fail(str(error), WRONG_INPUT, as_json)
+
+
+def printable(text: str) -> str:
+    """A text from a log without what would break lines or be taken for commands by a terminal."""
+    return text if text.isprintable() else "".join(each if each.isprintable() else ascii(each)[1:-1] for each in text)
 
 
 def size_in_words(size: int) -> str:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import typer
 
-from symaware_cli.cli.terminal import Json, Overrides, ScenarioPath, Seed, print_json, trouble_shown
+from symaware_cli.cli.terminal import Json, Overrides, ScenarioPath, Seed, output_kept, print_json, trouble_shown
 
 
 def validate(scenario: ScenarioPath, seed: Seed = None, overrides: Overrides = None, as_json: Json = False) -> None:
     """Check a scenario without running it; every problem is shown with its place."""
-    with trouble_shown(as_json):
+    with trouble_shown(as_json), output_kept(as_json):
         from symaware_cli.scenario.build import build
 
         built = build(scenario, overrides or (), seed)
@@ -22,6 +22,7 @@ def validate(scenario: ScenarioPath, seed: Seed = None, overrides: Overrides = N
                 "name": simulation.name,
                 "agents": simulation.agent_count,
                 "steps": built.steps,
+                "digest": built.digest.hex(),
             }
         )
         return

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core import AgentGroup, Environment, GroupComponent, Quantity
+from symaware_cli.core import AgentGroup, Environment
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -66,46 +64,6 @@ class Encounters:
         for axis in range(min(own.shape[1], len(seen))):
             seen[axis] -= own[:, axis].take(self.observers)
         return seen
-
-    def over_others(self, reduction: np.ufunc, values: Array, nobody: float) -> Array:
-        """Reduce the values of each agent's rows to one.
-
-        Args:
-            reduction: How, such as ``np.maximum``.
-            values: Shape (m,).
-            nobody: What holds for an agent that has no row.
-
-        Returns:
-            Shape (n,).
-        """
-        pointers = self.tracks.pointers
-        reduced = np.full(len(pointers) - 1, nobody)
-        some = np.flatnonzero(pointers[1:] > pointers[:-1])
-        if len(some):
-            reduced[some] = reduction.reduceat(values, pointers[some])
-        return reduced
-
-
-class EncounterRisk(GroupComponent):
-    """A risk that each agent sees in its encounters with others; what it makes of them is left to `_compute`."""
-
-    sees_world = True
-
-    def series_quantities(self, group: AgentGroup) -> Mapping[str, Sequence[Quantity]]:
-        """The risk is one number without a unit."""
-        return {"risk": [Quantity("risk", "1")]}
-
-    def initialise_component(self, group: AgentGroup) -> None:
-        """Look up how big everybody is."""
-        super().initialise_component(group)
-        self._radii = bounding_radii(self.environment)
-
-    def _encounters(self) -> Encounters:
-        """Everybody within the parameter ``reach`` [m]."""
-        return Encounters(self._group, self.parameters.reach, self._radii, own_velocity(self._group))
-
-    def _update(self, value: Array) -> None:
-        self._group.awareness.risk.set(self.now, value)
 
 
 def dot(one: Array, other: Array) -> Array:

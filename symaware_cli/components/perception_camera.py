@@ -70,7 +70,7 @@ class Camera(Sensor):
         if isinstance(whom, str) and whom not in environment.roster and whom not in environment.obstacles:
             raise ValueError(f"there is neither an agent nor an entity `{whom}` to look at")
 
-    def measure(self) -> Frame:
+    def measure(self, present: None) -> Frame:
         """Take an image of each agent's surroundings."""
         parameters, environment, count = self.parameters, self.environment, len(self._group)
         positions, headings = self._poses()

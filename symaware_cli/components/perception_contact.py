@@ -6,7 +6,7 @@ import numpy as np
 from pydantic import Field
 
 from symaware_cli.components.sensor import Sensor, SensorParameters
-from symaware_cli.core import AgentGroup, Contact, Event, Measurement, Quantity
+from symaware_cli.core import AgentGroup, Contact, Event, Measurement, Quantity, Reading
 
 QUANTITIES = (Quantity("touching", "1"), Quantity("impulse", "N s"))
 
@@ -32,7 +32,8 @@ class ContactSensor(Sensor):
         self._rows = {id: row for row, id in enumerate(group.ids)}
         #: Whom each agent touches.
         self._touching: list[set[str]] = [set() for _ in group.ids]
-        self._hits = np.zeros(len(group))
+        #: Who was hit since the turn before, as a row, and how hard.
+        self._hits: list[tuple[int, float]] = []
         self._surroundings.events.subscribe("contact", self._feel, "environment")
 
     def _feel(self, event: Event) -> None:
@@ -44,14 +45,23 @@ class ContactSensor(Sensor):
                 continue
             if contact.begins:
                 self._touching[row].add(other)
-                self._hits[row] = max(self._hits[row], contact.impulse)
+                self._hits.append((row, contact.impulse))
             else:
                 self._touching[row].discard(other)
 
-    def measure(self) -> Measurement:
+    def present(self) -> int:
+        """How many hits were felt."""
+        return len(self._hits)
+
+    def _update(self, value: tuple[Reading, int]) -> None:
+        super()._update(value)
+        del self._hits[: value[1]]
+
+    def measure(self, present: int) -> Measurement:
         """Count who touches."""
-        parameters, count = self.parameters, len(self._group)
-        hits, self._hits = self._hits, np.zeros(count)
+        parameters, hits = self.parameters, np.zeros(len(self._group))
+        for row, impulse in self._hits[:present]:
+            hits[row] = max(hits[row], impulse)
         if parameters.noise:
             errors = parameters.noise * self.random.standard_normal(1)[:, 0]
             hits = np.where(hits > 0.0, np.maximum(hits + errors, 0.0), 0.0)

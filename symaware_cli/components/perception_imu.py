@@ -60,13 +60,15 @@ class InertialUnit(Sensor):
         if parameters.acceleration_bias or parameters.rate_bias:
             deviations = np.repeat([parameters.acceleration_bias, parameters.rate_bias], 3)
             self._bias = deviations * self.random.standard_normal(6)
-        #: When it measured last, with the velocities and the attitudes of then.
-        self._before: tuple[int, Array, Array] | None = None
 
-    def measure(self) -> Measurement:
+    def present(self) -> tuple[int, Array, Array]:
+        """The instant, with the velocities and the attitudes of now."""
+        return self.now, self._velocities(), self._attitudes()
+
+    def measure(self, present: tuple[int, Array, Array]) -> Measurement:
         """Compare the motion with that at the turn before."""
         parameters, count = self.parameters, len(self._group)
-        velocities, attitudes = self._velocities(), self._attitudes()
+        _, velocities, attitudes = present
         values = np.zeros((count, 6))
         acceleration = np.zeros((count, 3))
         if self._before is not None and self._before[0] < self.now:
@@ -74,7 +76,6 @@ class InertialUnit(Sensor):
             passed = (self.now - then) / 1e9
             acceleration = (velocities - velocities_then) / passed
             values[:, 3:] = rotation_vectors(np.swapaxes(attitudes_then, 1, 2) @ attitudes) / passed
-        self._before = self.now, velocities, attitudes
         acceleration -= self._gravity
         values[:, :3] = np.einsum("nij,ni->nj", attitudes, acceleration)
         values += self._bias

@@ -54,7 +54,7 @@ class Lidar(Sensor):
         self._angles = angles(self.parameters.rays, self.parameters.field_of_view)
         self._angles.flags.writeable = False
 
-    def measure(self) -> Scan:
+    def measure(self, present: None) -> Scan:
         """Cast the rays of all agents."""
         parameters, group, environment = self.parameters, self._group, self.environment
         snapshot, count = environment.snapshot(), len(self._group)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import deque
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -101,11 +100,12 @@ class RangePerception(GroupComponent):
         self._start = environment.roster.start(group.name)
         self._state_deviation = np.broadcast_to(np.asarray(parameters.self_noise, float), len(group.model.state))
         self._delay = round(parameters.delay * 1e9 / environment.time_step) * environment.time_step
-        self._past: deque[Sight] = deque()
+        #: What was seen and is not old enough yet, but for the first.
+        self._past: tuple[Sight, ...] = ()
 
-    def _compute(self) -> Observation:
+    def _compute(self) -> tuple[Observation, tuple[Sight, ...]]:
         parameters, count = self.parameters, len(self._group)
-        sight = self._delayed(self._sight())
+        sight, past = self._delayed(self._sight())
         if sight is None:
             time, state = self.now - self._delay, None
             nobody, nowhere = np.empty(0, np.intp), np.empty((2, 0, self.environment.snapshot().positions.shape[1]))
@@ -120,30 +120,31 @@ class RangePerception(GroupComponent):
             positions, velocities = snapshot.positions.take(others, 0), snapshot.velocities.take(others, 0)
             self._blur(counts, positions, velocities)
             tracks = self._tracks(time, counts, others, positions, velocities)
-        return Observation(
+        observation = Observation(
             time, state, self._state_deviation, tracks, parameters.position_noise, parameters.velocity_noise
         )
+        return observation, past
 
-    def _update(self, value: Observation) -> None:
+    def _update(self, value: tuple[Observation, tuple[Sight, ...]]) -> None:
+        observation, self._past = value
         awareness = self._group.awareness
-        if value.state is not None:
-            awareness.state = value.state
-        awareness.observation = value
-        awareness.seen = value.tracks
+        if observation.state is not None:
+            awareness.state = observation.state
+        awareness.observation = observation
+        awareness.seen = observation.tracks
 
     def _has_blind_side(self) -> bool:
         width = self.parameters.field_of_view
         return width is not None and width < 2 * math.pi
 
-    def _delayed(self, present: Sight) -> Sight | None:
-        """What could be seen a delay ago; None before there was anything."""
+    def _delayed(self, present: Sight) -> tuple[Sight | None, tuple[Sight, ...]]:
+        """What could be seen a delay ago, None before there was anything; and what to keep for later."""
         if not self._delay:
-            return present
-        past, then = self._past, self.now - self._delay
-        past.append(present)
-        while len(past) > 1 and past[1].snapshot.time <= then:
-            past.popleft()
-        return past[0] if past[0].snapshot.time <= then else None
+            return present, ()
+        past, then = (*self._past, present), self.now - self._delay
+        old = sum(sight.snapshot.time <= then for sight in past)
+        past = past[max(old - 1, 0) :]
+        return (past[0] if old else None), past
 
     def _own_state(self, snapshot: Snapshot) -> Array:
         """The own states with their errors; shape (n, nx)."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections import deque
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from pydantic import BaseModel, Field
 
@@ -37,19 +37,30 @@ class Sensor(GroupComponent):
         self._start = self.environment.roster.start(group.name)
         self._delay = nanoseconds(self.parameters.delay)
         self._late: deque[Reading] = deque()
+        #: What was true at the turn before, as `present` returned it; None before the first.
+        self._before: Any = None
 
     @abstractmethod
-    def measure(self) -> Reading:
-        """Measure the world as it is now."""
+    def measure(self, present: Any) -> Reading:
+        """Measure the world as it is now.
 
-    def _compute(self) -> Reading | None:
-        """The latest reading that is old enough; None where there is nothing new."""
+        Args:
+            present: What `present` returned.
+        """
+
+    def present(self) -> Any:
+        """What is true now that the next measurement will be compared with, for sensors that compare."""
+        return None
+
+    def _compute(self) -> tuple[Reading, Any]:
+        present = self.present()
+        return self.measure(present), present
+
+    def _update(self, value: tuple[Reading, Any]) -> None:
+        reading, self._before = value
         late, found = self._late, None
-        late.append(self.measure())
-        while late and late[0].time + self._delay <= self.now:
+        late.append(reading)
+        while late and late[0].time + self._delay <= self.computed_at:
             found = late.popleft()
-        return found
-
-    def _update(self, value: Reading | None) -> None:
-        if value is not None:
-            self._group.awareness.readings[self.name] = value
+        if found is not None:
+            self._group.awareness.readings[self.name] = found

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Mapping, Sequence
-from typing import Annotated
+from copy import copy
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,11 +13,87 @@ from pydantic import Field
 
 from symaware_cli.components.kalman import Belief, corrected, predicted
 from symaware_cli.components.tracker import Tracker
-from symaware_cli.core import AgentGroup, GroupComponent, Parameters, Quantity, Tracks
+from symaware_cli.core import AgentGroup, GroupComponent, Model, Observation, Parameters, Quantity, Tracks
 from symaware_cli.core.time import nanoseconds
 
 Array = NDArray[np.float64]
 NotNegative = Annotated[float, Field(ge=0)]
+
+
+class OwnFilter:
+    """The extended Kalman filter of the own states of a group; a shallow copy goes its own way.
+
+    Attributes:
+        time: The instant of the belief, in nanoseconds.
+    """
+
+    def __init__(self, model: Model, belief: Belief, now: int) -> None:
+        """Begin with a belief.
+
+        Args:
+            model: Of the agents.
+            belief: Of their states.
+            now: In nanoseconds.
+        """
+        self.time = now
+        self._model = model
+        self._belief = belief
+        self._turned_at = now
+        #: The control inputs since the belief, each with the end of its time.
+        self._inputs: tuple[tuple[int, Array], ...] = ()
+
+    def remember_input(self, now: int, applied: Array, step: int) -> None:
+        """Note the control input that was applied since the last turn, in steps such as the world makes [ns]."""
+        ends = [*range(self._turned_at + step, now, step), now] if self._turned_at < now else []
+        self._inputs += tuple((end, applied) for end in ends)
+        self._turned_at = now
+
+    def advance(self, time: int) -> None:
+        """Carry the belief forward to an instant, unless it is there already, and forget the inputs until then."""
+        inputs = list(self._inputs)
+        while inputs and self.time < time:
+            end, control_input = inputs[0]
+            until = min(end, time)
+            self._belief = self._predicted(self._belief, control_input, until - self.time)
+            self.time = until
+            if until == end:
+                del inputs[0]
+        self._inputs = tuple(inputs)
+
+    def correct(self, measured: Array, deviation: Array) -> None:
+        """Take account of a measurement of the states; arguments as in `corrected`."""
+        self._belief = corrected(self._model, self._belief, measured, deviation)
+
+    def at_present(self) -> Belief:
+        """The belief carried forward through all control inputs."""
+        belief, time = self._belief, self.time
+        for end, control_input in self._inputs:
+            belief = self._predicted(belief, control_input, end - time)
+            time = end
+        return belief
+
+    def _predicted(self, belief: Belief, control_input: Array, duration: int) -> Belief:
+        return predicted(self._model, belief, control_input, duration / 1e9)
+
+
+class Estimate(NamedTuple):
+    """What a turn comes to: the beliefs, and the filters they are from, with what they know by then.
+
+    Attributes:
+        belief: Of the own states.
+        tracks: Of others.
+        own: The filter of the own states.
+        tracker: Those of others.
+        observation: The last that counted.
+        lag: How late observations come, at most, in nanoseconds.
+    """
+
+    belief: Belief
+    tracks: Tracks
+    own: OwnFilter
+    tracker: Tracker
+    observation: Observation | None
+    lag: int
 
 
 class GaussianUncertainty(GroupComponent):
@@ -83,10 +159,8 @@ class GaussianUncertainty(GroupComponent):
         state = group.awareness.state.copy()
         if deviation.any():
             state = state + deviation * self.random.standard_normal(len(deviation))
-        self._belief = Belief(state, np.tile(np.diag(np.square(deviation)), (len(group), 1, 1)))
-        #: The instant of that belief, and the control inputs since then, each with the end of its time.
-        self._believed_at = self._turned_at = self.now
-        self._inputs: deque[tuple[int, Array]] = deque()
+        belief = Belief(state, np.tile(np.diag(np.square(deviation)), (len(group), 1, 1)))
+        self._own = OwnFilter(group.model, belief, self.now)
         self._observation = group.awareness.observation
         self._lag = 0
         self._tracker = Tracker(
@@ -98,56 +172,27 @@ class GaussianUncertainty(GroupComponent):
             math.inf if parameters.max_deviation is None else parameters.max_deviation,
         )
 
-    def _compute(self) -> tuple[Belief, Tracks]:
-        now, observation = self.now, self._group.awareness.observation
-        self._remember_input(now)
+    def _compute(self) -> Estimate:
+        now, observation, lag = self.now, self._group.awareness.observation, self._lag
+        own, tracker = copy(self._own), copy(self._tracker)
+        own.remember_input(now, self.environment.applied_input(self._group), self.environment.time_step)
         if observation is not None and observation is not self._observation:
-            self._observation = observation
-            self._lag = max(self._lag, now - observation.time)
-            if observation.time >= self._believed_at and observation.state is not None:
-                self._advance(observation.time)
-                self._belief = corrected(
-                    self._group.model, self._belief, observation.state, observation.state_deviation
-                )
-            if observation.time >= self._tracker.time:
-                self._tracker.observe(observation)
-        latest = now - self._lag
+            lag = max(lag, now - observation.time)
+            if observation.time >= own.time and observation.state is not None:
+                own.advance(observation.time)
+                own.correct(observation.state, observation.state_deviation)
+            if observation.time >= tracker.time:
+                tracker.observe(observation)
+        latest = now - lag
         # Nothing that is still to come is older than this.
-        self._advance(latest)
-        return self._at_present(), self._tracker.tracks(now, latest)
+        own.advance(latest)
+        return Estimate(own.at_present(), tracker.tracks(now, latest), own, tracker, observation, lag)
 
-    def _update(self, value: tuple[Belief, Tracks]) -> None:
-        belief, tracks = value
+    def _update(self, value: Estimate) -> None:
+        self._own, self._tracker, self._observation, self._lag = value.own, value.tracker, value.observation, value.lag
         awareness = self._group.awareness
-        awareness.state = belief.state
-        awareness.uncertainty.set(self.now, belief.covariance.reshape(len(self._group), 1, -1))
-        if self._observation is not None or awareness.world is None:
-            awareness.seen = tracks  # who sees everybody without error has nothing to estimate of others
-
-    def _remember_input(self, now: int) -> None:
-        """Note the control input that was applied since the last turn, in steps such as the world makes."""
-        applied, step = self.environment.applied_input(self._group), self.environment.time_step
-        while self._turned_at < now:
-            self._turned_at = min(self._turned_at + step, now)
-            self._inputs.append((self._turned_at, applied))
-
-    def _advance(self, time: int) -> None:
-        """Carry the belief forward to an instant, unless it is there already, and forget the inputs until then."""
-        while self._inputs and self._believed_at < time:
-            end, control_input = self._inputs[0]
-            until = min(end, time)
-            self._belief = self._predicted(self._belief, control_input, until - self._believed_at)
-            self._believed_at = until
-            if until == end:
-                self._inputs.popleft()
-
-    def _at_present(self) -> Belief:
-        """The belief carried forward through all control inputs."""
-        belief, time = self._belief, self._believed_at
-        for end, control_input in self._inputs:
-            belief = self._predicted(belief, control_input, end - time)
-            time = end
-        return belief
-
-    def _predicted(self, belief: Belief, control_input: Array, duration: int) -> Belief:
-        return predicted(self._group.model, belief, control_input, duration / 1e9)
+        awareness.state = value.belief.state
+        covariance = value.belief.covariance.reshape(len(self._group), 1, -1)
+        awareness.uncertainty.set(self.computed_at, covariance)
+        if value.observation is not None or awareness.world is None:
+            awareness.seen = value.tracks  # who sees everybody without error has nothing to estimate of others

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from copy import deepcopy
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +13,7 @@ from symaware_cli.core.awareness import AwarenessDatabase, GroupAwareness, SelfA
 from symaware_cli.core.column import Column
 from symaware_cli.core.entity import Entity
 from symaware_cli.core.event import EventBus
-from symaware_cli.core.knowledge import KnowledgeDatabase
+from symaware_cli.core.knowledge import Changes, KnowledgeDatabase, KnownColumn
 from symaware_cli.core.message import Exchange
 from symaware_cli.core.model import Model
 from symaware_cli.core.time import Clock
@@ -56,7 +55,7 @@ class AgentGroup:
         model: The dynamics of all of them.
         entity: The body of each of them.
         knowledge: The knowledge database of each agent.
-        knowledge_news: The rows whose knowledge changed since the last record.
+        knowledge_changes: What changed in it.
         awareness: What each agent is aware of.
         initial_state: Where each starts, read-only; shape (n, nx).
         surroundings: What is shared with all other agents.
@@ -77,11 +76,12 @@ class AgentGroup:
         self.entity = model.embodied(entity)
         self.awareness = GroupAwareness(np.array(initial_state, float), name)
         self.initial_state = self.awareness.state
-        self.knowledge_news: set[int] = set()
+        self.knowledge_changes = Changes()
         self.knowledge = tuple(
-            KnowledgeDatabase(deepcopy(dict(each)), row, self.knowledge_news)
+            KnowledgeDatabase(each, row, self.knowledge_changes)
             for row, each in enumerate(knowledge or [{} for _ in ids])
         )
+        self._known: dict[str, KnownColumn] = {}
         self.control_column = Column(np.zeros((len(self.ids), len(model.control_input))))
         self.surroundings: Surroundings
 
@@ -98,16 +98,34 @@ class AgentGroup:
         self.control_column.values = values
 
     def known(self, name: str) -> Array:
-        """What each agent knows under a name, as one array; shape (n, ...).
+        """What each agent knows under a name, as one read-only array; shape (n, ...).
+
+        Ask at each turn, so that what changes in a run counts: it is the same array for as long as nothing changes.
 
         Raises:
             KeyError: An agent does not know it.
             ValueError: The values are not numbers of one shape.
         """
-        try:
-            return np.array([knowledge[name] for knowledge in self.knowledge], float)
-        except (TypeError, ValueError):
-            raise ValueError(f"the knowledge `{name}` of the agents must be numbers of one shape") from None
+        return self._known_column(name).values
+
+    def known_lists(self, name: str) -> tuple[Array, NDArray[np.intp]]:
+        """As `known`, of lists of one kind of elements that may differ in length, such as waypoints.
+
+        Returns:
+            The lists, of which the shorter ones repeat what they end with, shape (n, longest, ...), and their lengths,
+            shape (n,).
+
+        Raises:
+            KeyError: An agent does not know it.
+            ValueError: The values are not lists of numbers of one shape.
+        """
+        return self._known_column(name).padded
+
+    def _known_column(self, name: str) -> KnownColumn:
+        column = self._known.get(name)
+        if column is None:
+            column = self._known[name] = KnownColumn(self.knowledge, name, self.knowledge_changes)
+        return column
 
     def others(self, reach: float) -> Tracks:
         """What each agent believes of the others within reach of where it believes to be itself.

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from symaware_cli.core.rotation import about, composed, rotated
+from symaware_cli.geometry.rotation import about, composed, rotated
 
 Array = NDArray[np.float64]
 

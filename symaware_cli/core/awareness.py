@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from symaware_cli.core.column import Column, SeriesColumn, frozen
+from symaware_cli.core.motion import as_motion, motion_quantities
 from symaware_cli.core.reading import Reading
 from symaware_cli.core.series import TimeSeries
 from symaware_cli.core.tracks import Tracks
@@ -142,6 +143,13 @@ class GroupAwareness:
             seen = self.everybody(world)
         return told if seen is None else seen.updated(told)
 
+    def motion(self, id: str, state: ArrayLike, *, is_state: bool = False) -> Array:
+        """Bring what somebody says of another agent into the layout of all beliefs of others; see `as_motion`."""
+        roster = self.roster
+        if roster is None:
+            return frozen(state)
+        return as_motion(id, state, roster.model(id), roster.dimensions, is_state=is_state)
+
     def everybody(self, world: Snapshot) -> Tracks:
         """Write out a snapshot that all agents share: a row for each of them and each other."""
         return Tracks.of_everybody(world, world.roster.start(self._name), len(self.state))
@@ -206,6 +214,9 @@ class SelfAwareness(AwarenessVector):
 class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
     """All that one agent is aware of, by id: itself, whom it perceives and whom it heard of.
 
+    Of itself the `state` is that of its model. Of every other it is the motion, whoever perceived it or told of it: the
+    position, then the velocity, in the dimensions of the world; NaN where nothing is known. `elements` names them.
+
     What the agent's own components wrote of another wins over what the group's components share. What another tells of
     its intent and risk stands beside where it is believed to be.
 
@@ -241,17 +252,11 @@ class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
     def __getitem__(self, id: str) -> AwarenessVector:
         if id == self._own.id:
             return self._own
-        vector, told = self._others.get(id) or self._tracked(id), self.told.get(id)
-        if vector is None:
-            world = self.world
-            if world is not None and id in world.roster:
-                vector = AwarenessVector(id, world.state(id))
-            elif told is not None:
-                return told
-            else:
-                raise KeyError(id)
-        if told is None:
-            return vector
+        vector, told = self._others.get(id) or self.perceived(id), self.told.get(id)
+        if vector is None and told is None:
+            raise KeyError(id)
+        if told is None or vector is None:
+            return vector or told  # type: ignore[return-value]
         return AwarenessVector(
             id,
             vector.state,
@@ -259,6 +264,27 @@ class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
             vector.uncertainty,
             vector.risk if len(vector.risk) else told.risk,
         )
+
+    def perceived(self, id: str) -> AwarenessVector | None:
+        """What perceptions, estimators and the inbox tell of another now, whatever the agent's own components wrote."""
+        tracked, world = self._tracked(id), self.world
+        if tracked is not None or world is None or id not in world.roster:
+            return tracked
+        return AwarenessVector(id, world.motion(id))
+
+    def elements(self, id: str) -> Mapping[str, float]:
+        """What is believed of an agent's state, by the names of its elements.
+
+        Raises:
+            KeyError: Nothing is known of it.
+        """
+        roster, state = self._awareness.roster, self[id].state
+        if roster is None:
+            return {}
+        model = roster.model(id)
+        own = model is not None and id == self._own.id
+        quantities = model.state if model is not None and own else motion_quantities(roster.dimensions)
+        return {quantity.name: float(value) for quantity, value in zip(quantities, state, strict=True)}
 
     def _tracked(self, id: str) -> AwarenessVector | None:
         """What the group's components tell of another: position and velocity, and their covariance."""
@@ -292,7 +318,8 @@ class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
             self._own.state = vector.state
             self._own.intent, self._own.uncertainty, self._own.risk = vector.intent, vector.uncertainty, vector.risk
             return
-        self._others[id] = vector
+        state = self._awareness.motion(id, vector.state)
+        self._others[id] = AwarenessVector(id, state, vector.intent, vector.uncertainty, vector.risk)
         self._awareness.others_changed.add(self._row)
 
     def __delitem__(self, id: str) -> None:

@@ -12,29 +12,55 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from symaware_cli.core.real import real
 from symaware_cli.core.series import TimeSeries
 
 Array = NDArray[np.float64]
+
+
+#: No element of a state goes farther: there, numbers of double precision are 0.1 apart, and differences mean nothing.
+FARTHEST = 1e15
+#: The greatest finite number.
+MOST = float(np.finfo(float).max)
 
 
 def frozen(values: ArrayLike) -> Array:
     """Return the values as an array nobody can write to; copied unless it is one already.
 
     It is laid out row by row, because some of NumPy's functions give other last bits for other layouts.
+
+    Raises:
+        TypeError: They are not real numbers.
     """
     if isinstance(values, np.ndarray) and values.base is None and values.dtype == float:
         flags = values.flags
         if flags.c_contiguous and not flags.writeable:
             return values
-    array = np.array(values, float, order="C")
+    array = np.array(real(values), order="C")
     array.flags.writeable = False
     return array
 
 
 def is_finite(array: Array) -> bool:
-    """Whether no element is NaN or infinite; the usual answer costs one dot product."""
+    """Whether no element is NaN or infinite; the usual answer costs one dot product.
+
+    It may overflow, and then every element is looked at. `numpy.dot` would warn of that, with some kernels of BLAS and
+    not with others; `numpy.vdot` never does.
+    """
     flat = array.reshape(-1)
-    return math.isfinite(flat.dot(flat)) or bool(np.isfinite(flat).all())
+    return math.isfinite(np.vdot(flat, flat)) or bool(np.isfinite(flat).all())
+
+
+def is_within(array: Array, most: float) -> bool:
+    """Whether no element is NaN, infinite, or of a greater magnitude than a finite one; as cheap as `is_finite`."""
+    flat = array.reshape(-1)
+    return bool(np.vdot(flat, flat) <= min(most * most, MOST)) or bool((np.abs(flat) <= most).all())
+
+
+def said_of(values: Array) -> str:
+    """Say what is wrong with a row that is not within bounds."""
+    what = "is not finite" if not is_finite(values) else f"has run away, beyond {FARTHEST:g}"
+    return f"{what}: {values.tolist()}"
 
 
 class Column:
@@ -82,10 +108,11 @@ class Column:
         """Replace one agent's vector.
 
         Raises:
-            ValueError: The value does not have shape (k,).
+            TypeError: The value is not made of real numbers.
+            ValueError: It does not have shape (k,).
         """
-        if type(value) is not np.ndarray:  # an array is converted as it is written below
-            value = np.asarray(value, float)
+        if type(value) is not np.ndarray or value.dtype != float:
+            value = real(value)
         if value.shape != self._shape:
             raise ValueError(f"expected a vector of shape {self._shape}, not {value.shape}")
         if not self._own:
@@ -116,11 +143,18 @@ class Column:
             self._changed = set()
         return None if every else sorted(changed)
 
-    def non_finite_rows(self) -> list[int]:
-        """The rows that hold NaN or infinity."""
-        if is_finite(self._array):
+    def mark(self, rows: Sequence[int] | None) -> None:
+        """Let rows count as written since the last call of `take_changes`; None stands for every row."""
+        if rows is None:
+            self._every = True
+        else:
+            self._changed.update(rows)
+
+    def rows_beyond(self, most: float) -> list[int]:
+        """The rows that hold NaN, infinity, or a number of a greater magnitude than a finite one."""
+        if is_within(self._array, most):
             return []
-        bad: list[int] = np.flatnonzero(~np.isfinite(self._array).all(axis=1)).tolist()
+        bad: list[int] = np.flatnonzero(~(np.abs(self._array) <= most).all(axis=1)).tolist()
         return bad
 
 

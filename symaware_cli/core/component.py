@@ -18,6 +18,7 @@ from symaware_cli.core.message import Delivery, Message
 from symaware_cli.core.model import Quantity
 from symaware_cli.core.plugin import Plugin
 from symaware_cli.core.random import RowGenerators, generator
+from symaware_cli.core.real import real
 from symaware_cli.core.series import TimeSeries
 from symaware_cli.core.time import SECOND, nanoseconds
 from symaware_cli.core.waiting import Happening, Mail, Sleep, Wait
@@ -43,8 +44,8 @@ class BaseComponent(Plugin, ABC, Generic[Owner]):
         name: The component's key in the scenario.
         path: Where it stands, such as ``agents.robot.2.steer``; the source of its events.
         requires: What the world must have for the component to work, as in `Environment.provides`, with where it is.
-        sees_world: Whether it looks at the world itself, and not only at what its agent is aware of; then it cannot
-            compute in a process of its own.
+        sees_world: Whether it looks at the world itself, and not only at what its agent is aware of; where it computes
+            in a process of its own, that process then follows the world.
         use: The plugin's entry-point name.
     """
 
@@ -87,11 +88,33 @@ class BaseComponent(Plugin, ABC, Generic[Owner]):
 
     @abstractmethod
     def _compute(self) -> Any:
-        """Compute a value from what is known; changes nothing."""
+        """Compute a value from what is known; changes nothing, the component itself included."""
 
     @abstractmethod
     def _update(self, value: Any) -> None:
         """Update the awareness, the knowledge or the control input with a value that was computed."""
+
+    def misfit(self, value: Any) -> str | None:
+        """Say what `_compute` should have returned, for a value that `_update` cannot take.
+
+        Args:
+            value: What it returned.
+
+        Returns:
+            One sentence; None where there is nothing to object to.
+        """
+        return None
+
+    def explained(self, value: Any, error: Exception) -> Exception:
+        """Return what to raise where `_update` could not take a value: in plain words, if that is of the wrong kind."""
+        own = next(kind for kind in type(self).__mro__ if "_update" in vars(kind))
+        # A class with an `_update` of its own may agree with its `_compute` on something else than its base does.
+        # Python's own words; those of other exceptions are their classes' affair, which may fail at that.
+        said = str(error) if type(error) in (TypeError, ValueError, AttributeError) else ""
+        if "misfit" not in vars(own) and "unpack" not in said and not (value is None and "None" in said):
+            return error
+        misfit = self.misfit(value)
+        return error if misfit is None else TypeError(misfit)
 
     async def _async_compute(self) -> Any:
         """Compute in the asynchronous mode; may await `sleep`, `happening` and `messages`."""
@@ -138,7 +161,10 @@ class BaseComponent(Plugin, ABC, Generic[Owner]):
         wanted = self._surroundings.events.wanted
         if "updating" in wanted:
             self._announce("updating")
-        self._update(value)
+        try:
+            self._update(value)
+        except Exception as error:
+            raise self.explained(value, error) from error
         if "updated" in wanted:
             self._announce("updated")
 
@@ -149,7 +175,10 @@ class BaseComponent(Plugin, ABC, Generic[Owner]):
             self.update(value)
         else:
             value = self._compute()
-            self._update(value)
+            try:
+                self._update(value)
+            except Exception as error:
+                raise self.explained(value, error) from error
         return value
 
     async def async_compute_and_update(self) -> Any:
@@ -160,17 +189,34 @@ class BaseComponent(Plugin, ABC, Generic[Owner]):
         value = await self._async_compute()
         if "computed" in wanted:
             self._announce("computed")
+        await self.async_update(value)
+        return value
+
+    async def async_update(self, value: Any) -> None:
+        """Update in the asynchronous mode, with the events ``updating`` and ``updated``."""
+        wanted = self._surroundings.events.wanted
         if "updating" in wanted:
             self._announce("updating")
-        await self._async_update(value)
+        try:
+            await self._async_update(value)
+        except Exception as error:
+            raise self.explained(value, error) from error
         if "updated" in wanted:
             self._announce("updated")
-        return value
 
     @property
     def now(self) -> int:
         """Simulated time in nanoseconds."""
         return self._surroundings.clock.now
+
+    @property
+    def computed_at(self) -> int:
+        """When the value was computed that `_update` is given, in nanoseconds: now, unless the component has a latency.
+
+        What `_update` writes is about that instant, however late it lands.
+        """
+        instant: int = self.__dict__.get("_computed_at", self.now)
+        return instant
 
     @property
     def time(self) -> float:
@@ -192,7 +238,7 @@ class BaseComponent(Plugin, ABC, Generic[Owner]):
         Args:
             name: What happened; declare it in `events`.
             text: One line for people.
-            level: How much it matters.
+            level: How much it matters; the run's summary counts events of the level `Level.WARNING` by name.
             data: Further facts, as plain JSON values.
         """
         self._emit_from(self.path, name, text, level, data)
@@ -288,13 +334,14 @@ class GroupCommunicationReceiver(GroupComponent):
 
     @abstractmethod
     def _update(self, value: Sequence[Delivery | Message]) -> None:
-        """Make something of what was heard: mailings in columns, and single messages, each in order."""
+        """Make something of what was heard: mailings in columns, and single messages, oldest first for each agent."""
 
 
 class PerceptionSystem(Component):
     """Perceives states in the environment.
 
-    `_compute` returns the perceived states by id, or a `Snapshot` for one who perceives everything.
+    `_compute` returns the perceived states by id, each as the model of that agent has it (or its position and velocity,
+    or its position alone), or a `Snapshot` for one who perceives everything.
     """
 
     sees_world = True
@@ -308,6 +355,12 @@ class PerceptionSystem(Component):
         state: Array = self.environment.state(self._agent.group)[self._agent.row]
         return state
 
+    def misfit(self, value: Any) -> str | None:
+        """A perception returns states by id."""
+        if isinstance(value, Mapping | Snapshot):
+            return None
+        return f"`_compute` returned {_said(value)}: a perception returns states by id, or a Snapshot of everybody"
+
     def _update(self, value: Mapping[str, ArrayLike] | Snapshot) -> None:
         agent = self._agent
         database = agent.awareness_database
@@ -319,11 +372,11 @@ class PerceptionSystem(Component):
             if id == agent.id:
                 agent.self_awareness.state = state
                 continue
-            known = database.others.get(id)
+            known, motion = database.others.get(id), agent.group.awareness.motion(id, state, is_state=True)
             if known is None:
-                database[id] = AwarenessVector(id, state)
+                database[id] = AwarenessVector(id, motion)
             else:
-                database[id] = AwarenessVector(id, state, known.intent, known.uncertainty, known.risk)
+                database[id] = AwarenessVector(id, motion, known.intent, known.uncertainty, known.risk)
 
 
 class UncertaintyEstimator(Component):
@@ -332,6 +385,12 @@ class UncertaintyEstimator(Component):
     @abstractmethod
     def _compute(self) -> TimeSeries:
         """Estimate the uncertainty."""
+
+    def misfit(self, value: Any) -> str | None:
+        """An uncertainty estimator returns a series."""
+        if isinstance(value, TimeSeries):
+            return None
+        return f"`_compute` returned {_said(value)}: an uncertainty estimator returns a TimeSeries"
 
     def _update(self, value: TimeSeries) -> None:
         self._agent.self_awareness.uncertainty = value
@@ -344,6 +403,12 @@ class RiskEstimator(Component):
     def _compute(self) -> TimeSeries:
         """Estimate the risk."""
 
+    def misfit(self, value: Any) -> str | None:
+        """A risk estimator returns a series."""
+        if isinstance(value, TimeSeries):
+            return None
+        return f"`_compute` returned {_said(value)}: a risk estimator returns a TimeSeries"
+
     def _update(self, value: TimeSeries) -> None:
         self._agent.self_awareness.risk = value
 
@@ -354,6 +419,12 @@ class CommunicationSender(Component):
     @abstractmethod
     def _compute(self) -> Iterable[Message]:
         """Write the messages to send."""
+
+    def misfit(self, value: Any) -> str | None:
+        """A sender returns messages."""
+        if isinstance(value, Iterable) and all(isinstance(each, Message) for each in value):
+            return None
+        return f"`_compute` returned {_said(value)}: a sender returns the messages to send, a list of Message"
 
     def _update(self, value: Iterable[Message]) -> None:
         for message in value:
@@ -404,7 +475,36 @@ class Controller(Component):
     def _compute(self) -> tuple[ArrayLike, TimeSeries]:
         """Choose the control input and state the intent."""
 
+    def misfit(self, value: Any) -> str | None:
+        """A controller returns a control input and an intent."""
+        quantities = self._agent.group.model.control_input
+        wanted = (
+            f"its control input, {len(quantities)} numbers ({', '.join(each.name for each in quantities)}), and its"
+        )
+        expected = f"a controller returns {wanted} intent, a TimeSeries, as in `return control_input, TimeSeries()`"
+        if not isinstance(value, tuple) or len(value) != 2 or not isinstance(value[1], TimeSeries):
+            return f"`_compute` returned {_said(value)}: {expected}"
+        try:
+            control_input = real(value[0])
+        except (TypeError, ValueError) as error:
+            return f"the control input that `_compute` returned is no vector, {error}: {expected}"
+        if control_input.shape != (len(quantities),):
+            return f"`_compute` returned a control input of shape {control_input.shape}: {expected}"
+        return None
+
     def _update(self, value: tuple[ArrayLike, TimeSeries]) -> None:
         control_input, intent = value
         self._agent.model.control_input = control_input
         self._agent.self_awareness.intent = intent
+
+
+def _said(value: Any) -> str:
+    """What a value is, in a few words."""
+    if value is None:
+        return "nothing (None)"
+    if isinstance(value, np.ndarray):
+        return f"an array of shape {value.shape}"
+    if isinstance(value, tuple):
+        return f"({', '.join(type(each).__name__ for each in value)})"
+    kind = type(value).__name__
+    return f"{'an' if kind[0].lower() in 'aeiou' else 'a'} {kind}"

@@ -11,6 +11,7 @@ from typing import Annotated, NamedTuple
 
 from pydantic import Field, field_validator, model_validator
 
+from symaware_cli.core.footprint import footprint
 from symaware_cli.core.shape import LARGEST, Number, Part, Position, Shape
 
 Mass = Annotated[float, Field(gt=0, le=LARGEST)]
@@ -168,7 +169,9 @@ class Obstacle(Surface):
 
     shape: Shape = Field(description="The outline.")
     mass: Mass | None = Field(
-        None, description="Mass [kg]. Worlds of forces move what has one, unless it has a path; null: it stays put."
+        None,
+        description="Mass [kg]. Worlds of forces move what has one, unless it has a path; null: it stays put. Links "
+        "of a URDF file have the masses of the file, whatever it is; null: its base is fixed, and its joints move.",
     )
     position: Position | None = Field(
         None,
@@ -176,6 +179,16 @@ class Obstacle(Surface):
         "in the world. Something that moves has a path in its place.",
     )
     heading: Number = Field(0.0, description="Where its x axis points [rad], counter-clockwise from that of the world.")
+    roll: Number = Field(
+        0.0,
+        description="How it is turned about its own x axis before its pitch and its heading turn it, at the start, in "
+        "worlds of space [rad].",
+    )
+    pitch: Number = Field(
+        0.0,
+        description="How it is turned about its own y axis before its heading turns it, at the start, in worlds of "
+        "space [rad]; a positive one lowers what lies ahead.",
+    )
     velocity: Position | None = Field(
         None, description="How it moves at the start, in worlds of forces: [x, y] or [x, y, z] [m/s]; needs a mass."
     )
@@ -191,10 +204,23 @@ class Obstacle(Surface):
         if (self.velocity or self.turn_rate) and not self.is_free:
             raise ValueError("what moves at the start needs a mass, and no path")
         if self.velocity and self.position and len(self.velocity) != len(self.position):
-            raise ValueError(f"position has {len(self.position)} coordinates and velocity {len(self.velocity)}")
+            # Only the velocity is named: that is the value to show.
+            raise ValueError(f"velocity has {len(self.velocity)} coordinates, and the place {len(self.position)}")
         if self.is_free and self.shape.wall:
             raise ValueError("a wall stays put; leave mass out")
+        if self.is_tilted and (self.shape.wall or self.shape.polygon):
+            raise ValueError(f"a {self.shape.kind} stands upright; leave roll and pitch out, or take a box")
         return self
+
+    @property
+    def is_tilted(self) -> bool:
+        """Whether it has a roll or a pitch."""
+        return bool(self.roll or self.pitch)
+
+    @property
+    def outline(self) -> Shape:
+        """What it covers, seen from above; of what is free, which may roll on, as if it were upright."""
+        return self.shape if self.is_free else footprint(self.shape, self.roll, self.pitch)
 
     @property
     def is_free(self) -> bool:
@@ -204,7 +230,7 @@ class Obstacle(Surface):
     @property
     def radius(self) -> float:
         """The radius of the smallest circle around the position that holds the shape [m]."""
-        return self.shape.radius
+        return self.outline.radius
 
     def pose(self, time: float = 0.0) -> Pose:
         """Return where it is, and how it moves from there on.

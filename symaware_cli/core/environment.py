@@ -15,12 +15,12 @@ from pydantic import BaseModel, Field
 from symaware_cli.core.articulation import Articulation
 from symaware_cli.core.entity import Obstacle, Pose
 from symaware_cli.core.plugin import Parameters, Plugin
-from symaware_cli.core.proximity import Proximity
 from symaware_cli.core.rays import BodiesInPlane, rays_in_plane
 from symaware_cli.core.reading import Image
 from symaware_cli.core.scenery import Scenery
 from symaware_cli.core.time import nanoseconds, seconds
 from symaware_cli.core.world import Contact, Roster, Snapshot
+from symaware_cli.geometry.proximity import Proximity
 
 if TYPE_CHECKING:
     from symaware_cli.core.agent import AgentGroup
@@ -89,7 +89,7 @@ class Environment(Plugin, ABC):
         groups: The groups in the roster's order.
         obstacles: The bodies that are part of the environment, by name.
         provides: What this world has and not every world: ``images``, for components that require it; ``vehicles``, if
-            it moves bodies by `Model.vehicle`.
+            it moves bodies by `Model.vehicle`; ``tilt``, if entities may have a roll and a pitch.
         proximity: Which agents are near each other, shared by all who ask about `snapshot().positions`.
         roster: Who is who.
         is_shared: Whether other processes can follow this world, by `capture` and `adopt`.
@@ -128,10 +128,20 @@ class Environment(Plugin, ABC):
             raise ValueError(f"there is both a group and an entity of the name `{name}`")
         self.groups = tuple(sorted(groups, key=lambda group: group.name))
         self.obstacles = dict(sorted(obstacles.items()))
+        attempts = Attempts()
+        for name, obstacle in self.obstacles.items():
+            with attempts.one():
+                if obstacle.is_tilted and "tilt" not in self.provides:
+                    raise WorldError(
+                        "this world has no third dimension to tilt anything in; `pybullet` has one",
+                        *("environment", "entities", name, "roll" if obstacle.roll else "pitch"),
+                    )
+        attempts.conclude()
         self._scenery = Scenery(self.obstacles)
         self.proximity = Proximity()
         self._bodies_in_plane: BodiesInPlane | None = None
-        self.roster = Roster({group.name: group.ids for group in self.groups})
+        models = {group.name: group.model for group in self.groups}
+        self.roster = Roster({group.name: group.ids for group in self.groups}, models)
         for group in self.groups:
             group.awareness.roster = self.roster
 
@@ -172,6 +182,22 @@ class Environment(Plugin, ABC):
             Position [m] and quaternion (x, y, z, w) of each; shape (n, 7). None where `state` or `pose` say as much.
         """
         return None
+
+    def entity_poses(self, names: Sequence[str]) -> Array:
+        """Return where obstacles are now, and how they are turned.
+
+        Args:
+            names: Such as have equally many coordinates, and of all or none of which `body_poses` tells more.
+
+        Returns:
+            Position [m] and heading [rad], and as far as `body_poses` tells it the quaternion (x, y, z, w); shape
+            (n, d + 1) or (n, d + 5).
+        """
+        poses = []
+        for name in names:
+            pose, turned = self.pose(name), self.body_poses(name)
+            poses.append([*pose.position, pose.heading, *(() if turned is None else turned[0, 3:].tolist())])
+        return np.array(poses)
 
     def joint_positions(self, name: str) -> Array | None:
         """Return how the joints of the bodies of a group, or of an obstacle, stand now; ordered as in its articulation.

@@ -146,7 +146,7 @@ class EventBus:
         if event.name not in RECURRING and (others := self._subscriptions.get("*")):
             # In one order for all, so that a recorder, which comes first, writes a cause before its consequences.
             listeners = tuple(sorted((*listeners, *others), key=_number)) if listeners else others
-        failure: tuple[Subscriber, Exception] | None = None
+        failure: tuple[Subscriber, BaseException] | None = None
         for listener in listeners:
             if not listener.active:
                 continue
@@ -154,7 +154,7 @@ class EventBus:
                 continue
             try:
                 listener.callback(event)
-            except Exception as error:
+            except (Exception, KeyboardInterrupt, SystemExit, GeneratorExit) as error:
                 failure = failure or (listener.callback, error)
         if failure:
             raise SubscriberError(event, failure[0]) from failure[1]

@@ -30,6 +30,7 @@ class Message:
         kind: A word for what it is about.
         sequence: Counts the messages of one sender; set when it is sent.
         sent_time: When it was sent, in nanoseconds; set when it is sent.
+        arrival_time: When it arrived, in nanoseconds, which may be a little before it could be read; set then.
     """
 
     sender: str
@@ -38,6 +39,7 @@ class Message:
     kind: str = "message"
     sequence: int = 0
     sent_time: int = 0
+    arrival_time: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,10 +116,15 @@ class Exchange(Protocol):
     def receive(self, receiver: str, reader: str = "") -> Sequence[Message]:
         """Hand over all messages that arrived for an agent and were not handed over before, oldest first.
 
+        They are ordered by when they arrived, then by the sender's place in the roster, then by the sender's own order.
+
         Args:
             receiver: Whose messages.
             reader: The path of the component that reads them, where it reads certain kinds.
         """
 
     def collect(self, reader: str) -> Sequence[Delivery | Message]:
-        """Hand over all that arrived for the group of a component, by the component's path."""
+        """Hand over all that arrived for the group of a component, by the component's path.
+
+        Of each receiver it is in the order of `receive`; what goes to different receivers may stand in any order.
+        """

@@ -58,6 +58,7 @@ class Model(Plugin, ABC):
         control_input: Name and unit of each element of u.
         position: Where the position [m] stands in x.
         heading: Where the heading [rad] stands in x; None for models without one.
+        goes_ahead: Whether its velocity, seen from above, always points along its heading.
         velocities: Where the velocity of the position [m/s] stands in x, one element for each of `position`; empty for
             models whose velocity is no part of their state.
         angles: Which elements of x are angles that may be wrapped for display or comparison.
@@ -71,6 +72,7 @@ class Model(Plugin, ABC):
     control_input: tuple[Quantity, ...] = ()
     position: tuple[int, ...] = (0, 1)
     heading: int | None = None
+    goes_ahead: ClassVar[bool] = False
     velocities: tuple[int, ...] = ()
     angles: tuple[int, ...] = ()
     time_step: float | None = None
@@ -138,6 +140,16 @@ class Model(Plugin, ABC):
         """Return the velocity of the position [m/s], shape (n, d), for states (n, nx) and control inputs (n, nu)."""
         rates = self.derivative(columns(state), columns(control_input), np)
         return rows([rates[index] for index in self.position], len(state))
+
+    def turn_rate(self, state: Array, control_input: Array) -> Array:
+        """Return how fast the heading changes [rad/s], shape (n,), for states (n, nx) and control inputs (n, nu).
+
+        0 for models without a heading.
+        """
+        turn_rate = np.zeros(len(state))
+        if self.heading is not None:
+            turn_rate[:] = self.derivative(columns(state), columns(control_input), np)[self.heading]
+        return turn_rate
 
     def exact_step(self, state: Array, control_input: Array, step: float) -> Array | None:
         """Advance states by `successor`, for models that have it.

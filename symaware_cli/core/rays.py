@@ -1,6 +1,6 @@
 """Rays in the plane: how far they go until they meet a convex piece.
 
-As in `symaware_cli.core.geometry`, pieces are convex cores rounded by a radius, seen from above.
+As in `symaware_cli.geometry.pieces`, pieces are convex cores rounded by a radius, seen from above.
 """
 
 from __future__ import annotations
@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core.geometry import Pieces
 from symaware_cli.core.scenery import Scenery
 from symaware_cli.core.world import Snapshot
+from symaware_cli.geometry.pieces import Pieces
 
 if TYPE_CHECKING:
     from symaware_cli.core.agent import AgentGroup

@@ -1,6 +1,6 @@
 """Scenery: the obstacles of an environment at one time, and what of them is near or in the way.
 
-As in `symaware_cli.core.geometry`, positions in space are seen from above; but lines of sight go over and under
+As in `symaware_cli.geometry.pieces`, positions in space are seen from above; but lines of sight go over and under
 obstacles where the world says how high these are.
 """
 
@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.core.entity import Obstacle, Pose
-from symaware_cli.core.geometry import Pieces, crosses, separation_from_points
 from symaware_cli.core.time import seconds
+from symaware_cli.geometry.pieces import Pieces, crosses, separation_from_points
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -56,6 +56,22 @@ class Nearby(NamedTuple):
     velocity: Array
 
 
+class Course(NamedTuple):
+    """Where obstacles are and how they move, row by row.
+
+    Attributes:
+        positions: [m]; shape (m, 2).
+        velocities: [m/s]; shape (m, 2).
+        turn_rates: How fast they turn about their positions [rad/s]; shape (m,).
+        heights: Where they begin and end [m], infinite where they are as high as the world; shape (m, 2).
+    """
+
+    positions: Array
+    velocities: Array
+    turn_rates: Array
+    heights: Array
+
+
 class Scenery:
     """All obstacles of an environment at one time.
 
@@ -82,7 +98,7 @@ class Scenery:
         every = tuple(obstacles.values())
         self._movers = [(index, obstacle) for index, obstacle in enumerate(every) if obstacle.path]
         self.moves = bool(self._movers)
-        parts = [(index, piece) for index, each in enumerate(every) for piece in each.shape.pieces]
+        parts = [(index, piece) for index, each in enumerate(every) for piece in each.outline.pieces]
         self.owner: Indices = np.array([index for index, _ in parts], np.intp)
         self._shapes = Pieces.of(piece for _, piece in parts)
         self._positions = np.zeros((len(every), 2))
@@ -151,6 +167,21 @@ class Scenery:
         around = np.stack([-arm[:, 1], arm[:, 0]], axis=1)
         velocity: Array = self._velocities.take(obstacle, 0) + self._turn_rates.take(obstacle)[:, None] * around
         return velocity
+
+    @property
+    def has_heights(self) -> bool:
+        """Whether the world says how high any obstacle is."""
+        return self._bounded
+
+    def course(self, obstacle: Indices) -> Course:
+        """Return where obstacles are, by index (m,), and how they move."""
+        heights = self._levels.take(obstacle)[:, None] + self._spans.take(obstacle, 0)[:, 1:]
+        return Course(
+            self._positions.take(obstacle, 0),
+            self._velocities.take(obstacle, 0),
+            self._turn_rates.take(obstacle),
+            heights,
+        )
 
     def candidates(self, points: Array, reach: Array | float) -> tuple[Indices, Indices]:
         """Return at least all pairs of a point and a piece that is within its reach.

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from symaware_cli.core.real import real
 from symaware_cli.core.time import SECOND, nanoseconds, seconds
 
 _NO_TIMES: NDArray[np.int64] = np.empty(0, np.int64)
@@ -36,7 +37,7 @@ class TimeSeries:
         if not samples:
             self.times, self.values = _NO_TIMES, _NO_VALUES
             return
-        vectors = {nanoseconds(time): np.atleast_1d(np.asarray(value, float)) for time, value in samples.items()}
+        vectors = {nanoseconds(time): np.atleast_1d(real(value)) for time, value in samples.items()}
         if len(vectors) < len(samples):
             raise ValueError("the times of a series must ascend; two are the same to the nanosecond")
         if len({vector.shape for vector in vectors.values()}) > 1:
@@ -53,10 +54,11 @@ class TimeSeries:
             values: A scalar (h,) or a vector (h, k) for each instant.
 
         Raises:
+            TypeError: The values are not real numbers.
             ValueError: The shapes do not agree or the times do not ascend.
         """
         instants = np.array(times, np.int64, ndmin=1)
-        vectors = np.array(values, float)
+        vectors = np.array(real(values))
         if vectors.ndim < 2:
             vectors = vectors.reshape(-1, 1)
         if instants.ndim != 1 or vectors.ndim != 2 or len(instants) != len(vectors):

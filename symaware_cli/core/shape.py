@@ -219,6 +219,15 @@ class Shape(Part):
         return max(math.hypot(*point) + rounding for piece, rounding in self.pieces for point in piece)
 
     @property
+    def outer_radius(self) -> float:
+        """The radius of the smallest ball around the position that holds the body in space [m].
+
+        What no height is known of is taken to be within its radius; a disc is a ball.
+        """
+        height = self.box.upright if self.box else self.cylinder.height if self.cylinder else 0.0
+        return math.hypot(self.radius, 0.5 * height)
+
+    @property
     def pieces(self) -> Sequence[tuple[Sequence[Point], float]]:
         """The convex pieces that the shape consists of, relative to the position, x along the heading.
 

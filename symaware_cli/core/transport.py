@@ -41,9 +41,12 @@ class Happening(NamedTuple):
 class Port(ABC):
     """One end of a transport: the host's, to which many come, or a member's, whose one peer is the host.
 
-    Connections are kept by threads of the port, so that a process that computes for long is not taken for dead: who
-    sends no frame still gives signs of life. All methods may be called from the run's thread only. Used in a ``with``
-    statement, it is closed at the end.
+    Who is dead is a matter of the operating systems: a process is gone when its end of the connection is closed, as it
+    is when the process ends in whatever way, or when the other machine does not answer for the transport's `timeout`.
+    A process that computes for long, even with the interpreter's lock held, is neither; only one that says nothing for
+    `hang_timeout`, though its threads should, counts as dead, too.
+
+    All methods may be called from the run's thread only. Used in a ``with`` statement, it is closed at the end.
 
     Attributes:
         address: Where it is, as ``HOST:PORT``.
@@ -67,6 +70,10 @@ class Port(ABC):
     def receive(self, timeout: float | None = None) -> Happening | None:
         """Return what happened next, or None if nothing did within some time [s]; by default wait for ever."""
 
+    def accept(self, peer: int) -> None:
+        """Take note that a peer is one of those that are awaited: others have to make room, if there are too many."""
+        return
+
     @abstractmethod
     def offset(self, peer: int) -> float:
         """How far the monotonic clock of a peer is ahead of ours [s], as well as is known; 0 if it is gone."""
@@ -79,8 +86,12 @@ class Port(ABC):
         """
 
     @abstractmethod
-    def close(self) -> None:
-        """Send what waits, for a second at most, and let go of everything. To close it twice does nothing."""
+    def close(self, reason: str = "") -> None:
+        """Send what waits, for a second at most, and let go of everything. To close it twice does nothing.
+
+        Args:
+            reason: Why, for those who are connected; by default that this end is over.
+        """
 
     def __enter__(self) -> Self:
         return self
@@ -95,7 +106,16 @@ class TransportParameters(Parameters):
     """What every transport can be told."""
 
     timeout: float = Field(
-        2.0, ge=0.05, le=3600, description="Without a sign of life for so long, a process counts as dead [s]."
+        2.0,
+        ge=0.05,
+        le=3600,
+        description="If its machine does not answer for so long, a process counts as dead; 1 s at least [s].",
+    )
+    hang_timeout: float = Field(
+        60.0,
+        ge=0.05,
+        le=86400,
+        description="If it says nothing for so long, though its machine answers, a process counts as dead [s].",
     )
     maximum_frame: int = Field(
         16 * 2**20, ge=2**10, le=2**30, description="A frame of more bytes than this is neither sent nor taken."
@@ -107,7 +127,12 @@ class TransportParameters(Parameters):
         description="So many frames, or as many bytes as four of the longest have, may wait for one peer before it is "
         "cut off.",
     )
-    members: int = Field(64, ge=1, le=4096, description="So many processes may be connected at once.")
+    members: int = Field(
+        64,
+        ge=1,
+        le=4096,
+        description="So many processes may be connected at once; who is no member yet makes room for who comes.",
+    )
 
 
 class Transport(Plugin, ABC):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import fnmatch
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,11 +25,20 @@ class Roster:
         groups: The names of the groups, sorted.
         ids: The ids of all agents, by index.
         starts: The index of each group's first agent.
+        dimensions: In how many dimensions they move, at most.
     """
 
-    __slots__ = ("_places", "counts", "groups", "ids", "starts")
+    __slots__ = ("_models", "_places", "counts", "dimensions", "groups", "ids", "starts")
 
-    def __init__(self, members: dict[str, Sequence[str]]) -> None:
+    def __init__(self, members: Mapping[str, Sequence[str]], models: Mapping[str, Model] | None = None) -> None:
+        """Put them in order.
+
+        Args:
+            members: The ids of the agents of each group.
+            models: The model of each group, where they are known.
+        """
+        self._models = dict(models or {})
+        self.dimensions = max((len(model.position) for model in self._models.values()), default=2)
         self.groups = tuple(sorted(members))
         self.counts = tuple(len(members[group]) for group in self.groups)
         self.ids = tuple(id for group in self.groups for id in members[group])
@@ -45,6 +54,11 @@ class Roster:
             KeyError: There is no such agent.
         """
         return self._places[id]
+
+    def model(self, id: str) -> Model | None:
+        """Return the model of an agent; None where there is no such agent, or nothing is known of its model."""
+        place = self._places.get(id)
+        return None if place is None else self._models.get(self.groups[place[0]])
 
     def index(self, id: str) -> int:
         """Return the index of an agent.
@@ -91,7 +105,7 @@ class Snapshot:
         states: The states of each group, in the roster's order of groups; each of shape (n, nx).
     """
 
-    __slots__ = ("_inputs", "_models", "_positions", "_velocities", "roster", "states", "time")
+    __slots__ = ("_headings", "_inputs", "_models", "_positions", "_velocities", "roster", "states", "time")
 
     def __init__(
         self,
@@ -117,6 +131,7 @@ class Snapshot:
         self.states = tuple(states)
         self._models = models
         self._inputs = tuple(control_inputs)
+        self._headings: Array | None = None
         self._positions: Array | None = None
         self._velocities = velocities
 
@@ -129,6 +144,15 @@ class Snapshot:
         group, row = self.roster.place(id)
         state: Array = self.states[group][row]
         return state
+
+    def motion(self, id: str) -> Array:
+        """Position [m] and velocity [m/s] of one agent; shape (2d,).
+
+        Raises:
+            KeyError: There is no such agent.
+        """
+        index = self.roster.index(id)
+        return np.concatenate([self.positions[index], self.velocities[index]])
 
     @property
     def positions(self) -> Array:
@@ -150,6 +174,26 @@ class Snapshot:
                 ]
             )
         return self._velocities
+
+    @property
+    def headings(self) -> Array:
+        """The headings of all agents by index [rad], 0 of those that have none; shape (N,), read-only."""
+        if self._headings is None:
+            headings = [
+                np.zeros(len(state)) if model.heading is None else state[:, model.heading]
+                for model, state in zip(self._models, self.states, strict=True)
+            ]
+            self._headings = frozen(np.concatenate([np.empty(0), *headings]))
+        return self._headings
+
+    @property
+    def turn_rates(self) -> Array:
+        """How fast the headings of all agents change, by index [rad/s]; shape (N,)."""
+        rates = [
+            model.turn_rate(state, control_input)
+            for model, state, control_input in zip(self._models, self.states, self._inputs, strict=True)
+        ]
+        return np.concatenate([np.empty(0), *rates])
 
 
 def _stacked(parts: Sequence[Array]) -> Array:

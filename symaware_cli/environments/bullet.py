@@ -46,8 +46,12 @@ with quiet():
 
 __all__ = ["MOST_SHOWN", "Client", "engine", "quiet"]
 
-#: [m/s] Slower than this nothing bounces. PyBullet's own 0.2 is that of larger things.
-_BOUNCE = 0.01
+#: What bounces without loss, however slowly: PyBullet's own 0.2 m/s is that of larger things.
+_FLOATING = {"restitutionVelocityThreshold": 1e-3, "contactSlop": 0.0}
+
+#: What rests under gravity: within the slop [m] a contact lasts, or stacks would never come to rest. Of the speed of
+#: a bounce as much may be lost as the slop is in a physics step.
+_RESTING = {"restitutionVelocityThreshold": 0.01, "contactSlop": 1e-5}
 
 #: As many bodies the window of PyBullet can show.
 MOST_SHOWN = 1024
@@ -94,7 +98,7 @@ class Client:
         engine.setPhysicsEngineParameter(
             numSolverIterations=iterations,
             contactERP=recovery,
-            restitutionVelocityThreshold=_BOUNCE,
+            **(_RESTING if any(gravity) else _FLOATING),
             # What undoes overlaps moves bodies apart and leaves their velocities alone, however little they overlap.
             useSplitImpulse=1,
             splitImpulsePenetrationThreshold=0.0,

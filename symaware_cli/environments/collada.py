@@ -9,8 +9,8 @@ from xml.etree.ElementTree import Element
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core.rotation import about, rotated
 from symaware_cli.environments.description import DescriptionError, tree
+from symaware_cli.geometry.rotation import about, rotated
 
 Array = NDArray[np.float64]
 

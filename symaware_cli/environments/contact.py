@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.core import AgentGroup, Contact, Scenery, Snapshot
-from symaware_cli.core.geometry import Pieces, Separation, separation
-from symaware_cli.core.proximity import Pairs, Proximity
+from symaware_cli.geometry.bodies import Bodies
+from symaware_cli.geometry.pieces import Pieces, Separation, separation
+from symaware_cli.geometry.proximity import Pairs, Proximity
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -39,13 +40,10 @@ class ContactDetector:
         shapes = [group.entity.shape for group in groups]
         self._agents = len(ids)
         self._names = [*ids, *scenery.names]
+        self._bodies = Bodies([shape.pieces[0] if shape else None for shape in shapes], counts)
         #: A body without a shape is so small that not even its centre touches anything.
-        self._radii = np.repeat([shape.radius if shape else -np.inf for shape in shapes], counts)
-        self._cornered = np.repeat([bool(shape and not shape.circle) for shape in shapes], counts)
-        self._any_cornered = bool(self._cornered.any())
-        self._shape = np.repeat(np.arange(len(groups)), counts)
-        self._shapes = Pieces.of(shape.pieces[0] if shape else ([(0.0, 0.0)], -np.inf) for shape in shapes)
-        self._headings = [group.model.heading for group in groups]
+        self._radii = np.where(np.repeat([shape is not None for shape in shapes], counts), self._bodies.radii, -np.inf)
+        self._cornered, self._any_cornered = self._bodies.cornered, self._bodies.any_cornered
         #: The farthest apart that two agents can touch.
         self._reach = max(0.0, 2.0 * float(self._radii.max(initial=0.0)))
         self._alike = bool((self._radii == self._radii[:1]).all())
@@ -129,16 +127,9 @@ class ContactDetector:
 
     def _placed(self, snapshot: Snapshot, positions: Array, agents: Indices) -> Pieces:
         """The outlines of agents, where they are."""
-        places = positions[:, :2].take(agents, 0)
         if not self._any_cornered:
-            return Pieces.points(places, self._radii.take(agents))
-        headings = np.concatenate(
-            [
-                np.zeros(len(states)) if heading is None else states[:, heading]
-                for heading, states in zip(self._headings, snapshot.states, strict=True)
-            ]
-        )
-        return self._shapes.take(self._shape.take(agents)).placed(places, headings.take(agents))
+            return Pieces.points(positions[:, :2].take(agents, 0), self._radii.take(agents))
+        return self._bodies.placed(agents, positions, snapshot.headings)
 
 
 class _Ledger:

@@ -17,6 +17,7 @@ def lead(
     members: Sequence[Member],
     level: float,
     course: Pose,
+    tilt: tuple[float, float],
     fall: Sequence[float],
 ) -> None:
     """Put the bodies of an entity where it is, with the velocities that bring them where it is after a physics step.
@@ -27,6 +28,7 @@ def lead(
         members: The bodies.
         level: How high the entity is where its path has two coordinates [m].
         course: Where it is, and how it moves.
+        tilt: Its roll and its pitch [rad].
         fall: By how much gravity changes a velocity in a physics step, which is made up for [m/s].
     """
     x, y, z = (*course.position, level)[:3]
@@ -36,7 +38,7 @@ def lead(
     cosine, sine, rate = math.cos(course.heading), math.sin(course.heading), course.turn_rate
     for body, ahead, aside, turned in members:
         out_x, out_y = cosine * ahead - sine * aside, sine * ahead + cosine * aside
-        pose = postures.centre(body, (x + out_x, y + out_y, z), turn(course.heading + turned))
+        pose = postures.centre(body, (x + out_x, y + out_y, z), turn(course.heading + turned, *tilt))
         engine.resetBasePositionAndOrientation(body, *pose, client)
         moving = (velocity_x - rate * out_y, velocity_y + rate * out_x, velocity_z)
         engine.resetBaseVelocity(body, moving, (0.0, 0.0, rate), client)

@@ -35,14 +35,16 @@ class Bodies:
         positions: [m]; shape (m, d).
         headings: Counting turns [rad]; shape (m,).
         motion: Velocities [m/s], and in the last column turn rates about the vertical [rad/s]; shape (m, d + 1).
+        orientations: Quaternions (x, y, z, w), where bodies turn about more than the vertical; shape (m, 4).
     """
 
-    __slots__ = ("headings", "motion", "positions")
+    __slots__ = ("headings", "motion", "orientations", "positions")
 
-    def __init__(self, positions: Array, headings: Array, motion: Array) -> None:
+    def __init__(self, positions: Array, headings: Array, motion: Array, orientations: Array | None = None) -> None:
         self.positions = positions
         self.headings = headings
         self.motion = motion
+        self.orientations = orientations
 
 
 class PhysicsEnvironment(ColumnEnvironment):
@@ -92,6 +94,7 @@ class PhysicsEnvironment(ColumnEnvironment):
         self._free = [name for name, obstacle in self.obstacles.items() if obstacle.is_free]
         self._moving = [name for name, obstacle in self.obstacles.items() if obstacle.path]
         self._free_rows = {name: row for row, name in enumerate(self._free)}
+        self._free_known: Bodies | None = None
         self._touches = TouchLedger([*self.roster.ids, *self.obstacles, GROUND], len(self.roster))
         self._prepare()
         try:
@@ -170,8 +173,12 @@ class PhysicsEnvironment(ColumnEnvironment):
         """
 
     @abstractmethod
-    def _bodies(self) -> tuple[Bodies, Bodies]:
-        """Read what is driven, and what is free."""
+    def _read_driven(self) -> Bodies:
+        """Read what is driven."""
+
+    @abstractmethod
+    def _read_free(self) -> Bodies:
+        """Read what is free; only if somebody asks, so that must make no difference."""
 
     def step(self) -> None:
         """Advance by one time step: so many physics steps under the saturated control inputs."""
@@ -250,8 +257,8 @@ class PhysicsEnvironment(ColumnEnvironment):
 
     def _read(self) -> None:
         """Take over what the engine made of everything."""
-        driven, free = self._bodies()
-        self._free_bodies = free
+        self._free_known = None
+        driven = self._read_driven()
         velocities = np.zeros((len(self.roster), self._width))
         self._velocity = driven.motion
         for drive, number, part in self._parts:
@@ -280,8 +287,9 @@ class PhysicsEnvironment(ColumnEnvironment):
         self._velocities = adopted(captured, "velocities", self._velocities.shape)
         width = self.dimensions
         free = adopted(captured, "free", (len(self._free), 2 * width + 2))
-        self._free_bodies = Bodies(free[:, :width], free[:, width], free[:, width + 1 :])
         self._place({name: adopted(captured, name, known.shape) for name, known in self._placement().items()})
+        turned = self._read_free().orientations if self._free else None
+        self._free_known = Bodies(free[:, :width], free[:, width], free[:, width + 1 :], turned)
 
     @abstractmethod
     def _placement(self) -> Mapping[str, Array]:
@@ -290,6 +298,13 @@ class PhysicsEnvironment(ColumnEnvironment):
     @abstractmethod
     def _place(self, placement: Mapping[str, Array]) -> None:
         """Put the engine's bodies where those of another process are."""
+
+    @property
+    def _free_bodies(self) -> Bodies:
+        """What is free, in the order of `_free`."""
+        if self._free_known is None:
+            self._free_known = self._read_free()
+        return self._free_known
 
     def _read_others(self, velocities: Array) -> None:
         """Take over the states of groups without a drive, and put their velocities into those of all."""
@@ -319,6 +334,16 @@ class PhysicsEnvironment(ColumnEnvironment):
             tuple(bodies.motion[row, :-1].tolist()),
             float(bodies.motion[row, -1]),
         )
+
+    def entity_poses(self, names: Sequence[str]) -> Array:
+        """Where entities are now, and how they are turned; of those that are free all at once."""
+        if list(names) != self._free:
+            return super().entity_poses(names)
+        bodies = self._free_bodies
+        columns = [bodies.positions, bodies.headings]
+        if bodies.orientations is not None:
+            columns.append(bodies.orientations)
+        return np.column_stack(columns)
 
     def _course(self, name: str, number: int) -> Pose:
         """Where something with a path is when a physics step of the time step begins, and how it moves in it."""

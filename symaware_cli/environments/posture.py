@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.core.articulation import Articulation
-from symaware_cli.core.rotation import continued, yaws
 from symaware_cli.core.vehicle import read_bodies
 from symaware_cli.environments.bullet import engine
+from symaware_cli.geometry.rotation import continued, yaws
 
 Array = NDArray[np.float64]
 Transform = tuple[Sequence[float], Sequence[float]]
@@ -80,7 +80,7 @@ class Postures:
             flat += orientation
         return np.array(flat).reshape(len(bodies), 7)
 
-    def look(self, bodies: Sequence[int], headings: Array) -> tuple[Array, Array, Array]:
+    def look(self, bodies: Sequence[int], headings: Array) -> tuple[Array, Array, Array, Array]:
         """Read bodies in one go.
 
         Args:
@@ -88,18 +88,20 @@ class Postures:
             headings: Their headings at the time before, from which the new ones count turns [rad]; shape (n,).
 
         Returns:
-            Positions of the bases [m], shape (n, 3); headings [rad], shape (n,); and the velocities of the centres of
-            mass [m/s] with the turn rates about the vertical [rad/s], shape (n, 4).
+            Positions of the bases [m], shape (n, 3); headings [rad], shape (n,); the velocities of the centres of
+            mass [m/s] with the turn rates about the vertical [rad/s], shape (n, 4); and quaternions (x, y, z, w) of the
+            bases, shape (n, 4).
         """
         if not bodies:
-            return np.empty((0, 3)), np.empty(0), np.empty((0, 4))
+            return np.empty((0, 3)), np.empty(0), np.empty((0, 4)), np.empty((0, 4))
         values = read_bodies(engine, self._client, bodies)
         for row, body in enumerate(bodies if self._any_apart else ()):
             base = self.base(body)
             if base:
                 position, orientation = values[row, :3].tolist(), values[row, 3:7].tolist()
                 values[row, :7] = np.concatenate(engine.multiplyTransforms(position, orientation, *base))
-        return values[:, :3], continued(headings, yaws(values[:, 3:7])), values[:, [7, 8, 9, 12]]
+        turned = values[:, 3:7]
+        return values[:, :3], continued(headings, yaws(turned)), values[:, [7, 8, 9, 12]], turned
 
     def joints(self, bodies: Sequence[int], articulation: Articulation) -> Array:
         """The positions of the joints that move, in the order of an articulation [rad] or [m]; shape (n, joints)."""

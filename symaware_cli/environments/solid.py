@@ -12,7 +12,11 @@ from symaware_cli.core import Entity, Shape, Urdf, Wall, WorldError
 from symaware_cli.core.scenery import Span
 from symaware_cli.environments import asset
 from symaware_cli.environments.bullet import engine, quiet
-from symaware_cli.environments.collision import MEETS
+from symaware_cli.environments.collision import FACED, FIXED, MEETS
+from symaware_cli.geometry.rotation import attitude
+
+#: The joints that move by one number.
+_MOVING = (engine.JOINT_REVOLUTE, engine.JOINT_PRISMATIC)
 
 #: [m] Farther away nothing is looked for.
 _ANY_DISTANCE = 1e3
@@ -68,24 +72,47 @@ class Solids:
             return 0.5 * shape.box.upright
         return 0.5 * (shape.cylinder.height if shape.cylinder else self._height)
 
-    def make(self, mass: float, shape: Shape | None, position: Sequence[float], heading: float, *where: str) -> int:
-        """Make one body of any shape but a wall, fixed without a mass; with two coordinates it stands on the ground."""
+    def make(
+        self,
+        mass: float,
+        shape: Shape | None,
+        position: Sequence[float],
+        orientation: Sequence[float],
+        *where: str,
+        held: bool = False,
+    ) -> int:
+        """Make one body of any shape but a wall.
+
+        Args:
+            mass: Its mass, fixed where it is 0 [kg]; of what a file describes, only whether it is.
+            shape: What it is like.
+            position: Where [m]; with two coordinates it stands on the ground.
+            orientation: A quaternion (x, y, z, w).
+            *where: Where the scenario says that.
+            held: Whether the joints of what a file describes are held where they are.
+        """
         place = position if len(position) == 3 else (*position, self._standing(shape))
         if shape is not None and shape.urdf:
-            body = self._load(mass, shape.urdf, place, heading, *where)
+            body = self._load(mass, shape.urdf, place, orientation, *where)
+            if not held:
+                self._release(body)
         else:
-            body = self._body(mass, self._outline(shape, *where), place, heading)
-        if len(position) == 2 and self._floor is not None and shape is not None and (shape.mesh or shape.urdf):
+            body = self._body(mass, self._outline(shape, *where), place, orientation)
+        # How high it stands is known of what is upright alone, and has a shape of its own.
+        known = shape is None or not (shape.mesh or shape.urdf or any(orientation[:2]))
+        if len(position) == 2 and self._floor is not None and not known:
             self._set_down(body, self._floor)
         return body
 
-    def _body(self, mass: float, outline: int, position: Sequence[float], heading: float) -> int:
+    def _body(self, mass: float, outline: int, position: Sequence[float], orientation: Sequence[float]) -> int:
         body: int = engine.createMultiBody(
-            mass, outline, -1, position, turn(heading), useMaximalCoordinates=1, physicsClientId=self._client
+            mass, outline, -1, position, orientation, useMaximalCoordinates=1, physicsClientId=self._client
         )
         return body
 
-    def _load(self, mass: float, urdf: Urdf, position: Sequence[float], heading: float, *where: str) -> int:
+    def _load(
+        self, mass: float, urdf: Urdf, position: Sequence[float], orientation: Sequence[float], *where: str
+    ) -> int:
         file = asset.find(urdf.file, self._folder, *where, "shape", "urdf", "file")
         asset.check_description(file, urdf.file, self._folder, *where, "shape", "urdf", "file")
         with quiet() as said:
@@ -93,38 +120,69 @@ class Solids:
                 body: int = engine.loadURDF(
                     str(file),
                     position,
-                    turn(heading),
+                    orientation,
                     useFixedBase=mass == 0.0,
                     globalScaling=urdf.scale,
-                    flags=self._loading,
+                    flags=self._loading | engine.URDF_USE_INERTIA_FROM_FILE,
                     physicsClientId=self._client,
                 )
             except engine.error:
                 body = -1
         if body < 0:
             raise WorldError(f"PyBullet cannot load `{urdf.file}`: {last(said)}", *where, "shape", "urdf", "file")
-        self._check_masses(body, urdf.file, mass > 0.0, *where, "shape", "urdf", "file")
+        self._check(body, urdf.file, mass > 0.0, *where, "shape", "urdf", "file")
         return body
+
+    def _release(self, body: int) -> None:
+        """Let joints move as the file says; the engine's own motors would hold them."""
+        for number in self.moving_joints(body):
+            friction = engine.getJointInfo(body, number, self._client)[7]
+            engine.setJointMotorControl2(
+                body, number, engine.VELOCITY_CONTROL, targetVelocity=0.0, force=friction, physicsClientId=self._client
+            )
+
+    def moving_joints(self, body: int) -> list[int]:
+        """The engine's numbers of the joints of a body that turn or slide."""
+        joints = range(engine.getNumJoints(body, self._client))
+        return [number for number in joints if engine.getJointInfo(body, number, self._client)[2] in _MOVING]
 
     def _set_down(self, body: int, floor: float) -> None:
         """Let the lowest of a body be on the ground."""
         # Boxes around parts that are turned would be too large; how far a plane is from them is exact.
         plane = engine.createCollisionShape(engine.GEOM_PLANE, physicsClientId=self._client)
-        ground = self._body(0.0, plane, (0.0, 0.0, floor), 0.0)
+        ground = self._body(0.0, plane, (0.0, 0.0, floor), turn(0.0))
         near = engine.getClosestPoints(body, ground, _ANY_DISTANCE, physicsClientId=self._client)
         engine.removeBody(ground, self._client)
         (x, y, z), orientation = engine.getBasePositionAndOrientation(body, self._client)
         place = (x, y, z - min((point[8] for point in near), default=0.0))
         engine.resetBasePositionAndOrientation(body, place, orientation, self._client)
 
-    def _check_masses(self, body: int, file: str, moves: bool, *where: str) -> None:
-        """See whether the masses of a file are some that the engine can compute with."""
+    def _check(self, body: int, file: str, moves: bool, *where: str) -> None:
+        """See whether the engine can compute with the masses and the joints of a file."""
         masses = [engine.getDynamicsInfo(body, link, self._client)[0] for link in self._links(body)]
         wrong = [mass for mass in masses if not 0.0 <= mass < math.inf]
         if wrong:
             raise WorldError(f"`{file}` gives a link a mass of {wrong[0]:g}; it is a number greater than 0", *where)
         if moves and masses[0] == 0.0:
-            raise WorldError(f"`{file}` gives its base no mass, and nothing can move what has none", *where)
+            raise WorldError(
+                f"`{file}` gives its base no mass, and nothing can move what has none; without `mass`, the entity has "
+                "a fixed base",
+                *where,
+            )
+        carried = masses[1:]
+        joints = [engine.getJointInfo(body, number, self._client) for number in range(len(carried))]
+        for number, joint in reversed(list(enumerate(joints))):
+            name, kind, parent = joint[1].decode(), joint[2], joint[16]
+            if kind not in (*_MOVING, engine.JOINT_FIXED):
+                raise WorldError(
+                    f"the joint `{name}` of `{file}` is none that turns or slides; those are of the type `revolute`, "
+                    "`continuous` or `prismatic`",
+                    *where,
+                )
+            if kind in _MOVING and carried[number] == 0.0:
+                raise WorldError(f"`{file}` gives no mass to what its joint `{name}` moves", *where)
+            if parent >= 0:
+                carried[parent] += carried[number]
 
     def _outline(self, shape: Shape | None, *where: str) -> int:
         """The engine's number of a shape; the same for all that have it."""
@@ -181,9 +239,13 @@ class Solids:
             )
 
     def meet(self, body: int, kind: int) -> None:
-        """Let a body meet whom its kind meets."""
+        """Let a body meet whom its kind meets; what joints move on a fixed base meets whom free bodies meet."""
+        moved = set(self.moving_joints(body)) if kind == FIXED else set()
         for link in self._links(body):
-            engine.setCollisionFilterGroupMask(body, link, kind, MEETS[kind], self._client)
+            if link >= 0 and engine.getJointInfo(body, link, self._client)[16] in moved:
+                moved.add(link)
+            own = FACED if link in moved else kind
+            engine.setCollisionFilterGroupMask(body, link, own, MEETS[own], self._client)
 
     def moment(self, body: int, entity: Entity) -> float:
         """The moment of inertia about the vertical [kg m^2]."""
@@ -211,7 +273,7 @@ class Solids:
         def add(shape: int, x: float, y: float, turned: float) -> None:
             cosine, sine = math.cos(heading), math.sin(heading)
             where = (place[0] + cosine * x - sine * y, place[1] + sine * x + cosine * y, place[2])
-            members.append(Member(self._body(mass, shape, where, heading + turned), x, y, turned))
+            members.append(Member(self._body(mass, shape, where, turn(heading + turned)), x, y, turned))
 
         for (x, y), (to_x, to_y) in pairwise(wall.points):
             extents = [0.5 * math.dist((x, y), (to_x, to_y)), half, 0.5 * height]
@@ -225,8 +287,11 @@ class Solids:
         return members
 
 
-def turn(heading: float) -> tuple[float, float, float, float]:
-    """The quaternion (x, y, z, w) of a heading."""
+def turn(heading: float, roll: float = 0.0, pitch: float = 0.0) -> Sequence[float]:
+    """The quaternion (x, y, z, w) of a heading, and of a roll and a pitch before that [rad]."""
+    if roll or pitch:
+        orientation: list[float] = attitude(roll, pitch, heading).tolist()
+        return orientation
     return (0.0, 0.0, math.sin(0.5 * heading), math.cos(0.5 * heading))
 
 

@@ -21,7 +21,6 @@ from symaware_cli.core import (
     seconds,
 )
 from symaware_cli.core.articulation import Articulation
-from symaware_cli.core.rotation import attitude_columns
 from symaware_cli.core.vehicle import read_bodies
 from symaware_cli.environments import collision, sight
 from symaware_cli.environments.bullet import MOST_SHOWN, Client, engine, quiet
@@ -33,8 +32,9 @@ from symaware_cli.environments.likeness import likenesses
 from symaware_cli.environments.noise import process_noise
 from symaware_cli.environments.physics import Bodies, PhysicsEnvironment
 from symaware_cli.environments.posture import Postures
-from symaware_cli.environments.solid import Member, Solids, last
+from symaware_cli.environments.solid import Member, Solids, last, turn
 from symaware_cli.environments.touch import GROUND
+from symaware_cli.geometry.rotation import attitude_columns
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -53,7 +53,7 @@ class PyBulletEnvironment(PhysicsEnvironment):
     """
 
     dimensions = 3
-    provides = ("images", "vehicles")
+    provides = ("images", "tilt", "vehicles")
 
     class Parameters(PhysicsEnvironment.Parameters):
         """How the spatial world moves."""
@@ -145,6 +145,7 @@ class PyBulletEnvironment(PhysicsEnvironment):
         self._articulations = likenesses(self.groups, self.obstacles, vehicles, self.folder, parameters.height)
         self._drifts = bool(self._planar.any())
         self._free_headings = np.array([self.obstacles[name].heading for name in self._free])
+        self._free_members = [self._entities[name] for name in self._free]
         self._body_of = {index: body for body, index in self._index.items()}
         ground = len(self.roster) + len(self.obstacles)
         self._collisions = Collisions(client, self._index, self._touches, ground, self.step_time)
@@ -168,6 +169,8 @@ class PyBulletEnvironment(PhysicsEnvironment):
         index = len(self.roster) + len(self.obstacles)
         self._finish(make_plane(self._id, ground.height), index, ground, collision.GROUND)
         free = [self.obstacles[name] for name in self._free]
+        # What joints of a fixed base move may reach the ground, too.
+        free += [each for each in self.obstacles.values() if each.shape.urdf and not each.is_free and not each.path]
         starts = [each.pose().position for each in free if footing(each.shape) == collision.FACED]
         for drive, number, _ in self._parts:
             # Who moves in a plane does not touch the ground.
@@ -183,7 +186,8 @@ class PyBulletEnvironment(PhysicsEnvironment):
         for row, own in zip(range(part.start, part.stop), state, strict=True):
             position = own[list(model.position)].tolist()
             heading = float(own[model.heading]) if model.heading is not None else 0.0
-            body = self._solids.make(entity.mass, entity.shape, position, heading, *where)
+            # Its base is told how to move, and links that hang on it would not feel that: it moves as one.
+            body = self._solids.make(entity.mass, entity.shape, position, turn(heading), *where, held=True)
             inertia = self._solids.moment(body, entity)
             turning = inertia if turns else _IMMOVABLE
             # What is driven stays upright: nothing tilts it.
@@ -239,8 +243,11 @@ class PyBulletEnvironment(PhysicsEnvironment):
         if obstacle.shape.wall:
             members = self._solids.make_wall(mass, obstacle.shape.wall, pose.position, pose.heading)
         else:
-            members = [Member(self._solids.make(mass, obstacle.shape, pose.position, pose.heading, *where))]
-            self._entities[name] = members[0].body
+            held = obstacle.path is not None
+            orientation = turn(pose.heading, obstacle.roll, obstacle.pitch)
+            body = self._solids.make(mass, obstacle.shape, pose.position, orientation, *where, held=held)
+            members = [Member(body)]
+            self._entities[name] = body
         for member in members:
             self._finish(member.body, index, obstacle, kind)
         self._members[name] = members
@@ -319,21 +326,23 @@ class PyBulletEnvironment(PhysicsEnvironment):
 
     def _lead(self, name: str, number: int) -> None:
         """Put an entity with a path where it is, with the velocity that brings it where the path is next."""
-        bodies, level = self._members[name], self._levels[name]
-        lead(self._id, self._postures, bodies, level, self._course(name, number), self._fall.tolist())
+        bodies, level, obstacle = self._members[name], self._levels[name], self.obstacles[name]
+        tilt, course = (obstacle.roll, obstacle.pitch), self._course(name, number)
+        lead(self._id, self._postures, bodies, level, course, tilt, self._fall.tolist())
 
     def _find_overlaps(self) -> None:
         self._collisions.start()
 
     # -- what is read back
 
-    def _bodies(self) -> tuple[Bodies, Bodies]:
+    def _read_driven(self) -> Bodies:
         driven = Bodies(*self._postures.look(self._agents, self._headings))
-        bodies = [self._entities[name] for name in self._free]
-        free = Bodies(*self._postures.look(bodies, self._free_headings))
         self._positions, self._headings = driven.positions, driven.headings
-        self._free_headings = free.headings
-        return driven, free
+        return driven
+
+    def _read_free(self) -> Bodies:
+        """Their headings are within half a turn of those at the start: turns are not counted."""
+        return Bodies(*self._postures.look(self._free_members, self._free_headings))
 
     def _displace(self, row: int, moved: Array, turned: float, faster: Array) -> None:
         self._headings[row] += turned

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 from symaware_cli.core import Contact
@@ -26,6 +26,8 @@ class TouchLedger:
 
     Attributes:
         agents: How many contacts an agent takes part in.
+        fresh: Those that began to touch in this time step and still do: their place in the news, and how hard, which
+            `press` adds up [N s].
         names: The name of each body, by index.
     """
 
@@ -44,13 +46,7 @@ class TouchLedger:
         #: What overlaps at the start was told then; that the engine finds it, too, is no news.
         self._told: set[Pair] = set()
         self._news: list[Contact] = []
-        #: Of those that began to touch in this time step and still do: their place in the news, and how hard [N s].
-        self._fresh: dict[Pair, tuple[int, float]] = {}
-
-    @property
-    def fresh(self) -> Collection[Pair]:
-        """Who began to touch in this time step, and still does: `press` adds up how hard."""
-        return self._fresh.keys()
+        self.fresh: dict[Pair, tuple[int, float]] = {}
 
     def start(self, bodies: Pair, point: tuple[float, ...], depth: float) -> None:
         """Tell of bodies that overlap at the start."""
@@ -83,14 +79,14 @@ class TouchLedger:
         else:
             self._points[bodies] = point
             if impulse is None:
-                self._fresh[bodies] = len(self._news), 0.0
+                self.fresh[bodies] = len(self._news), 0.0
             self._news.append(self._contact(bodies, point, depth, impulse=impulse or 0.0))
 
     def press(self, bodies: Pair, impulse: float) -> None:
         """Add to the impulse of those that are fresh; of others it is no news [N s]."""
-        if bodies in self._fresh:
-            place, before = self._fresh[bodies]
-            self._fresh[bodies] = place, before + impulse
+        if bodies in self.fresh:
+            place, before = self.fresh[bodies]
+            self.fresh[bodies] = place, before + impulse
 
     def end(self, bodies: Pair) -> None:
         """A part of one ceases to touch a part of the other."""
@@ -104,7 +100,7 @@ class TouchLedger:
 
     def settle(self) -> None:
         """End a time step; part those that were told of at the start, and whom the engine does not find to touch."""
-        for bodies in list(self._fresh):
+        for bodies in list(self.fresh):
             self._sum_up(bodies)
         for bodies in sorted(self._told):
             self._part(bodies)
@@ -119,8 +115,8 @@ class TouchLedger:
         self._news.append(self._contact(bodies, self._points.pop(bodies), 0.0, begins=False))
 
     def _sum_up(self, bodies: Pair) -> None:
-        if bodies in self._fresh:
-            place, impulse = self._fresh.pop(bodies)
+        if bodies in self.fresh:
+            place, impulse = self.fresh.pop(bodies)
             self._news[place] = replace(self._news[place], impulse=impulse)
 
     def _join(self, bodies: Pair) -> None:

@@ -69,9 +69,7 @@ def export_tables(
         LogError: The log is not one of ours or has no manifest, what the form needs is not installed, or the folder
             cannot be written; nothing is left behind then.
     """
-    if not log.manifest:
-        why = "was not written by SymAware" if log.foreign else "broke off before it says who takes part"
-        raise LogError(f"{log.path} {why}")
+    log.require_manifest()
     selection = selection or Selection()
     with whole_folder(folder) as place, _Book(place, form, cast.about(log)) as book:
         try:

@@ -115,13 +115,6 @@ def lay_out_rows(message: wire.Rows, count: int, *, width: int) -> Piece:
     return Piece(who, who, _widened(message.values, width))
 
 
-def lay_out_control(message: wire.Control, count: int, *, width: int) -> Piece:
-    """Lay out control inputs: what was applied, then what was requested."""
-    who = _present(message.rows, len(message.requested))
-    both = [_widened(message.applied, width), _widened(message.requested, width)]
-    return Piece(who, who, np.concatenate(both, axis=1))
-
-
 def lay_out_series(message: wire.SeriesRows, count: int, *, width: int) -> Piece:
     """Lay out time series: a row for each point; one without a value for a series without points.
 

@@ -117,11 +117,11 @@ def _extents(log: Log, selection: Selection) -> dict[str, Extent]:
     """Read the channels whose metadata do not bind what is in them."""
     extents = {
         topic: Extent()
-        for topic, info in log.channels.items()
+        for topic, info in log.topics.items()
         if selection.has_field(_kind(topic))
         and (
             info.schema in ("symaware.v1.SeriesRows", "symaware.v1.Awareness")
-            or (info.schema in ("symaware.v1.Rows", "symaware.v1.Control") and "columns" not in info.metadata)
+            or (info.schema == "symaware.v1.Rows" and "columns" not in info.metadata)
         )
     }
     for message in log.messages(extents, selection.start, selection.end):
@@ -130,8 +130,6 @@ def _extents(log: Log, selection: Selection) -> dict[str, Extent]:
             case wire.Awareness():
                 extent.widths.update(content.columns.tolist() if len(content.entities) else ())
                 extent.covariances |= len(content.covariances) > 0
-            case wire.Control():
-                extent.widths.add(content.requested.shape[1])
             case _:
                 extent.widths.add(content.values.shape[1])
     return extents
@@ -154,7 +152,8 @@ class _Group:
         makers: dict[str, tuple[str, Callable[[str], Source]]] = {
             f"{prefix}/state": ("state", self.state),
             **{f"/world/{self.name}/{kind}": ("world", partial(self.world, table)) for kind, table in _TRUTH.items()},
-            f"{prefix}/control": ("control", self.control),
+            f"{prefix}/control": ("control", partial(self.control, "control_requested", "as the controller asked for")),
+            f"/world/{self.name}/control": ("control", partial(self.control, "control", "as applied until then")),
             f"{prefix}/awareness": ("awareness", self.awareness),
             f"{prefix}/knowledge": ("knowledge", partial(self.knowledge, selection)),
         }
@@ -165,12 +164,12 @@ class _Group:
             MEASUREMENT: self.measurement,
         }
         for kind, maker in sensing.items():
-            for sensor, topic in sensors(self.log.channels, self.name, kind).items():
+            for sensor, topic in sensors(self.log.topics, self.name, kind).items():
                 makers[topic] = (kind, partial(maker, sensor))
         return {
             topic: make(topic)
             for topic, (kind, make) in makers.items()
-            if topic in self.log.channels and selection.has_field(kind)
+            if topic in self.log.topics and selection.has_field(kind)
         }
 
     def state(self, topic: str) -> Source:
@@ -185,12 +184,11 @@ class _Group:
         lay_out = partial(rows.lay_out_rows, width=len(quantities))
         return self._source(table, _numbers(quantities, "in truth"), lay_out)
 
-    def control(self, topic: str) -> Source:
-        """The control inputs."""
+    def control(self, table: str, description: str, topic: str) -> Source:
+        """Control inputs."""
         quantities = self._quantities(topic)
-        requested = [(f"{name}_requested", unit) for name, unit in quantities]
-        columns = [*_numbers(quantities, "as applied"), *_numbers(requested, "as the controller asked for")]
-        return self._source("control", columns, partial(rows.lay_out_control, width=len(quantities)))
+        lay_out = partial(rows.lay_out_rows, width=len(quantities))
+        return self._source(table, _numbers(quantities, description), lay_out)
 
     def series(self, kind: str, topic: str) -> Source:
         """A time series."""
@@ -205,7 +203,7 @@ class _Group:
     def awareness(self, topic: str) -> Source:
         """What the agents believe of others."""
         extent = self.extents[topic]
-        quantities = self._believed(extent)
+        quantities = self._quantities(topic)
         columns = [
             Column("other", "name", "", "whom the agent knows of; none if it knows of nobody"),
             Column("age", "number", "s", "since the other was last seen"),
@@ -260,29 +258,11 @@ class _Group:
 
     def _quantities(self, topic: str) -> Quantities:
         """The names and units that the channel announces, unless its messages are of another width."""
-        metadata = self.log.channels[topic].metadata
+        metadata = self.log.topics[topic].metadata
         names, units = (metadata[key].split(",") if metadata.get(key) else [] for key in ("columns", "units"))
         announced = list(zip_longest(names, units[: len(names)], fillvalue=""))
         extent = self.extents.get(topic)
         return announced if extent is None or extent.width in (0, len(announced)) else _numbered(extent.width)
-
-    def _believed(self, extent: Extent) -> Quantities:
-        """What the numbers are by which an agent knows of another.
-
-        A perception that measures gives positions and velocities; one that copies gives states. The log does not say
-        which, so names are given where only one can be meant.
-        """
-        state = [(name, unit) for name, unit in self.model.get("state", ())]
-        position = [state[place] for place in self.model.get("position", ())]
-        moving = [*position, *((f"v{name}", f"{unit}/s") for name, unit in position)]
-        states = [
-            [(name, unit) for name, unit in group.get("model", {}).get("state", ())]
-            for group in self.log.manifest["groups"].values()
-        ]
-        candidates = [moving] if extent.covariances else [moving, *states]
-        fitting = [each for each in candidates if each and extent.widths == {len(each)}]
-        certain = fitting and all(each == fitting[0] for each in fitting)
-        return fitting[0] if certain else _numbered(extent.width)
 
 
 def _path(kind: str, *names: str) -> str:
@@ -292,7 +272,7 @@ def _path(kind: str, *names: str) -> str:
 
 def _kind(topic: str) -> str:
     """Which of the selectable fields a topic is of."""
-    if topic.startswith("/world/"):
+    if topic.startswith("/world/") and not topic.endswith("/control"):
         return "world"
     return MEASUREMENT if f"/{MEASUREMENT}/" in topic else topic.split("/")[-1]
 

@@ -45,6 +45,7 @@ class HeadingModel(NoisyModel):
     """
 
     heading: int = 2
+    goes_ahead = True
     angles: tuple[int, ...] = (2,)
 
     @abstractmethod

@@ -20,7 +20,7 @@ from symaware_cli.network.network import Change, Network
 from symaware_cli.network.passage import WAITS, Parcel, Passage
 from symaware_cli.network.size import mailing_size, message_size
 from symaware_cli.network.traffic import Traffic, chosen, spoken
-from symaware_cli.network.underway import UnderWay
+from symaware_cli.network.underway import Letter, UnderWay
 
 
 class UnknownReceiverError(Exception):
@@ -56,7 +56,7 @@ class MemoryExchange:
         on_traffic: Callable[[Traffic], Any] = lambda traffic: None,
         on_change: Callable[[Change], Any] = lambda change: None,
         seed: int = 0,
-        time_step: int = 0,
+        time_step: int,
     ) -> None:
         """Open an inbox for everybody who listens.
 
@@ -71,7 +71,6 @@ class MemoryExchange:
             on_change: Called when the links have changed.
             seed: The seed of the run.
             time_step: Between two steps of the world, in nanoseconds: what travels for no time arrives at the next one.
-                0 for the next call of `deliver`, whenever that is.
         """
         self._ids = tuple(ids)
         self._rank = {id: rank for rank, id in enumerate(ids)}
@@ -144,7 +143,7 @@ class MemoryExchange:
 
     def _arrival(self, due: int) -> int:
         """When something can be read: what travels for no time, at the next step."""
-        if due > self.now or not self._time_step:
+        if due > self.now:
             return due
         return (self.now // self._time_step + 1) * self._time_step
 
@@ -335,16 +334,17 @@ class MemoryExchange:
         Steps of the world are the instants at which links change.
         """
         self.now = now
-        if not self._time_step or now % self._time_step == 0:
+        if now % self._time_step == 0:
             self.renew_links()
         self._advance()
-        letters, arrivals = self._under_way.take(now)
-        for letter in letters:
-            if letter.reason:
-                self._drop(letter.message, letter.reason)
+        for arrival in self._under_way.take(now):
+            if isinstance(arrival, Letter):
+                if arrival.reason:
+                    self._drop(arrival.message, arrival.reason)
+                else:
+                    self._hand_over(replace(arrival.message, arrival_time=arrival.due), arrival.receiver)
                 continue
-            self._hand_over(letter.message, letter.receiver)
-        for delivery, reason, size in arrivals:
+            delivery, reason, size = arrival
             late = reason != 0
             arriving = delivery
             if late.any():
@@ -353,12 +353,13 @@ class MemoryExchange:
             if len(arriving):
                 self._hand_over_columns(arriving, size)
 
-    def arrive(self, letters: Sequence[Message], deliveries: Sequence[Delivery]) -> None:
+    def arrive(self, arrived: Sequence[Message | Delivery]) -> None:
         """Make readable what another process has carried here."""
-        for letter in letters:
-            self._hand_over(letter, self._known(letter.receiver))
-        for delivery in deliveries:
-            self._hand_over_columns(delivery, mailing_size(delivery.mailing))
+        for each in arrived:
+            if isinstance(each, Message):
+                self._hand_over(each, self._known(each.receiver))
+            else:
+                self._hand_over_columns(each, mailing_size(each.mailing))
 
     def _hand_over(self, letter: Message, receiver: int) -> None:
         self.delivered += 1

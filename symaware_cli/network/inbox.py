@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from symaware_cli.core import Delivery, Message
+from symaware_cli.network.arrivals import in_order
 from symaware_cli.network.traffic import chosen, messages
 
 
@@ -144,12 +145,17 @@ class Inboxes:
         return (receiver, reader) in self._letters
 
     def receive(self, receiver: str, reader: str = "") -> Sequence[Message]:
-        """Hand over what arrived for an agent since the last call, oldest first."""
-        return self._letters.pop((receiver, reader), ())
+        """Hand over what arrived for an agent since the last call, oldest first; see `Exchange.receive`."""
+        arrived = self._letters.pop((receiver, reader), None)
+        if arrived is None:
+            return ()
+        rank = self._rank
+        arrived.sort(key=lambda each: (each.arrival_time, rank[each.sender], each.sequence))
+        return arrived
 
     def collect(self, reader: str) -> Sequence[Delivery | Message]:
-        """Hand over what arrived for a group since the last call, oldest first."""
-        return self._columns.pop(reader, ())
+        """Hand over what arrived for a group since the last call, oldest first for each; see `Exchange.collect`."""
+        return in_order(self._columns.pop(reader, ()), self._rank)
 
 
 def _without(arrived: Delivery | Message, id: str, receiver: int) -> Delivery | Message | None:

@@ -130,7 +130,7 @@ class Network:
         self.is_perfect = self._base.is_perfect and not self._exemptions
         #: Whether there may be something that is dropped from the head of a queue.
         parts = [self._base, *(each.channel for each in self._exemptions)]
-        self.has_lines = any(each.drop == "head" for each in parts) and any(each.queue is not None for each in parts)
+        self.has_lines = any(each.drop == "head" for each in parts) and any(each.is_bounded for each in parts)
 
     def stretch(self, now: int) -> Stretch:
         """The topology that holds at an instant, in nanoseconds."""

@@ -42,19 +42,19 @@ class Traffic:
         reasons = [""] * len(self.delivery)
         if self.reason is not None:
             reasons = [self.reasons[number] for number in self.reason.tolist()]
-        return zip(messages(self.delivery, ids), reasons, strict=True)
+        return zip(messages(self.delivery, ids, arrived=self.stage == "delivered"), reasons, strict=True)
 
 
-def messages(delivery: Delivery, ids: Sequence[str]) -> Iterator[Message]:
-    """Make an object of each message of a delivery."""
+def messages(delivery: Delivery, ids: Sequence[str], *, arrived: bool = True) -> Iterator[Message]:
+    """Make an object of each message of a delivery; one that has not arrived does not say when it will."""
     mailing, payloads = delivery.mailing, {}
-    for row, receiver, sequence in zip(
-        delivery.rows.tolist(), delivery.receivers.tolist(), delivery.sequences.tolist(), strict=True
-    ):
+    due = delivery.due if arrived else np.zeros_like(delivery.due)
+    columns = delivery.rows, delivery.receivers, delivery.sequences, due
+    for row, receiver, sequence, time in zip(*(column.tolist() for column in columns), strict=True):
         if row not in payloads:
             payloads[row] = mailing.payload(row)
         sender = ids[mailing.senders[row]]
-        yield Message(sender, ids[receiver], payloads[row], mailing.kind, sequence, delivery.sent_time)
+        yield Message(sender, ids[receiver], payloads[row], mailing.kind, sequence, delivery.sent_time, time)
 
 
 def chosen(delivery: Delivery, places: Indices | NDArray[np.bool_] | slice) -> Delivery:

@@ -89,24 +89,23 @@ class UnderWay:
 
     def launch(self, delivery: Delivery, reason: NDArray[np.uint8], size: int) -> None:
         """Take messages of a mailing; see `Arrival`."""
-        due = delivery.due
-        if len(due) > 1 and not (due[1:] >= due[:-1]).all():
-            order = np.argsort(due, kind="stable")
+        due, senders = delivery.due, delivery.senders
+        later, next_one = due[1:] > due[:-1], due[1:] == due[:-1]
+        if not (later | (next_one & (senders[1:] >= senders[:-1]))).all():
+            order = np.lexsort((delivery.sequences, senders, due))
             delivery, reason = chosen(delivery, order), reason[order]
         self._number += 1
         heapq.heappush(self._flights, (int(delivery.due[0]), self._number, _Flight(delivery, reason, size)))
 
-    def take(self, now: int) -> tuple[list[Letter], list[Arrival]]:
+    def take(self, now: int) -> list[Letter | Arrival]:
         """Hand over what arrives until now.
 
         Returns:
-            Single messages, by when they arrive, then by sender and number; and those of mailings, by when these were
-            sent, then by sender: not by who took its turn first.
+            By when the first of each arrives, then by sender and number: not by who took its turn first.
         """
-        letters: list[Letter] = []
+        arrivals: list[Letter | Arrival] = []
         while self._letters and self._letters[0].due <= now:
-            letters.append(heapq.heappop(self._letters))
-        arrivals: list[Arrival] = []
+            arrivals.append(heapq.heappop(self._letters))
         while self._flights and self._flights[0][0] <= now:
             _, number, flight = heapq.heappop(self._flights)
             first, due = flight.next, flight.delivery.due
@@ -119,9 +118,12 @@ class UnderWay:
             if last < len(due):
                 flight.next = last
                 heapq.heappush(self._flights, (int(due[last]), number, flight))
-        arrivals.sort(key=lambda each: _order(each.delivery))
-        return letters, arrivals
+        arrivals.sort(key=_order)
+        return arrivals
 
 
-def _order(delivery: Delivery) -> tuple[int, int, int]:
-    return delivery.sent_time, int(delivery.mailing.senders[0]), int(delivery.sequences[0])
+def _order(arrival: Letter | Arrival) -> tuple[int, int, int]:
+    if isinstance(arrival, Letter):
+        return arrival.due, arrival.sender, arrival.sequence
+    delivery = arrival.delivery
+    return int(delivery.due[0]), int(delivery.mailing.senders[delivery.rows[0]]), int(delivery.sequences[0])

@@ -63,7 +63,7 @@ class Solution:
         infeasibility: The most by which it violates what must hold, the motion included, in scaled units.
         violation: The most by which it violates a soft constraint, in its scaled units; 0 without such.
         solver: Who solved it, or tried last.
-        status: ``solved``, ``out of iterations``, ``out of time``, or that solver's own word.
+        status: ``solved``, ``out of iterations``, or that solver's own word.
         iterations: How many iterations all solvers together made.
         wall_time: How long they took [s]; never the same twice, so nothing in a run may depend on it.
     """

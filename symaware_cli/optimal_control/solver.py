@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import chain
 from typing import Any
 
 import casadi
@@ -33,7 +34,6 @@ class Solver:
         tolerance: float = 1e-6,
         barrier: float | None = None,
         cost_scale: float = 1.0,
-        wall_time: float | None = None,
         options: Mapping[str, Mapping[str, Any]] | None = None,
     ) -> None:
         """Build the program; later changes of the problem do not reach it.
@@ -42,13 +42,11 @@ class Solver:
             problem: What to solve.
             solvers: Names of CasADi's solvers; each is tried where the one before failed. Others than ``fatrop`` and
                 ``ipopt`` get their budget by `options`.
-            iterations: The budget of each of them. It bounds the time that a step takes, and the result is the same
-                on a slow machine.
+            iterations: The budget of each of them, from each guess. It bounds the time that a step takes, and the
+                result is the same on a slow machine.
             tolerance: To which the scaled problem is to be solved.
             barrier: Where interior-point methods begin; small values make the most of a good guess.
             cost_scale: What the cost is multiplied by before a solver sees it, so that it is of the order of one.
-            wall_time: A budget for each call [s], for runs in real time only: where it ends depends on the machine.
-                Only IPOPT can be interrupted by it; no further solver is tried after it.
             options: Further options of CasADi by solver.
 
         Raises:
@@ -61,8 +59,7 @@ class Solver:
         self._declared = dict(problem.parameters)
         self._cost_scale = cost_scale
         self._iterations = iterations
-        self._wall_time = wall_time
-        usual = _options(self.program, iterations, tolerance, barrier, wall_time)
+        usual = _options(self.program, iterations, tolerance, barrier)
         self._solvers: dict[str, Any] = {}
         for name in solvers:
             if not casadi.has_nlpsol(name):
@@ -86,6 +83,7 @@ class Solver:
         *,
         previous_input: ArrayLike | None = None,
         guess: Plan | None = None,
+        alternatives: Iterable[Plan] = (),
     ) -> Solution:
         """Solve the problem from a state.
 
@@ -95,9 +93,12 @@ class Solver:
                 the stages first, (N + 1, ...); a single value holds for all of them.
             previous_input: The control input before stage 0, shape (nu,); zero if nothing is said.
             guess: Where to begin, such as ``plan.shifted()``; without, the motion under the least control input.
+            alternatives: Where else the first solver begins, in this order, if it fails from the guess, before others
+                try that: a program that is not convex may have solutions that are not found from there. They are made
+                only when they are needed.
 
         Returns:
-            What came of it; that solvers fail is no exception.
+            What came of it; that solvers fail is no exception. Where all fail it is what came of the guess.
 
         Raises:
             ValueError: The state or a parameter is missing, has another shape or is not finite.
@@ -111,21 +112,29 @@ class Solver:
             (len(model.control_input),),
         )
         values = np.concatenate([present, before[program.carried_inputs], *self._values(parameters or {})])
-        start = self._start(present, before, self.rollout(present) if guess is None else guess)
-        iterations = 0
-        for name in self._solvers:
-            found, success, status, count = self._attempt(name, start, values)
+        first = self.rollout(present) if guess is None else guess
+        foremost, *further = self._solvers
+        attempts = chain(
+            [(first, foremost)], ((other, foremost) for other in alternatives), ((first, name) for name in further)
+        )
+        iterations, best = 0, None
+        for begin, name in attempts:
+            found, success, status, count = self._attempt(name, self._start(present, before, begin), values)
             iterations += count
-            point, infeasibility = np.array(found["x"]).ravel(), self._infeasibility(found)
+            point = np.array(found["x"]).ravel()
             solved = success and bool(np.isfinite(point).all())
-            if solved or (self._wall_time is not None and time.perf_counter() - began >= self._wall_time):
+            if solved or begin is first:
+                best = found, point, solved, name, status
+            if solved:
                 break
+        assert best is not None
+        found, point, solved, name, status = best
         inputs = np.clip(point[program.inputs], *self._input_bounds)  # solvers relax bounds by their tolerance
         return Solution(
             plan=Plan(point[program.states], inputs, self._dynamics, self.steps),
             solved=solved,
             cost=float(found["f"]) / self._cost_scale,
-            infeasibility=infeasibility,
+            infeasibility=self._infeasibility(found),
             violation=float(np.max(point[program.slacks], initial=0.0)),
             solver=name,
             status=status,
@@ -186,8 +195,6 @@ class Solver:
             status = "solved"
         elif count >= self._iterations:
             status = "out of iterations"
-        elif "time" in said:
-            status = "out of time"
         else:
             # FATROP says only that it failed.
             status = "no solution found" if said.lstrip("-").isdigit() else said
@@ -231,9 +238,7 @@ def _checked(what: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
     return array
 
 
-def _options(
-    program: Program, iterations: int, tolerance: float, barrier: float | None, wall_time: float | None
-) -> dict[str, dict[str, Any]]:
+def _options(program: Program, iterations: int, tolerance: float, barrier: float | None) -> dict[str, dict[str, Any]]:
     """Options of CasADi by solver; those of all under an empty name."""
     low, high = program.constraints
     fatrop = {
@@ -250,7 +255,5 @@ def _options(
     ipopt = {"ipopt.print_level": 0, "ipopt.sb": "yes", "ipopt.max_iter": iterations, "ipopt.tol": tolerance}
     if barrier is not None:
         fatrop["fatrop.mu_init"] = ipopt["ipopt.mu_init"] = barrier
-    if wall_time is not None:
-        ipopt["ipopt.max_wall_time"] = wall_time
     every = {"print_time": False, "error_on_fail": False, "show_eval_warnings": False, "calc_lam_p": False}
     return {"": every, "fatrop": fatrop, "ipopt": ipopt}

@@ -7,18 +7,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from symaware_cli.core.motion import motion_quantities
 from symaware_cli.recording import wire
 from symaware_cli.recording.series import Series, place_of
 
 Array = NDArray[np.float64]
-Names = tuple[tuple[str, ...], tuple[str, ...]]
-"""Names and units of columns."""
-
-_MOTION: dict[int, Names] = {
-    2 * size: ((*"xyz"[:size], *(f"v{axis}" for axis in "xyz"[:size])), ("m",) * size + ("m/s",) * size)
-    for size in (2, 3)
-}
-"""Position and velocity, by how many columns these are."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,7 +44,6 @@ def beliefs(
     count: int,
     other: int,
     truth: Callable[[int], Array],
-    state: Names,
 ) -> Beliefs:
     """Put together what one row believed of one other.
 
@@ -60,21 +52,18 @@ def beliefs(
         row: Whose beliefs.
         count: Rows of the group.
         other: Whom they are about, as an index in the roster.
-        truth: Its true state at an instant in ns, which those know who know the world; (columns,).
-        state: Names and units of that state.
+        truth: Its true position and velocity at an instant in ns, which those know who know the world; (columns,).
 
     Raises:
         ValueError: A message does not fit together.
     """
     known: dict[int, _Belief] = {}
-    true = True
     for time, message in entries:
         if message.world:
             known[time] = _Belief(truth(time), None, 0.0)
             continue
         place = place_of(row, message.rows)
         if place is not None:
-            true = False
             known[time] = _belief(message, place, count if message.rows is None else len(message.rows), other)
     columns = max((len(belief.values) for belief in known.values()), default=0)
     values = np.full((len(known), columns), np.nan)
@@ -84,7 +73,7 @@ def beliefs(
         values[number, :size] = belief.values
         if belief.covariance is not None:
             covariances[number, :size, :size] = belief.covariance
-    names, units = _names(state, columns, true=true, spread=any(each.covariance is not None for each in known.values()))
+    names, units = zip(*motion_quantities(columns // 2), strict=True) if columns in (4, 6) else ((), ())
     ages = np.array([belief.age for belief in known.values()], float)
     return Beliefs(np.array(list(known), np.int64), values, names, units, covariances=covariances, ages=ages)
 
@@ -108,16 +97,3 @@ def _belief(message: wire.Awareness, place: int, count: int, other: int) -> _Bel
     if len(message.covariances):
         covariance = message.covariances[square : square + size * size].reshape(size, size)
     return _Belief(values, covariance, float(message.ages[index]) if len(message.ages) else 0.0)
-
-
-def _names(state: Names, columns: int, *, true: bool, spread: bool) -> Names:
-    """What the columns are, as far as the messages tell.
-
-    Perceptions that see others leave positions and velocities, all else a state. Where these have equally many columns,
-    only a covariance tells them apart, which a bare state never has.
-    """
-    if true or (columns == len(state[0]) and columns not in _MOTION):
-        return state
-    if columns in _MOTION and (spread or columns != len(state[0])):
-        return _MOTION[columns]
-    return (), ()

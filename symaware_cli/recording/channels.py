@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,50 +10,51 @@ from numpy.typing import NDArray
 
 from symaware_cli.core import AgentGroup, AwarenessDatabase, Environment, Quantity, Tracks
 from symaware_cli.core.column import Column, SeriesColumn
+from symaware_cli.core.motion import motion_quantities
 from symaware_cli.core.time import SECOND
 from symaware_cli.recording import symaware_v1_pb2 as v1
 from symaware_cli.recording import wire
 from symaware_cli.recording.sensing import SensorChannels
+from symaware_cli.recording.shared import POSE, SHARED, shared_metadata
 from symaware_cli.recording.text import as_json
 from symaware_cli.recording.writer import LogWriter
 
-_POSE = {"columns": "x,y,z,qx,qy,qz,qw", "units": "m,m,m,1,1,1,1"}
 
+class EntityChannels:
+    """The channels of the entities that move, each of which many share."""
 
-class MoverChannel:
-    """The channel of an obstacle that moves."""
-
-    def __init__(self, writer: LogWriter, environment: Environment, name: str) -> None:
-        """Open it.
+    def __init__(self, writer: LogWriter, environment: Environment) -> None:
+        """Open those that there is something to say on.
 
         Args:
             writer: The log.
             environment: The world, initialised.
-            name: The obstacle.
         """
         self._writer = writer
         self._environment = environment
-        self._name = name
-        self._last: list[float] | None = None
-        columns = [*"xyz"[: len(environment.pose(name).position)], "heading"]
-        units = ["m"] * (len(columns) - 1) + ["rad"]
-        metadata = {"columns": ",".join(columns), "units": ",".join(units)}
-        self._channel = writer.channel(f"/world/{name}/state", "Rows", metadata)
+        #: Of each channel who shares it, and what was said last.
+        self._shared: dict[int, tuple[Sequence[str], NDArray[np.float64] | None]] = {}
+        moving = [name for name in environment.obstacles if environment.moves(name)]
+        width = {name: environment.entity_poses([name]).shape[1] for name in moving}
+        for topic, columns in SHARED.items():
+            names = [name for name in moving if width[name] == len(columns)]
+            if names:
+                channel = writer.channel(topic, "Rows", shared_metadata(names, columns))
+                self._shared[channel] = names, None
 
     def record(self, now: int) -> None:
-        """Record where the obstacle is, unless it rests."""
-        pose = self._environment.pose(self._name)
-        values = [*pose.position, pose.heading]
-        if values != self._last:
-            self._last = values
-            self._writer.add(self._channel, now, wire.encode_rows([values]))
+        """Record where those are that do not rest."""
+        for channel, (names, last) in self._shared.items():
+            values = self._environment.entity_poses(names)
+            self._shared[channel] = names, values
+            _record_changes(self._writer, channel, now, values, last)
 
 
 class PostureChannels:
     """The channels of what else is true of bodies in space: how they are turned, and how their joints stand."""
 
     def __init__(self, writer: LogWriter, environment: Environment, name: str) -> None:
-        """Open them, as far as there is something to say.
+        """Open them, as far as there is something to say that `EntityChannels` does not.
 
         Args:
             writer: The log.
@@ -64,8 +65,8 @@ class PostureChannels:
         self._name = name
         self._sources: list[tuple[int, Callable[[str], NDArray[np.float64] | None]]] = []
         self._last: dict[int, NDArray[np.float64]] = {}
-        if environment.body_poses(name) is not None:
-            self._sources.append((writer.channel(f"/world/{name}/pose", "Rows", _POSE), environment.body_poses))
+        if name not in environment.obstacles and environment.body_poses(name) is not None:
+            self._sources.append((writer.channel(f"/world/{name}/pose", "Rows", POSE), environment.body_poses))
         if environment.joint_positions(name) is not None:
             joints = environment.articulations()[name].joints
             metadata = {"columns": ",".join(joints), "units": ",".join(joints.values())}
@@ -81,14 +82,9 @@ class PostureChannels:
         """Record the rows that changed."""
         for channel, read in self._sources:
             values, last = read(self._name), self._last.get(channel)
-            if values is None:
-                continue
-            self._last[channel] = values
-            rows = None if last is None else np.flatnonzero((values != last).any(axis=1))
-            if rows is None or len(rows) == len(values):
-                self._writer.add(channel, now, wire.encode_rows(values))
-            elif len(rows):
-                self._writer.add(channel, now, wire.encode_rows(values[rows], rows))
+            if values is not None:
+                self._last[channel] = values
+                _record_changes(self._writer, channel, now, values, last)
 
 
 class GroupChannels:
@@ -99,7 +95,7 @@ class GroupChannels:
         writer: LogWriter,
         environment: Environment,
         group: AgentGroup,
-        omit: Sequence[str],
+        omit: Collection[str],
         quantities: Mapping[str, Sequence[Quantity]],
         own: Sequence[int] | None = None,
     ) -> None:
@@ -109,7 +105,7 @@ class GroupChannels:
             writer: The log.
             environment: The world, initialised.
             group: The group.
-            omit: Which kinds to leave out.
+            omit: Which kinds to leave out; `applied` for the control inputs that the world applied.
             quantities: What the columns of its series are.
             own: The rows that are recorded, ascending; None for all. The others run in another process.
         """
@@ -120,19 +116,22 @@ class GroupChannels:
         self._omit = frozenset(omit)
         self._count = len(group)
         self._last_truth: Any = None
+        self._told_steps = 0
         self._last_tracks: Any = None
         self._last_world: Any = None
         states = _columns(group.model.state)
         inputs = _columns(group.model.control_input)
+        motion = _columns(motion_quantities(environment.roster.dimensions))
         series = {kind: _columns(columns) for kind, columns in quantities.items()}
         topics = {
             "world": (f"/world/{group.name}/state", "Rows", states),
             "state": (f"/agents/{group.name}/state", "Rows", states),
-            "control": (f"/agents/{group.name}/control", "Control", inputs),
+            "control": (f"/agents/{group.name}/control", "Rows", inputs),
+            "applied": (f"/world/{group.name}/control", "Rows", inputs),
             "intent": (f"/agents/{group.name}/intent", "SeriesRows", series.get("intent", {})),
             "uncertainty": (f"/agents/{group.name}/uncertainty", "SeriesRows", series.get("uncertainty", {})),
             "risk": (f"/agents/{group.name}/risk", "SeriesRows", series.get("risk", {})),
-            "awareness": (f"/agents/{group.name}/awareness", "Awareness", {}),
+            "awareness": (f"/agents/{group.name}/awareness", "Awareness", motion),
             "knowledge": (f"/agents/{group.name}/knowledge", "Knowledge", {}),
         }
         self._channels = {kind: writer.channel(*topic) for kind, topic in topics.items() if kind not in self._omit}
@@ -149,8 +148,13 @@ class GroupChannels:
             if kind in self._channels
         ]
 
-    def record(self, now: int) -> int:
-        """Record the rows that changed and return how many there were, of all kinds but the world's."""
+    def record(self, now: int, steps: int) -> int:
+        """Record the rows that changed and return how many there were, of all kinds but the world's.
+
+        Args:
+            now: Simulated time in nanoseconds.
+            steps: How many steps the world has made.
+        """
         writer, channels, awareness = self._writer, self._channels, self._group.awareness
         updates = 0
         if "world" in channels:
@@ -160,6 +164,10 @@ class GroupChannels:
                 writer.add(channels["world"], now, wire.encode_rows(truth))
                 if self._postures:
                     self._postures.record(now)
+        if "applied" in channels and steps > self._told_steps:
+            # What moved everybody in the last step: the world alone knows.
+            self._told_steps = steps
+            writer.add(channels["applied"], now, wire.encode_rows(self._environment.applied_input(self._group)))
         if "state" in channels:
             updates += self._record_column(now, channels["state"], awareness.state_column)
         for channel, column in self._series:
@@ -167,7 +175,7 @@ class GroupChannels:
         if "awareness" in channels:
             updates += self._record_awareness(now, channels["awareness"])
         if "control" in channels:
-            updates += self._record_control(now, channels["control"])
+            updates += self._record_column(now, channels["control"], self._group.control_column)
         if "knowledge" in channels:
             updates += self._record_knowledge(now, channels["knowledge"])
         if self._sensors and awareness.readings:
@@ -189,20 +197,6 @@ class GroupChannels:
         if rows:
             self._writer.add(channel, now, wire.encode_rows(column.values[rows], rows))
         return len(rows)
-
-    def _record_control(self, now: int, channel: int) -> int:
-        column = self._group.control_column
-        rows = self._changes(column)
-        if rows is not None and not rows:
-            return 0
-        requested = column.values
-        limited = self._group.model.limit(requested)
-        applied = None if limited is requested or np.array_equal(limited, requested) else limited
-        if rows is not None:
-            requested = requested[rows]
-            applied = None if applied is None else applied[rows]
-        self._writer.add(channel, now, wire.encode_control(requested, applied, rows))
-        return self._count if rows is None else len(rows)
 
     def _record_series(self, now: int, channel: int, column: SeriesColumn) -> int:
         rows = self._changes(column)
@@ -288,10 +282,11 @@ class GroupChannels:
         return len(rows)
 
     def _record_knowledge(self, now: int, channel: int) -> int:
-        if not self._group.knowledge_news:
+        changed = self._group.knowledge_changes.rows
+        if not changed:
             return 0
-        rows = sorted(self._group.knowledge_news)
-        self._group.knowledge_news.clear()
+        rows = sorted(changed)
+        changed.clear()
         if self._own is not None:
             rows = [row for row in rows if row in self._own]
             if not rows:
@@ -304,6 +299,17 @@ class GroupChannels:
             self._group.knowledge[row].changed = False
         self._writer.add(channel, now, record.SerializeToString(deterministic=True))
         return len(rows)
+
+
+def _record_changes(
+    writer: LogWriter, channel: int, now: int, values: NDArray[np.float64], last: NDArray[np.float64] | None
+) -> None:
+    """Record the rows that are not as they were."""
+    rows = None if last is None else (values != last).any(axis=1).nonzero()[0]
+    if rows is None or len(rows) == len(values):
+        writer.add(channel, now, wire.encode_rows(values))
+    elif len(rows):
+        writer.add(channel, now, wire.encode_rows(values[rows], rows))
 
 
 def _columns(quantities: Sequence[Quantity]) -> dict[str, str]:

@@ -12,12 +12,13 @@ import numpy as np
 
 from symaware_cli.core import Environment
 from symaware_cli.core.articulation import Articulation, Link, Visual
-from symaware_cli.core.rotation import rotated
 from symaware_cli.environments.collada import triangles
 from symaware_cli.environments.description import DescriptionError
+from symaware_cli.geometry.rotation import rotated
 from symaware_cli.recording.error import LogError
 from symaware_cli.recording.schema import GEOMETRY
 from symaware_cli.recording.surface import MEDIA_TYPES, bounds, stl
+from symaware_cli.recording.text import read_json
 
 #: [bytes] No mesh is larger, nor all of them together; of others the log has the box around them.
 LARGEST = 16 << 20
@@ -153,8 +154,12 @@ class GeometryWriter:
         return None
 
 
-def geometry_of(attachments: Mapping[str, bytes]) -> Geometry:
+def geometry_of(attachments: Mapping[str, bytes], where: object = "the log") -> Geometry:
     """Read the geometry out of the attachments of a log.
+
+    Args:
+        attachments: Them.
+        where: The log, for what is said of it.
 
     Raises:
         LogError: It is damaged.
@@ -162,7 +167,7 @@ def geometry_of(attachments: Mapping[str, bytes]) -> Geometry:
     if GEOMETRY not in attachments:
         return Geometry()
     try:
-        content = json.loads(attachments[GEOMETRY])
+        content = read_json(attachments[GEOMETRY])
         geometry = Geometry(
             articulations=[Articulation.model_validate(each) for each in content["articulations"]],
             bodies={str(name): int(place) for name, place in content["bodies"].items()},
@@ -171,8 +176,8 @@ def geometry_of(attachments: Mapping[str, bytes]) -> Geometry:
         )
         if any(not 0 <= place < len(geometry.articulations) for place in geometry.bodies.values()):
             raise ValueError("it names bodies that it does not describe")
-    except (KeyError, TypeError, AttributeError, ValueError) as error:
-        raise LogError(f"{GEOMETRY} in the log is damaged") from error
+    except (KeyError, TypeError, AttributeError, ValueError, OverflowError) as error:
+        raise LogError(f"{GEOMETRY} in {where} is damaged") from error
     return geometry
 
 

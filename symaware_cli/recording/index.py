@@ -6,7 +6,7 @@ An `Index` comes from the summary at the end of a sound file, or, if there is no
 import io
 import struct
 import zlib
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import BinaryIO, NamedTuple, TypeVar
 
@@ -27,7 +27,7 @@ from mcap.records import (
     Statistics,
 )
 
-from symaware_cli.recording.schema import MAGIC
+from symaware_cli.recording.schema import CHUNK_SIZE, LARGEST_CHUNK, LIBRARY, MAGIC, PROFILE
 
 FRAME = struct.Struct("<BQ")
 """What a record begins with: opcode and length."""
@@ -35,8 +35,11 @@ FRAME = struct.Struct("<BQ")
 MESSAGE = struct.Struct("<BQHIQQ")
 """What a message record begins with: opcode, length, channel, sequence, log time, publish time."""
 
-MAX_UNCOMPRESSED = 1 << 30
-"""Bytes; a chunk that claims to unpack to more is taken for broken. (Ours have 2^18.)"""
+MANY = 32 << 20
+"""Bytes of an unpacked chunk of another writer; one that has more is taken for broken, unless it is one message."""
+
+LAST_TIME = (1 << 63) - 1
+"""The greatest log time, ns; what is later, in the year 2262, is none."""
 
 _CHUNK = struct.Struct("<QQQI")
 _FOOTER_SIZE = FRAME.size + 20 + len(MAGIC)
@@ -56,6 +59,10 @@ class ChannelInfo:
         encoding: How messages are serialised; `protobuf` in our logs.
         metadata: Such as `columns` and `units`.
         count: Messages in the log.
+        rows: How many rows there are that its messages can be about; None where that is not known.
+        roster: How many there are whom its messages can name by their place in the roster; None likewise.
+        width: How many numbers a row has; None likewise.
+        message: What messages of ours there must be on the topic, by their name in log.proto; None likewise.
     """
 
     topic: str
@@ -63,6 +70,10 @@ class ChannelInfo:
     encoding: str
     metadata: dict[str, str]
     count: int
+    rows: int | None = None
+    roster: int | None = None
+    width: int | None = None
+    message: str | None = None
 
     def carries(self, message_name: str) -> bool:
         """Whether its messages are ours, of that name in log.proto."""
@@ -163,13 +174,13 @@ def from_summary(file: BinaryIO, size: int) -> Index | None:
         section = read_at(file, footer.summary_start, size - _FOOTER_SIZE - footer.summary_start)
         if footer.summary_crc and zlib.crc32(section + end[: FRAME.size + 16]) != footer.summary_crc:
             return None
-        return index if _fill(index, section) else None
+        return index if _fill(index, section, footer.summary_start) else None
     except Unsound:
         return None
 
 
-def _fill(index: Index, section: bytes) -> bool:
-    """Fill the index from the summary section; false if it leaves out what is needed."""
+def _fill(index: Index, section: bytes, limit: int) -> bool:
+    """Fill the index from the summary section, which begins at `limit`; false if it leaves out what is needed."""
     statistics = None
     chunks: list[ChunkIndex] = []
     for opcode, start, end in frames(section):
@@ -193,26 +204,42 @@ def _fill(index: Index, section: bytes) -> bool:
                 index.metadata.append(Place(metadata.name, metadata.offset, metadata.length))
     if statistics is None:
         return False
+    # A writer may leave the index of messages out: then anything may be in the chunk.
+    anything = frozenset(index.channels)
     index.spans = [
         Span(
             chunk.chunk_start_offset,
             chunk.chunk_length,
             chunk.message_start_time,
             chunk.message_end_time,
-            # A writer may leave the index of messages out: then anything may be in the chunk.
-            frozenset(chunk.message_index_offsets or index.channels),
+            frozenset(chunk.message_index_offsets) or anything,
         )
         for chunk in sorted(chunks, key=lambda chunk: chunk.chunk_start_offset)
     ]
     index.counts = statistics.channel_message_counts
+    index.attachments.sort(key=lambda place: place.offset)
+    index.metadata.sort(key=lambda place: place.offset)
     return (
-        index.counts.keys() <= index.channels.keys()
+        # What overlaps could be read again and again.
+        _apart([*index.spans, *index.attachments, *index.metadata], limit)
+        and all(span.start <= span.end <= LAST_TIME for span in index.spans)
+        and index.counts.keys() <= index.channels.keys()
         and {channel.schema_id for channel in index.channels.values()} <= index.schemas.keys() | {0}
         and statistics.chunk_count == len(index.spans)
         and statistics.attachment_count == len(index.attachments)
         and statistics.metadata_count == len(index.metadata)
         and bool(index.spans or not statistics.message_count)  # without chunks, only a scan finds the messages
     )
+
+
+def _apart(places: Iterable[Span | Place], end: int) -> bool:
+    """Whether no two of some places overlap, and all lie before some offset."""
+    position = len(MAGIC)
+    for place in sorted(places, key=lambda place: place.offset):
+        if place.offset < position or place.length < FRAME.size:
+            return False
+        position = place.offset + place.length
+    return position <= end
 
 
 def read_header(file: BinaryIO) -> Header:
@@ -280,23 +307,22 @@ def parse(kind: type[_Record], content: bytes) -> _Record:
     return record
 
 
-def read_record(file: BinaryIO, offset: int, kind: type[_Record], opcode: Opcode, limit: int) -> _Record:
+def read_record(file: BinaryIO, offset: int, length: int, kind: type[_Record], opcode: Opcode) -> _Record:
     """Read a record of one kind.
 
     Args:
         file: The log.
         offset: Where the record stands.
+        length: Of all of it, bytes.
         kind: Its class.
         opcode: Its opcode.
-        limit: The size of the file, in bytes.
 
     Raises:
         Unsound: There is something else, or its checksum is wrong.
     """
-    found, length = FRAME.unpack(read_at(file, offset, FRAME.size))
-    if found != opcode or offset + FRAME.size + length > limit:
+    if FRAME.unpack(read_at(file, offset, FRAME.size)) != (opcode, length - FRAME.size):
         raise Unsound(f"no {kind.__name__} record at {offset}")
-    content = read_at(file, offset + FRAME.size, length)
+    content = read_at(file, offset + FRAME.size, length - FRAME.size)
     if kind is Attachment:
         (checksum,) = struct.unpack("<I", content[-4:].rjust(4))
         if checksum and zlib.crc32(content[:-4]) != checksum:
@@ -304,8 +330,13 @@ def read_record(file: BinaryIO, offset: int, kind: type[_Record], opcode: Opcode
     return parse(kind, content)
 
 
-def read_span(file: BinaryIO, span: Span) -> bytes:
+def read_span(file: BinaryIO, span: Span, header: Header) -> bytes:
     """Read the records of a span, unpacked and checked.
+
+    Args:
+        file: The log.
+        span: Where they stand.
+        header: Who wrote them.
 
     Raises:
         Unsound: They are damaged.
@@ -315,11 +346,15 @@ def read_span(file: BinaryIO, span: Span) -> bytes:
         return data
     if len(data) < FRAME.size or FRAME.unpack_from(data) != (Opcode.CHUNK, len(data) - FRAME.size):
         raise Unsound(f"no chunk at {span.offset}")
-    return unpack(data[FRAME.size :])
+    return unpack(data[FRAME.size :], header)
 
 
-def unpack(content: bytes) -> bytes:
+def unpack(content: bytes, header: Header) -> bytes:
     """Unpack and check the content of a chunk record.
+
+    Args:
+        content: It.
+        header: Who wrote it: our chunks are small, but for those of one large message.
 
     Raises:
         Unsound: It is damaged, or compressed in a way unknown here.
@@ -332,7 +367,7 @@ def unpack(content: bytes) -> bytes:
         start += length
         (length,) = struct.unpack_from("<Q", content, start)
         packed = content[start + 8 : start + 8 + length]
-        if len(packed) != length or size > MAX_UNCOMPRESSED:
+        if len(packed) != length or size > LARGEST_CHUNK:
             raise Unsound("a chunk has an impossible size")
         if compression == b"zstd":
             # Bounded by what the chunk claims, whatever the frame inside claims.
@@ -352,6 +387,9 @@ def unpack(content: bytes) -> bytes:
         raise Unsound("a chunk cannot be unpacked") from error
     if len(data) != size or (checksum and zlib.crc32(data) != checksum):
         raise Unsound("the checksum of a chunk is wrong")
+    ours = (header.profile, header.library) == (PROFILE, LIBRARY)
+    if size > (CHUNK_SIZE if ours else MANY) and FRAME.unpack_from(data) != (Opcode.MESSAGE, size - FRAME.size):
+        raise Unsound("a chunk has an impossible size")
     return data
 
 
@@ -373,6 +411,8 @@ def read_messages(data: bytes, wanted: Collection[int], start: int, end: int) ->
             if stop - position < MESSAGE.size - FRAME.size:
                 raise Unsound("a message is cut off")
             _, _, channel_id, sequence, time, _ = MESSAGE.unpack_from(data, position - FRAME.size)
+            if time > LAST_TIME:
+                raise Unsound("a message has an impossible time")
             if start <= time < end and channel_id in wanted:
                 content = data[position + MESSAGE.size - FRAME.size : stop]
                 messages.append(RawMessage(channel_id, sequence, time, content))
@@ -395,5 +435,7 @@ def message_positions(data: bytes) -> dict[int, list[int]]:
             if stop - start < MESSAGE.size:
                 raise Unsound("a message is cut off")
             _, _, channel_id, _, time, _ = MESSAGE.unpack_from(data, start)
+            if time > LAST_TIME:
+                raise Unsound("a message has an impossible time")
             positions.setdefault(channel_id, []).extend((time, start))
     return positions

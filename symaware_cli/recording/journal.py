@@ -1,11 +1,12 @@
 """What happened in a run, entry by entry: events, messages between agents, contacts."""
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+
+from symaware_cli.recording.text import read_json
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +108,7 @@ def event(time: int, message: Any) -> LoggedEvent:
     Raises:
         ValueError: Its data are not JSON.
     """
-    data = json.loads(message.data) if message.data else {}
+    data = read_json(message.data) if message.data else {}
     level = _name(message, "level")
     return LoggedEvent(time, message.name, message.source, level, message.text, data)
 
@@ -127,7 +128,7 @@ def communication(time: int, message: Any) -> Communication:
         stage=_name(message, "stage"),
         sent_time=message.sent_time,
         reason=message.reason,
-        payload=json.loads(message.payload) if message.payload else None,
+        payload=read_json(message.payload) if message.payload else None,
         size=message.size,
     )
 
@@ -196,7 +197,7 @@ def knowledge(time: int, message: Any, agents: Sequence[str]) -> list[LoggedKnow
     if len(rows) != len(message.values) or max(rows, default=0) >= max(len(agents), 1):
         raise ValueError(f"{len(message.values)} values for the rows {list(rows)} of a group of {len(agents)}")
     return [
-        LoggedKnowledge(time, agents[row], json.loads(value)) for row, value in zip(rows, message.values, strict=True)
+        LoggedKnowledge(time, agents[row], read_json(value)) for row, value in zip(rows, message.values, strict=True)
     ]
 
 

@@ -8,6 +8,31 @@ from typing import Any
 
 from symaware_cli.core import AgentGroup, Environment
 from symaware_cli.recording.schema import FORMAT
+from symaware_cli.recording.text import read_json
+
+
+def read_manifest(content: bytes) -> dict[str, Any]:
+    """Read a manifest.
+
+    Args:
+        content: The attachment of that name.
+
+    Returns:
+        What it says, each entry that this version knows of the type that it must have. One of a newer format is
+        returned as it is.
+
+    Raises:
+        ValueError: It is damaged.
+    """
+    said = read_json(content)
+    if not isinstance(said, dict) or type(said.get("format")) is not int:
+        raise ValueError("a manifest without a format")
+    if said["format"] <= FORMAT:
+        # Imported for those who read: runs start without it.
+        from symaware_cli.recording.manifest_schema import Manifest
+
+        Manifest.model_validate_json(content)
+    return said
 
 
 def manifest(

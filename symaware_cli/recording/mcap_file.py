@@ -1,9 +1,9 @@
 """A log as a file: any MCAP, as far as it can be read."""
 
 import itertools
-import json
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from bisect import bisect_left
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from functools import cached_property
 from pathlib import Path
@@ -27,8 +27,12 @@ from symaware_cli.recording.index import (
 from symaware_cli.recording.message import LogMessage
 from symaware_cli.recording.recovery import FOREVER, Damage, scan
 from symaware_cli.recording.schema import LIBRARY, PROFILE
+from symaware_cli.recording.text import read_json
 
 _Record = TypeVar("_Record", bound=McapRecord)
+
+MOST_HELD = 384 << 20
+"""Bytes of messages that are held because their chunks overlap in time, as they may in other people's logs."""
 
 
 class McapFile:
@@ -70,17 +74,22 @@ class McapFile:
         self.index = index
         self.header = index.header
         self._damage = damage or None
-        self._channels = {
-            number: ChannelInfo(
-                channel.topic,
-                index.schemas[channel.schema_id].name if channel.schema_id else "",
-                channel.message_encoding,
-                channel.metadata,
-                index.counts.get(number, 0),
-            )
-            for number, channel in index.channels.items()
-        }
-        self.channels = {info.topic: info for info in sorted(self._channels.values(), key=lambda info: info.topic)}
+        self._set_channels(
+            {
+                number: ChannelInfo(
+                    channel.topic,
+                    index.schemas[channel.schema_id].name if channel.schema_id else "",
+                    channel.message_encoding,
+                    channel.metadata,
+                    index.counts.get(number, 0),
+                )
+                for number, channel in index.channels.items()
+            }
+        )
+
+    def _set_channels(self, channels: dict[int, ChannelInfo]) -> None:
+        self._channels = channels
+        self.channels = {info.topic: info for info in sorted(channels.values(), key=lambda info: info.topic)}
 
     @property
     def start_time(self) -> int | None:
@@ -100,6 +109,8 @@ class McapFile:
     @property
     def damage(self) -> Damage | None:
         """What is wrong with the file, as far as it is known by now; `verify` makes sure."""
+        if self._damage:
+            self._damage.last_time = self.end_time
         return self._damage
 
     def verify(self) -> Damage | None:
@@ -109,7 +120,7 @@ class McapFile:
         with self.opened() as file:
             for span in list(self.index.spans):
                 self._read(file, span, frozenset(), 0, 0)
-        return self._damage
+        return self.damage
 
     def opened(self) -> AbstractContextManager[BinaryIO]:
         """Open the file for reading.
@@ -121,13 +132,11 @@ class McapFile:
 
     def leave_out(self, span: Span) -> None:
         """Forget a chunk that turned out to be damaged, and note the damage."""
-        if span in self.index.spans:
-            self.index.spans.remove(span)
+        if _removed(self.index.spans, span):
             damage = self._note_damage()
             damage.chunks_skipped += 1
             damage.bytes_skipped += span.length
             damage.gaps.append((span.start, span.end))
-            damage.last_time = self.end_time
 
     def attachment_records(self, name: str | None = None) -> Iterator[Attachment]:
         """Read the attachments (of one name, if given) one by one; what is damaged is left out and noted."""
@@ -173,13 +182,23 @@ class McapFile:
             for raw in ordered:
                 yield LogMessage(self._channels[raw.channel_id], raw.time, raw.sequence, raw.data, self.path)
 
-    def json_metadata(self, name: str) -> dict[str, Any] | None:
-        """The metadata record of that name, whose values are JSON; None if there is none, or it is damaged."""
-        try:
-            return {key: json.loads(value) for key, value in self.metadata[name].items()}
-        except KeyError:
+    def json_metadata(self, name: str, check: Callable[[dict[str, Any]], object]) -> dict[str, Any] | None:
+        """Read a metadata record whose values are JSON.
+
+        Args:
+            name: Its name.
+            check: Raises ValueError if it says what cannot be.
+
+        Returns:
+            What it says; None if there is none, or it is damaged.
+        """
+        if name not in self.metadata:
             return None
-        except (ValueError, RecursionError):
+        try:
+            said = {key: read_json(value) for key, value in self.metadata[name].items()}
+            check(said)
+            return said
+        except ValueError:
             # Metadata have no checksum: that it is damaged shows only here.
             for place in [place for place in self.index.metadata if place.name == name]:
                 self._leave_out(self.index.metadata, place)
@@ -202,17 +221,24 @@ class McapFile:
     ) -> Iterator[RawMessage]:
         """Sort messages, holding those that a span not yet read might come before."""
         held: list[RawMessage] = []
+        size = 0
         for span in sorted(spans, key=lambda span: (span.start, span.offset)):
             ready = [raw for raw in held if raw.time < span.start]
-            held = [raw for raw in held if raw.time >= span.start]
-            yield from sorted(ready, key=_order)
-            held += self._read(file, span, wanted, start, end)
+            if ready:
+                held = [raw for raw in held if raw.time >= span.start]
+                yield from sorted(ready, key=_order)
+                size -= sum(map(_size, ready))
+            batch = self._read(file, span, wanted, start, end)
+            held += batch
+            size += sum(map(_size, batch))
+            if size > MOST_HELD:
+                raise LogError(f"{self.path} has too many messages in chunks that overlap in time")
         yield from sorted(held, key=_order)
 
     def _read(self, file: BinaryIO, span: Span, wanted: Iterable[int], start: int, end: int) -> list[RawMessage]:
         """Read the messages of a span; none, and a note of the damage, if it is damaged."""
         try:
-            return read_messages(read_span(file, span), frozenset(wanted), start, end)
+            return read_messages(read_span(file, span, self.header), frozenset(wanted), start, end)
         except Unsound:
             self.leave_out(span)
             return []
@@ -222,23 +248,31 @@ class McapFile:
         with self.opened() as file:
             for place in [place for place in places if name in (None, place.name)]:
                 try:
-                    record = read_record(file, place.offset, kind, opcode, self.size)
+                    record = read_record(file, place.offset, place.length, kind, opcode)
                 except Unsound:
                     self._leave_out(places, place)
                 else:
                     yield record
 
     def _leave_out(self, places: list[Place], place: Place) -> None:
-        if place in places:
-            places.remove(place)
+        if _removed(places, place):
             damage = self._note_damage()
             damage.attachments_skipped += 1
             damage.bytes_skipped += place.length
 
     def _note_damage(self) -> Damage:
         if self._damage is None:
-            self._damage = Damage(last_time=self.end_time)
+            self._damage = Damage()
         return self._damage
+
+
+def _removed(places: list[Any], place: Span | Place) -> bool:
+    """Take something out of a list in the order of the file, and say whether it was there."""
+    number = bisect_left(places, place.offset, key=lambda each: each.offset)
+    there = number < len(places) and places[number].offset == place.offset
+    if there:
+        del places[number]
+    return bool(there)
 
 
 @contextmanager
@@ -254,6 +288,11 @@ def _opened(path: Path) -> Iterator[BinaryIO]:
         raise LogError(f"there is no file {path}") from error
     except OSError as error:
         raise LogError(f"cannot read the log {path}: {reason(error)}") from error
+
+
+def _size(raw: RawMessage) -> int:
+    """Memory that a message takes, roughly [bytes]."""
+    return len(raw.data) + 200
 
 
 def _order(raw: RawMessage) -> tuple[int, int]:

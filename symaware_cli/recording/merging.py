@@ -106,13 +106,13 @@ def _attach(writer: LogWriter, parts: Sequence[Part]) -> None:
     """Write the attachments of the host, and such as only others have (or have whole)."""
     written: set[str] = set()
     for part in parts:
-        for name in dict.fromkeys(place.name for place in part.log.index.attachments):
-            if name in written:
-                continue
-            for record in part.log.attachment_records(name):
-                content = _manifest(parts) if name == MANIFEST and not part.whole else record.data
-                writer.attach(name, record.media_type, content)
-                written.add(name)
+        own = set()
+        for record in part.log.attachment_records():
+            if record.name not in written:
+                content = _manifest(parts) if record.name == MANIFEST and not part.whole else record.data
+                writer.attach(record.name, record.media_type, content)
+                own.add(record.name)
+        written |= own
 
 
 def _manifest(parts: Sequence[Part]) -> bytes:

@@ -8,6 +8,7 @@ from typing import Any
 from google.protobuf.message import DecodeError
 
 from symaware_cli.recording import wire
+from symaware_cli.recording.consistency import require_consistent
 from symaware_cli.recording.error import LogError
 from symaware_cli.recording.index import ChannelInfo
 from symaware_cli.recording.schema import MESSAGES
@@ -16,7 +17,6 @@ _DECODERS: dict[str, Callable[[bytes], Any]] = {
     message.DESCRIPTOR.full_name: message.FromString for message in MESSAGES.values()
 } | {
     "symaware.v1.Rows": wire.decode_rows,
-    "symaware.v1.Control": wire.decode_control,
     "symaware.v1.SeriesRows": wire.decode_series,
     "symaware.v1.Awareness": wire.decode_awareness,
 }
@@ -32,6 +32,7 @@ class LogMessage:
         sequence: Its place among the messages of that time; /timing has a count of its own.
         data: As serialised.
         path: The log it is of, for what is said of it.
+        content: What it is decoded to, where that is known: in a message of one entity, taken from one of many.
     """
 
     channel: ChannelInfo
@@ -39,27 +40,43 @@ class LogMessage:
     sequence: int
     data: bytes
     path: Path | None = None
+    content: Any = None
 
     def decode(self) -> Any:
         """Decode it.
 
         Returns:
-            A `wire.Rows`, `wire.Control`, `wire.SeriesRows` or `wire.Awareness`; for other messages of ours the
+            A `wire.Rows`, `wire.SeriesRows` or `wire.Awareness`; for other messages of ours the
             generated class.
 
         Raises:
             LogError: It is not one of our messages, or it is damaged.
         """
+        if self.content is not None:
+            return self.content
         decode = _DECODERS.get(self.channel.schema)
-        if decode is None or self.channel.encoding != "protobuf":
+        expected = self.channel.message
+        if (
+            decode is None
+            or self.channel.encoding != "protobuf"
+            or not (expected is None or self.channel.carries(expected))
+        ):
             kind = self.channel.schema or "no schema"
-            raise LogError(f"the messages on {self.channel.topic} ({kind}){self._origin} are not ours")
+            raise LogError(f"the messages on {self.channel.topic} ({kind}){self.origin} are not ours")
         try:
-            return decode(self.data)
+            content = decode(self.data)
         except (ValueError, DecodeError) as error:
-            place = f"on {self.channel.topic} at {self.time} ns{self._origin}"
+            place = f"on {self.channel.topic} at {self.time} ns{self.origin}"
             raise LogError(f"the message {place} is no {self.channel.schema}") from error
+        try:
+            require_consistent(content, self.channel)
+        except ValueError as error:
+            raise LogError(
+                f"the messages on {self.channel.topic}{self.origin} do not fit together: at {self.time} ns, {error}"
+            ) from error
+        return content
 
     @property
-    def _origin(self) -> str:
+    def origin(self) -> str:
+        """The log it is of, as the end of a phrase."""
         return f" in {self.path}" if self.path else ""

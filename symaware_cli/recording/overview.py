@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import json
+from array import array
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from symaware_cli.recording.reader import Log
+from symaware_cli.recording.text import read_json
 
 #: An interval this much longer than the usual one of its channel is a gap.
 _GAP = 1.5
@@ -115,7 +116,7 @@ def overview(log: Log) -> Overview:
     Raises:
         LogError: The file cannot be read any more.
     """
-    times: dict[str, list[int]] = {topic: [] for topic in log.channels}
+    times: dict[str, array[int]] = {topic: array("q") for topic in log.channels}
     sizes: Counter[str] = Counter()
     events: Counter[str] = Counter()
     wall_time = None
@@ -155,7 +156,7 @@ def overview(log: Log) -> Overview:
     )
 
 
-def _channel(log: Log, topic: str, times: list[int], size: int) -> ChannelOverview:
+def _channel(log: Log, topic: str, times: array[int], size: int) -> ChannelOverview:
     info = log.channels[topic]
     names, units = (info.metadata.get(key, "") for key in ("columns", "units"))
     columns = tuple(f"{name} [{unit}]" for name, unit in zip(names.split(","), units.split(","), strict=False) if name)
@@ -179,8 +180,8 @@ def _is_regular(log: Log, topic: str) -> bool:
     return root == "world" and name not in log.manifest.get("entities", {})
 
 
-def _gaps(times: list[int]) -> tuple[Gap, ...]:
-    intervals = np.diff(np.array(times, np.int64))
+def _gaps(times: array[int]) -> tuple[Gap, ...]:
+    intervals = np.diff(np.frombuffer(times, np.int64))
     if len(intervals) < 2:
         return ()
     late = np.flatnonzero(intervals > _GAP * np.median(intervals)).tolist()
@@ -196,6 +197,7 @@ def _origin(recovery: Mapping[str, Any]) -> str:
 
 def _versions(log: Log) -> dict[str, str]:
     try:
-        return dict(json.loads(log.attachments.get("versions.json", b"{}")))
-    except (ValueError, TypeError):
+        versions = read_json(log.attachments.get("versions.json", b"{}"))
+        return {str(name): str(version) for name, version in versions.items()}
+    except (ValueError, AttributeError):
         return {}

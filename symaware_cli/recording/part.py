@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -11,6 +10,7 @@ from typing import Any
 
 from symaware_cli.recording.error import LogError
 from symaware_cli.recording.reader import Log, open_log
+from symaware_cli.recording.text import read_json
 
 _RESOLVED = "resolved.yaml"
 _VERSIONS = "versions.json"
@@ -101,16 +101,12 @@ def missing_in_words(agents: Sequence[str]) -> str:
 
 
 def _part(log: Log) -> Part:
-    if not log.manifest:
-        why = "was not written by SymAware" if log.foreign else "broke off before it says whose part it is"
-        raise LogError(f"{log.path} {why}: leave it out")
-    if "part" not in log.manifest:
+    log.require_manifest(": leave it out")
+    part = log.manifest.get("part")
+    if part is None:
         everybody = tuple(agent for agents in log.agents.values() for agent in agents)
         return Part(log, "", host=True, agents=everybody, whole=True)
-    match log.manifest["part"]:
-        case {"name": str(name), "host": bool(host), "agents": [*agents]} if all(isinstance(id, str) for id in agents):
-            return Part(log, name, host, tuple(agents), whole=False)
-    raise LogError(f"the manifest in {log.path} is damaged: it does not say whose part this is")
+    return Part(log, part["name"], part["host"], tuple(part["agents"]), whole=False)
 
 
 def _order(part: Part) -> tuple[bool, str, int, str]:
@@ -167,7 +163,7 @@ def _attachment(log: Log, name: str) -> bytes | None:
 
 def _version(log: Log) -> str | None:
     try:
-        version = json.loads(_attachment(log, _VERSIONS) or b"{}").get("symaware-cli")
-    except (ValueError, AttributeError, RecursionError):
+        version = read_json(_attachment(log, _VERSIONS) or b"{}").get("symaware-cli")
+    except (ValueError, AttributeError):
         return None
     return str(version) if version else None

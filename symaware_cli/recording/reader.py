@@ -1,9 +1,9 @@
 """The reader of a log."""
 
-import json
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import cache, cached_property
 from typing import Any, TypeVar
 
@@ -13,12 +13,14 @@ from numpy.typing import NDArray
 from symaware_cli.recording import journal
 from symaware_cli.recording.beliefs import Beliefs, beliefs
 from symaware_cli.recording.error import LogError, UnknownNameError
+from symaware_cli.recording.fields import FIELDS, TOPICS
 from symaware_cli.recording.index import ChannelInfo
 from symaware_cli.recording.journal import Communication, LoggedContact, LoggedEvent, LoggedKnowledge
+from symaware_cli.recording.manifest import read_manifest
 from symaware_cli.recording.mcap_file import McapFile
 from symaware_cli.recording.message import LogMessage
 from symaware_cli.recording.recovery import Damage
-from symaware_cli.recording.schema import FORMAT, MANIFEST, OUTCOME, PROFILE, RECOVERY
+from symaware_cli.recording.schema import FORMAT, MANIFEST, OUTCOME, PROFILE, RECOVERY, TIMING
 from symaware_cli.recording.sensing import (
     IMAGE,
     MEASUREMENT,
@@ -31,19 +33,34 @@ from symaware_cli.recording.sensing import (
     sensors,
 )
 from symaware_cli.recording.series import Prediction, Series, group_series, place_of, present_values, row_series
+from symaware_cli.recording.shared import SHARED, SharedChannel, entities_of, shared
 
 __all__ = ["FIELDS", "PREDICTED", "Log", "LogMessage", "open_log"]
 
-_TOPICS = {
-    "world": "/world/{}/state",
-    "pose": "/world/{}/pose",
-    "joints": "/world/{}/joints",
-    "control_requested": "/agents/{}/control",
-} | {name: f"/agents/{{}}/{name}" for name in ("state", "control", "intent", "uncertainty", "risk")}
-"""The topic of each field of `Log.series`."""
-
-FIELDS = tuple(_TOPICS)
-"""The fields of `Log.series`, beside the sensors that measure numbers."""
+_MESSAGES = {
+    "/agents//state": "Rows",
+    "/agents//control": "Rows",
+    "/agents//intent": "SeriesRows",
+    "/agents//uncertainty": "SeriesRows",
+    "/agents//risk": "SeriesRows",
+    "/agents//awareness": "Awareness",
+    "/agents//knowledge": "Knowledge",
+    f"/agents//{MEASUREMENT}/": "Rows",
+    f"/agents//{SCAN}/": "Scan",
+    f"/agents//{IMAGE}/": "Image",
+    "/world//state": "Rows",
+    "/world//pose": "Rows",
+    "/world//joints": "Rows",
+    **dict.fromkeys(SHARED, "Rows"),
+    "/world//control": "Rows",
+    "/events": "Event",
+    "/events/recurring": "Recurring",
+    "/messages": "Message",
+    "/messages/columns": "MessageColumns",
+    "/contacts": "Contact",
+    TIMING: "Timing",
+}
+"""What message each topic has; groups, entities and sensors are left out of it."""
 
 PREDICTED = ("intent", "uncertainty", "risk")
 """The fields of `Log.predictions`."""
@@ -57,13 +74,17 @@ class Log(McapFile):
 
     Attributes:
         foreign: Whether somebody else's software wrote it: it has no manifest, and its messages are not ours.
-        manifest: Who took part; empty if the log is foreign or broke off before it.
+        manifest: Who took part; empty if the log is foreign, or broke off before it, or it is damaged.
     """
 
     def __init__(self, path: str | os.PathLike[str]):
         super().__init__(path)
+        #: Whether there is a manifest that cannot be believed.
+        self._bad_manifest = False
         self.manifest = self._read_manifest()
         self.foreign = not self.manifest and self.header.profile != PROFILE
+        if self.manifest:
+            self._limit()
 
     @cached_property
     def agents(self) -> Mapping[str, tuple[str, ...]]:
@@ -73,17 +94,62 @@ class Log(McapFile):
     @cached_property
     def outcome(self) -> dict[str, Any] | None:
         """How the run ended; None if it did not come to its end, or the log broke off."""
-        return self.json_metadata(OUTCOME)
+        from symaware_cli.recording.manifest_schema import Outcome
+
+        return self.json_metadata(OUTCOME, Outcome.model_validate)
 
     @cached_property
     def recovery(self) -> dict[str, Any] | None:
         """What was lost before this log was recovered from a damaged one; None if it was not."""
-        return self.json_metadata(RECOVERY)
+        from symaware_cli.recording.manifest_schema import Recovered
+
+        return self.json_metadata(RECOVERY, Recovered.model_validate)
 
     def verify(self) -> Damage | None:
         """Read everything once, and return what is wrong with the file."""
         _ = self.outcome, self.recovery
         return super().verify()
+
+    @cached_property
+    def topics(self) -> Mapping[str, ChannelInfo]:
+        """The channels by topic, and what shared ones say of single entities, as if these had channels of their own."""
+        single = {topic: info for known in self._shared.values() for topic, info in known.channels.items()}
+        return dict(sorted((single | self.channels).items()))
+
+    @cached_property
+    def _shared(self) -> Mapping[str, SharedChannel]:
+        return {topic: known for topic, info in self.channels.items() if (known := shared(info))}
+
+    def messages(
+        self, topics: str | Iterable[str] | None = None, start: int | None = None, end: int | None = None
+    ) -> Iterator[LogMessage]:
+        """Iterate over messages, in the order of time and then sequence.
+
+        Args:
+            topics: Which, of `topics`; None for those of all `channels`.
+            start: The first simulated time, ns.
+            end: The first simulated time not wanted any more, ns.
+
+        Raises:
+            LogError: The file cannot be read any more, or a message does not fit its channel.
+        """
+        wanted = None if topics is None else {topics} if isinstance(topics, str) else set(topics)
+        # Who had a channel of its own, in logs of other writers, is not looked for in a shared one.
+        single = () if wanted is None else wanted - self.channels.keys()
+        asked = {topic for topic, known in self._shared.items() if not known.channels.keys().isdisjoint(single)}
+        if wanted is None or not asked:
+            return super().messages(wanted, start, end)
+        return self._split(super().messages(wanted | asked, start, end), wanted, single)
+
+    def _split(
+        self, messages: Iterable[LogMessage], wanted: Collection[str], single: Collection[str]
+    ) -> Iterator[LogMessage]:
+        for message in messages:
+            known = self._shared.get(message.channel.topic)
+            if known is None or message.channel.topic in wanted:
+                yield message
+            if known is not None:
+                yield from known.split(message, single)
 
     def series(self, name: str, field: str) -> Series:
         """Put a series together.
@@ -91,9 +157,10 @@ class Log(McapFile):
         Args:
             name: A group, an agent, or an entity of the environment. The name of a group of one is its agent's.
             field: `state` (what they believe), `world` (what is true), `pose` and `joints` (the rest of that, in worlds
-                of space), `control` (as applied), `control_requested`; `intent`, `uncertainty` and `risk`, of which the
-                first point of each time series is taken; or a sensor that measures numbers, by its component's name:
-                its readings when they became known, NaN where it missed one.
+                of space); `control` (what the world applied in the step that ended then), `control_requested` (what
+                was asked for from then on); `intent`, `uncertainty` and `risk`, of which the first point
+                of each time series is taken; or a sensor that measures numbers, by its component's name: its readings
+                when they became known, NaN where it missed one.
 
         Returns:
             For a group every instant at which any of its agents was recorded, (k, n, columns), where the others keep
@@ -105,13 +172,10 @@ class Log(McapFile):
         """
         group, row, count = self._place(name)
         topic, known = self.series_topic(group, field), self._fields(group)
-        there = sorted(other for other in known if known[other] in self.channels)
+        there = sorted(other for other in known if known[other] in self.topics)
         what = f"{field} of {name!r}"
-        info = self._channel(topic, what, "Rows", "Control", "SeriesRows", instead=there)
-        entries = (
-            (message.time, *present_values(message.decode(), count, requested=field == "control_requested"))
-            for message in self.messages(info.topic)
-        )
+        info = self._channel(topic, what, "Rows", "SeriesRows", instead=there)
+        entries = ((message.time, *present_values(message.decode(), count)) for message in self.messages(info.topic))
         with self._fitting(info.topic):
             times, values = group_series(entries, count) if row is None else row_series(entries, row)
         columns, units = (_split(info.metadata.get(key, "")) for key in ("columns", "units"))
@@ -134,7 +198,7 @@ class Log(McapFile):
     def _fields(self, owner: str) -> dict[str, str]:
         """The topics of all fields of a group or an entity, whether or not the log has them."""
         # A sensor that is called as a field is hidden by it.
-        fields = {name: template.format(owner) for name, template in _TOPICS.items()}
+        fields = {name: template.format(owner) for name, template in TOPICS.items()}
         return sensors(self.channels, owner, MEASUREMENT) | fields
 
     def predictions(self, agent: str, field: str) -> Iterator[Prediction]:
@@ -151,7 +215,7 @@ class Log(McapFile):
             message = f"there is no field {field!r} of predictions; there are {', '.join(PREDICTED)}"
             raise UnknownNameError(message, field, PREDICTED)
         group, row, _ = self._agent(agent)
-        topic = self._channel(_TOPICS[field].format(group), f"{field} of {agent!r}", "SeriesRows").topic
+        topic = self._channel(TOPICS[field].format(group), f"{field} of {agent!r}", "SeriesRows").topic
         return self._predictions(topic, row)
 
     def _predictions(self, topic: str, row: int) -> Iterator[Prediction]:
@@ -166,8 +230,8 @@ class Log(McapFile):
     def beliefs(self, agent: str, other: str) -> Beliefs:
         """Put together what an agent believed of another.
 
-        Whoever knows the whole world knows the truth at that instant; otherwise it is a state, or the position and
-        velocity where a perception saw these.
+        That is its position and velocity, whoever perceived it. Whoever knows the whole world knows the truth of that
+        instant; a velocity that is no part of a true state is not in the log then, and NaN.
 
         Args:
             agent: Whose beliefs.
@@ -186,15 +250,25 @@ class Log(McapFile):
             raise LogError(f"{self.path} has no beliefs of {agent!r} about {other!r}")
         topic = self._channel(f"/agents/{group}/awareness", f"awareness of {agent!r}", "Awareness").topic
 
+        models = [each.get("model", {}) for each in self.manifest["groups"].values()]
+        dimensions = max((len(model.get("position", (0, 1))) for model in models), default=2)
+
         @cache
         def world() -> Series:
-            return self.series(other, "world")
+            series, model = self.series(other, "world"), self.manifest["groups"][other_group].get("model", {})
+            names = [name for name, _ in model.get("state", ())]
+            columns = np.full((len(series.times), 2 * dimensions), np.nan)
+            columns[:, :dimensions] = 0.0  # who moves in the plane stands at height 0
+            for axis, place in enumerate(model.get("position", (0, 1))):
+                columns[:, axis] = series.values[:, place]
+                if f"velocity_{names[place]}" in names:
+                    columns[:, dimensions + axis] = series.values[:, names.index(f"velocity_{names[place]}")]
+            return Series(series.times, columns)
 
         def truth(time: int) -> NDArray[np.float64]:
             number = int(np.searchsorted(world().times, time, side="right"))
-            return world().values[number - 1] if number else np.full(world().values.shape[1], np.nan)
+            return world().values[number - 1] if number else np.full(2 * dimensions, np.nan)
 
-        state = self.manifest["groups"][other_group].get("model", {}).get("state", [])
         with self._fitting(topic):
             return beliefs(
                 ((message.time, message.decode()) for message in self.messages(topic)),
@@ -202,7 +276,6 @@ class Log(McapFile):
                 count,
                 roster.index(other),
                 truth,
-                (tuple(name for name, _ in state), tuple(unit for _, unit in state)),
             )
 
     def events(self, start: int | None = None, end: int | None = None) -> Iterator[LoggedEvent]:
@@ -329,10 +402,10 @@ class Log(McapFile):
             raise LogError(f"the messages on {topic} in {self.path} do not fit together: {error}") from error
 
     def _channel(self, topic: str, what: str, *message_names: str, instead: Sequence[str] = ()) -> ChannelInfo:
-        if topic not in self.channels:
+        if topic not in self.topics:
             there = f"; there {'are' if len(instead) > 1 else 'is'} {', '.join(instead)}" if instead else ""
             raise LogError(f"{self.path} has no {what} (no channel {topic}){there}{self._perhaps_lost}")
-        info = self.channels[topic]
+        info = self.topics[topic]
         if not any(info.carries(name) for name in message_names):
             raise LogError(
                 f"{self.path} has no {what}: the messages on {topic} ({info.schema or 'no schema'}) are not ours"
@@ -362,37 +435,84 @@ class Log(McapFile):
             return name, None, len(self.agents[name])
         if name in entities:
             return name, 0, 1
-        if any(template.format(name) in self.channels for template in _TOPICS.values()):
+        if any(template.format(name) in self.topics for template in TOPICS.values()):
             return name, None, 0
         there = ", ".join([*self.agents, *entities]) or "none"
         known = [*self.agents, *(id for agents in self.agents.values() for id in agents), *entities]
         raise UnknownNameError(f"{self.path} knows no {name!r}; there are {there}{self._perhaps_lost}", name, known)
 
+    def require_manifest(self, advice: str = "") -> None:
+        """Insist on a manifest.
+
+        Args:
+            advice: What to do without one; added to the error.
+
+        Raises:
+            LogError: There is none, or it is damaged.
+        """
+        if self.manifest:
+            return
+        if self._bad_manifest:
+            raise LogError(f"the manifest in {self.path} is damaged{advice}")
+        why = "was not written by SymAware" if self.foreign else "broke off before it says who takes part"
+        raise LogError(f"{self.path} {why}{advice}")
+
     def _read_manifest(self) -> dict[str, Any]:
+        places = [place for place in self.index.attachments if place.name == MANIFEST]
         written = [record.data for record in self.attachment_records(MANIFEST)]
-        if not written:
-            return {}
-        cause: Exception | None = None
         try:
-            manifest = json.loads(written[-1])
-            version = manifest["format"]
-            groups = manifest.get("groups", {}).values()
-            sound = (
-                type(version) is int
-                and all(isinstance(group.get("agents", []), list) for group in groups)
-                and isinstance(manifest.get("entities", {}), dict)
-                and isinstance(manifest.get("roster", []), list)
-                and isinstance(manifest.get("time_step", 0), int)
-            )
-        except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
-            sound, cause = False, error
-        if sound and version > FORMAT:
+            manifest = read_manifest(written[-1]) if written else {}
+        except ValueError:
+            manifest = {}
+        if not manifest:
+            if places and self.header.profile == PROFILE:
+                self._bad_manifest = True
+                for place in places:
+                    self._leave_out(self.index.attachments, place)
+            return {}
+        if manifest["format"] > FORMAT:
             raise LogError(
-                f"{self.path} was written by a newer SymAware: its format is {version}, this one reads up to {FORMAT}"
+                f"{self.path} was written by a newer SymAware: its format is {manifest['format']}, this one reads up "
+                f"to {FORMAT}"
             )
-        if not sound and self.header.profile == PROFILE:
-            raise LogError(f"the manifest in {self.path} is damaged") from cause
-        return manifest if sound else {}
+        return manifest
+
+    def _limit(self) -> None:
+        """Let messages be about nobody but those of the manifest."""
+        rows = {name: len(agents) for name, agents in self.agents.items()}
+        rows |= dict.fromkeys(self.manifest.get("entities", {}), 1)
+        roster = len(self.manifest["roster"]) if "roster" in self.manifest else None
+        self._set_channels(
+            {
+                number: replace(
+                    self._believed(info),
+                    rows=rows.get(_owner(info.topic)),
+                    roster=roster,
+                    width=self._width(info),
+                    message=_MESSAGES.get(_pattern(info.topic)),
+                )
+                for number, info in self._channels.items()
+            }
+        )
+
+    def _believed(self, info: ChannelInfo) -> ChannelInfo:
+        """A channel as it is, but for one that many share and that tells of others than the manifest: it has nobody."""
+        if info.topic not in SHARED:
+            return info
+        try:
+            names = entities_of(info)
+        except ValueError:
+            return info
+        sound = len(set(names)) == len(names) and set(names) <= self.manifest.get("entities", {}).keys()
+        return info if sound else replace(info, metadata={**info.metadata, "entities": "[]"})
+
+    def _width(self, info: ChannelInfo) -> int | None:
+        """How many numbers a row has on a channel: those of the model's state, if it is about that."""
+        group = self.manifest.get("groups", {}).get(_owner(info.topic), {})
+        state = group.get("model", {}).get("state")
+        if state and info.topic.endswith("/state"):
+            return len(state)
+        return len(_split(info.metadata.get("columns", ""))) or None
 
 
 def open_log(path: str | os.PathLike[str]) -> Log:
@@ -411,6 +531,18 @@ def open_log(path: str | os.PathLike[str]) -> Log:
         LogError: There is nothing to read: no such file, no permission, not an MCAP, or of a newer format.
     """
     return Log(path)
+
+
+def _pattern(topic: str) -> str:
+    """The topic without the names in it: `/agents/robot/scan/ahead` becomes `/agents//scan/`."""
+    parts = topic.split("/")
+    return "/".join(["" if place in (2, 4) else part for place, part in enumerate(parts)]) if _owner(topic) else topic
+
+
+def _owner(topic: str) -> str:
+    """The group or entity that a topic is about; empty if it is about none."""
+    _, root, name, *rest = f"{topic}///".split("/")
+    return name if root in ("agents", "world") and rest[0] else ""
 
 
 def _split(names: str) -> tuple[str, ...]:

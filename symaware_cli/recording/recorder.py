@@ -12,7 +12,7 @@ from symaware_cli.core import AgentGroup, Contact, Environment, Event, Level, Me
 from symaware_cli.network.traffic import Traffic
 from symaware_cli.recording import symaware_v1_pb2 as v1
 from symaware_cli.recording import wire
-from symaware_cli.recording.channels import GroupChannels, MoverChannel, PostureChannels
+from symaware_cli.recording.channels import EntityChannels, GroupChannels, PostureChannels
 from symaware_cli.recording.text import as_json
 from symaware_cli.recording.writer import LogWriter, PaceFigures
 
@@ -71,7 +71,7 @@ class Recorder:
             environment: The world, initialised.
             groups: All groups.
             interval: Least simulated time between two records of the same group, in nanoseconds; 0 for every step.
-            omit: Which of `KINDS` to leave out.
+            omit: Which of `KINDS` to leave out; ``applied`` for the control inputs that the world applied alone.
             quantities: By group, and by ``intent``, ``uncertainty`` and ``risk``, what the columns of these are, where
                 that is known.
             events: Which events to record: those that do not recur, all, or none but the last one.
@@ -98,14 +98,12 @@ class Recorder:
         self._groups = []
         for group in sorted(groups, key=lambda group: group.name):
             rows = [row for row, id in enumerate(group.ids) if own is None or id in own]
-            left_out = omit if rows else [*omit, *(kind for kind in KINDS if kind != "world")]
+            left_out = {*omit} if rows else {*omit, *KINDS[:-1]}  # all but the world
+            if "control" in omit:
+                left_out.add("applied")
             known = (quantities or {}).get(group.name, {})
             self._groups.append(GroupChannels(writer, environment, group, left_out, known, rows))
-        self._movers = [
-            MoverChannel(writer, environment, name)
-            for name in environment.obstacles
-            if environment.moves(name) and "world" not in omit
-        ]
+        self._entities = None if "world" in omit else EntityChannels(writer, environment)
         postures = [PostureChannels(writer, environment, name) for name in environment.obstacles if "world" not in omit]
         self._postures = [posture for posture in postures if posture.says_something]
         self._rank = {id: rank for rank, id in enumerate(environment.roster.ids)}
@@ -127,9 +125,9 @@ class Recorder:
         if now >= self._due:
             self._due = now + self._interval
             for group in self._groups:
-                self.updates += group.record(now)
-            for mover in self._movers:
-                mover.record(now)
+                self.updates += group.record(now, steps)
+            if self._entities:
+                self._entities.record(now)
             for posture in self._postures:
                 posture.record(now)
         monotonic = time.monotonic()

@@ -150,7 +150,7 @@ def scan(file: BinaryIO, size: int) -> tuple[Index, Damage]:
             _close(run, index)
             content = read_at(file, position + FRAME.size, length)
             try:
-                times, channels = _note(unpack(content), index)
+                times, channels = _note(unpack(content, index.header), index)
             except Unsound:
                 damage.chunks_skipped += 1
                 damage.bytes_skipped += end - position
@@ -175,7 +175,7 @@ def scan(file: BinaryIO, size: int) -> tuple[Index, Damage]:
             kind: type[Attachment | Metadata] = Attachment if opcode == Opcode.ATTACHMENT else Metadata
             places = index.attachments if kind is Attachment else index.metadata
             try:
-                record = read_record(file, position, kind, Opcode(opcode), size)
+                record = read_record(file, position, end - position, kind, Opcode(opcode))
             except Unsound:
                 damage.attachments_skipped += 1
                 damage.bytes_skipped += end - position
@@ -216,13 +216,17 @@ def _note(records: bytes, index: Index) -> tuple[list[int], set[int]]:
             schemas.append(parse(Schema, records[start:end]))
         elif opcode == Opcode.CHANNEL:
             channels.append(parse(Channel, records[start:end]))
-    known_schemas = index.schemas | {schema.id: schema for schema in schemas}
-    known = index.channels | {channel.id: channel for channel in channels}
+    # Only what is new is looked at, as there may be as many runs of records as there are channels.
+    known_schemas = {0, *(schema.id for schema in schemas)}
+    known = {channel.id for channel in channels}
     messages = read_messages(records, range(1 << 16), 0, FOREVER)
     used = {message.channel_id for message in messages}
-    if not used <= known.keys() or not {channel.schema_id for channel in channels} <= known_schemas.keys() | {0}:
+    if any(number not in index.channels for number in used - known) or any(
+        channel.schema_id not in index.schemas for channel in channels if channel.schema_id not in known_schemas
+    ):
         raise Unsound("a record refers to one that is missing")
-    index.schemas, index.channels = known_schemas, known
+    index.schemas.update({schema.id: schema for schema in schemas})
+    index.channels.update({channel.id: channel for channel in channels})
     for message in messages:
         index.counts[message.channel_id] = index.counts.get(message.channel_id, 0) + 1
     return [message.time for message in messages], used

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 import zstandard
-from mcap.records import Attachment, Chunk, DataEnd, Metadata, MetadataIndex
+from mcap.records import Attachment, Chunk, DataEnd, Header, Metadata, MetadataIndex
 
 from symaware_cli.recording.index import FRAME, Span, Unsound, message_positions, parse, read_at, read_span
 from symaware_cli.recording.output import whole_file
@@ -101,14 +101,14 @@ def _chunks(log: Log) -> Iterator[tuple[Chunk, dict[int, list[int]]]]:
     with log.opened() as source:
         for span in list(log.index.spans):
             try:
-                chunk, positions = _chunk(source, span, log.index.channels.keys())
+                chunk, positions = _chunk(source, span, log.index.channels.keys(), log.header)
             except Unsound:
                 log.leave_out(span)
             else:
                 yield chunk, positions
 
 
-def _chunk(source: BinaryIO, span: Span, channels: Set[int]) -> tuple[Chunk, dict[int, list[int]]]:
+def _chunk(source: BinaryIO, span: Span, channels: Set[int], header: Header) -> tuple[Chunk, dict[int, list[int]]]:
     """Read a span as a chunk.
 
     Returns:
@@ -117,7 +117,7 @@ def _chunk(source: BinaryIO, span: Span, channels: Set[int]) -> tuple[Chunk, dic
     Raises:
         Unsound: It is damaged.
     """
-    records = read_span(source, span)
+    records = read_span(source, span, header)
     if span.chunk:
         chunk = parse(Chunk, read_at(source, span.offset + FRAME.size, span.length - FRAME.size))
     else:

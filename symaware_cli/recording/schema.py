@@ -21,6 +21,12 @@ LIBRARY = "symaware"
 FORMAT = 1
 """The version of the format (`format` in the manifest). A reader refuses a higher one."""
 
+CHUNK_SIZE = 256 * 1024
+"""Bytes of a chunk before compression, at most; only a message that is larger than that has a larger one to itself."""
+
+LARGEST_CHUNK = 128 << 20
+"""Bytes of a chunk before compression; the writer refuses a message that does not fit, a reader what claims more."""
+
 TIMING = "/timing"
 """The only channel in which two equal runs may differ."""
 
@@ -40,7 +46,6 @@ MESSAGES: dict[str, type[Message]] = {
     message.DESCRIPTOR.name: message
     for message in (
         v1.Rows,
-        v1.Control,
         v1.SeriesRows,
         v1.Awareness,
         v1.Knowledge,

@@ -60,16 +60,13 @@ class Prediction:
     values: NDArray[np.float64]
 
 
-def present_values(
-    message: Any, count: int, *, requested: bool = False
-) -> tuple[NDArray[np.uint32] | None, NDArray[np.float64]]:
+def present_values(message: Any, count: int) -> tuple[NDArray[np.uint32] | None, NDArray[np.float64]]:
     """Reduce a message to one value a row.
 
     Args:
-        message: A `wire.Rows`; a `wire.Control`, of which the applied input is taken; or a `wire.SeriesRows`, of
-            which the first point of each row's series is taken, NaN if it has none.
+        message: A `wire.Rows`; or a `wire.SeriesRows`, of which the first point of each row's series is taken, NaN if
+            it has none.
         count: Rows of the group; 0 if that is not known.
-        requested: Take the requested control input instead of the applied one.
 
     Returns:
         The rows, (m,) or None for all, and their values, (m, columns).
@@ -77,8 +74,6 @@ def present_values(
     match message:
         case wire.Rows():
             return message.rows, message.values
-        case wire.Control():
-            return message.rows, message.requested if requested else message.applied
         case wire.SeriesRows():
             nothing = np.full(message.values.shape[1], np.nan)
             firsts = [values[0] if len(values) else nothing for _, values in message]

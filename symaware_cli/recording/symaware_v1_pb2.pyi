@@ -17,18 +17,6 @@ class Rows(_message.Message):
     values: _containers.RepeatedScalarFieldContainer[float]
     def __init__(self, columns: _Optional[int] = ..., rows: _Optional[_Iterable[int]] = ..., values: _Optional[_Iterable[float]] = ...) -> None: ...
 
-class Control(_message.Message):
-    __slots__ = ("columns", "rows", "requested", "applied")
-    COLUMNS_FIELD_NUMBER: _ClassVar[int]
-    ROWS_FIELD_NUMBER: _ClassVar[int]
-    REQUESTED_FIELD_NUMBER: _ClassVar[int]
-    APPLIED_FIELD_NUMBER: _ClassVar[int]
-    columns: int
-    rows: _containers.RepeatedScalarFieldContainer[int]
-    requested: _containers.RepeatedScalarFieldContainer[float]
-    applied: _containers.RepeatedScalarFieldContainer[float]
-    def __init__(self, columns: _Optional[int] = ..., rows: _Optional[_Iterable[int]] = ..., requested: _Optional[_Iterable[float]] = ..., applied: _Optional[_Iterable[float]] = ...) -> None: ...
-
 class SeriesRows(_message.Message):
     __slots__ = ("columns", "rows", "lengths", "times", "values")
     COLUMNS_FIELD_NUMBER: _ClassVar[int]

@@ -37,21 +37,6 @@ class Rows:
 
 
 @dataclass(frozen=True, slots=True)
-class Control:
-    """The control input of each row.
-
-    Attributes:
-        rows: (m,) indices, or None for all.
-        requested: (m, columns) what the controllers asked for.
-        applied: (m, columns) what the model applied.
-    """
-
-    rows: NDArray[np.uint32] | None
-    requested: NDArray[np.float64]
-    applied: NDArray[np.float64]
-
-
-@dataclass(frozen=True, slots=True)
 class SeriesRows:
     """A time series for each row.
 
@@ -126,26 +111,6 @@ def encode_rows(values: ArrayLike, rows: ArrayLike | None = None) -> bytes:
     """
     table = _table(values)
     return b"".join((_count(1, table.shape[1]), _rows(2, rows, len(table)), _packed(3, table, _FLOAT)))
-
-
-def encode_control(requested: ArrayLike, applied: ArrayLike | None = None, rows: ArrayLike | None = None) -> bytes:
-    """Encode a `Control` message.
-
-    Args:
-        requested: (m, columns) what the controllers asked for.
-        applied: (m, columns) what the model applied, or None for the same.
-        rows: (m,) indices, or None for all.
-
-    Raises:
-        ValueError: The shapes do not fit.
-    """
-    table = _table(requested)
-    parts = [_count(1, table.shape[1]), _rows(2, rows, len(table)), _packed(3, table, _FLOAT)]
-    if applied is not None:
-        if np.shape(applied) != table.shape:
-            raise ValueError(f"applied has the shape {np.shape(applied)}, requested {table.shape}")
-        parts.append(_packed(4, applied, _FLOAT))
-    return b"".join(parts)
 
 
 def encode_series(
@@ -271,17 +236,6 @@ def decode_rows(data: bytes) -> Rows:
         fields = {1: message.columns, 2: message.rows, 3: message.values}
     columns = fields.get(1, 0)
     return Rows(_indices(fields, 2), _array(fields, 3, _FLOAT, columns))
-
-
-def decode_control(data: bytes) -> Control:
-    """Decode a `Control` message."""
-    fields = _fields(data)
-    if fields is None:
-        message = v1.Control.FromString(data)
-        fields = {1: message.columns, 2: message.rows, 3: message.requested, 4: message.applied}
-    columns = fields.get(1, 0)
-    requested, applied = _array(fields, 3, _FLOAT, columns), _array(fields, 4, _FLOAT, columns)
-    return Control(_indices(fields, 2), requested, applied if len(applied) else requested)
 
 
 def decode_series(data: bytes) -> SeriesRows:

@@ -21,6 +21,8 @@ from mcap.records import Attachment, Channel, Chunk, DataEnd, Header, McapRecord
 from symaware_cli.recording import symaware_v1_pb2 as v1
 from symaware_cli.recording.error import LogError, OutputError, reason
 from symaware_cli.recording.schema import (
+    CHUNK_SIZE,
+    LARGEST_CHUNK,
     LIBRARY,
     MAGIC,
     MESSAGES,
@@ -31,9 +33,6 @@ from symaware_cli.recording.schema import (
     json_values,
 )
 from symaware_cli.recording.summary import Summary, indexed, serialise
-
-CHUNK_SIZE = 256 * 1024
-"""Bytes of a chunk before compression, at most; only a message that is larger than that has a larger one to itself."""
 
 _MESSAGE = struct.Struct("<BQHIQQ")  # opcode 5, length, channel, sequence, log time, publish time
 _MESSAGE_HEADER = _MESSAGE.size - 9
@@ -172,7 +171,7 @@ class LogWriter:
             data: The serialised message.
 
         Raises:
-            LogError: A chunk was full and could not be written.
+            LogError: A chunk was full and could not be written, or the message is larger than any may be.
             KeyError: There is no such channel.
             ValueError: The time went back, is negative, or the log has its 2^32 messages.
         """
@@ -210,6 +209,12 @@ class LogWriter:
             positions = self._positions[channel_id]
             chunk = self._chunk
             length = _MESSAGE_HEADER + len(data)
+            if 9 + length > LARGEST_CHUNK:
+                topic = self._summary.channels[channel_id - 1].topic
+                raise LogError(
+                    f"cannot write the log {self.path}: a message of {len(data):,} bytes on {topic} is larger than "
+                    f"{LARGEST_CHUNK:,}, the most that a log holds in one"
+                )
             if chunk and len(chunk) + 9 + length > CHUNK_SIZE:
                 self._end_chunk()
             try:

@@ -135,6 +135,7 @@ class Activity:
         # One after the other, with nothing to think of: the hot loop.
         slot, run = self.slot, self.run
         component = slot.components[0]
+        update, value = None, None
         run.interruption.unshield()
         try:
             if slot.turns and not self._simulation.events.turns_wanted:
@@ -142,15 +143,18 @@ class Activity:
                 turns = slot.turns if rows is None else [slot.turns[row] for row in rows]
                 self.turns += len(turns)
                 for component, compute, update in turns:  # noqa: B007 (tells which one raised)
-                    update(compute())
+                    value = compute()
+                    update(value)
             else:
                 components = slot.components if rows is None else [slot.components[row] for row in rows]
                 self.turns += len(components)
                 for component in components:
                     component.compute_and_update()
-        except (SubscriberError, Interrupted, KeyboardInterrupt):
+        except (SubscriberError, Interrupted):
             raise
         except BaseException as error:
+            if update is not None and isinstance(error, Exception) and _is_raised_in(update, error):
+                raise self.failure(component, describe(component.explained(value, error)), error) from error
             raise self.failure(component, describe(error), error) from error
         finally:
             run.interruption.shield()
@@ -242,7 +246,7 @@ class Activity:
         interruption.unshield()
         try:
             return call(*arguments)
-        except (SubscriberError, Interrupted, KeyboardInterrupt):
+        except (SubscriberError, Interrupted):
             raise
         except BaseException as error:
             problem = self.failure(self.slot.components[row], describe(error), error)
@@ -323,13 +327,18 @@ class Activity:
         elif len(agents) == len(self._group):
             self.restart(0)
 
-    def slow_down(self, agents: Sequence[int], duration: Duration | None) -> None:
-        """Let computations take another time than the scenario says for the component; None for that time again."""
+    def slow_down(self, agents: Sequence[int], duration: Duration) -> None:
+        """Let computations take another time than the scenario says for the component."""
         self.supervision.slow_down([0] if self._is_group else agents, duration)
         self._review()
 
+    def speed_up(self, agents: Sequence[int], duration: Duration) -> None:
+        """Take back once what `slow_down` said."""
+        self.supervision.speed_up([0] if self._is_group else agents, duration)
+        self._review()
+
     def disturb(self, disturbance: Disturb) -> None:
-        """Call something after each turn, with the group and the believed states before the turn."""
+        """Call something after each turn, with the group and the rows of the believed states that it wrote."""
         self.supervision.disturbances.append(disturbance)
         self._review()
 
@@ -345,9 +354,9 @@ class Activity:
             return
         try:
             doing.close()
-        except (SubscriberError, Interrupted, KeyboardInterrupt):
+        except (SubscriberError, Interrupted):
             raise
-        except Exception as error:
+        except BaseException as error:
             failure = self.failure(doing.component, f"cannot give up its turn: {describe(error)}", error)
             self._simulation.announce("failed", failure.source, str(failure), level=Level.WARNING, **failure.data)
 
@@ -411,6 +420,12 @@ def _is_coroutine(component: Component | GroupComponent) -> bool:
         getattr(kind, name) is not getattr(base, name)
         for name in ("_async_compute", "_async_update", "async_compute_and_update")
     )
+
+
+def _is_raised_in(method: Any, error: Exception) -> bool:
+    """Whether an exception came out of a method that was called where it is caught."""
+    trace = error.__traceback__ and error.__traceback__.tb_next
+    return trace is not None and trace.tb_frame.f_code is method.__code__
 
 
 def _ordinal(number: int) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
@@ -22,12 +23,14 @@ class Attendance:
     def __init__(self, simulation: Simulation, activities: Sequence[Activity]) -> None:
         self._simulation = simulation
         self._activities = activities
-        self._retired: set[tuple[str, int]] = set()
+        #: How many reasons there are against each agent that takes no part: faults, and failures, which stay.
+        self._reasons: Counter[tuple[str, int]] = Counter()
 
     def retire(self, group: AgentGroup, rows: Iterable[int], coast: Coast, reason: str) -> None:
         """Take agents out of the run: their components take no further turns, and the world moves them on.
 
-        What has arrived for them and was not read is thrown away, and what still arrives is not kept.
+        What has arrived for them and was not read is thrown away, and what still arrives is not kept. They come back
+        when `revive` was called as often as this.
 
         Args:
             group: Their group.
@@ -36,9 +39,9 @@ class Attendance:
             reason: Why, in one sentence.
         """
         for row in rows:
-            if (group.name, row) in self._retired:
+            self._reasons[group.name, row] += 1
+            if self._reasons[group.name, row] > 1:
                 continue
-            self._retired.add((group.name, row))
             if coast == "safe":
                 one = slice(row, row + 1)
                 safe = safe_input(group.model, group.control_input[one], group.awareness.state[one])
@@ -49,20 +52,21 @@ class Attendance:
             self._simulation.exchange.inboxes.close(group.ids[row])
             self._simulation.announce("terminated", f"agents.{group.ids[row]}", reason, level=Level.WARNING)
 
-    def is_retired(self, group: AgentGroup, row: int) -> bool:
-        """Whether an agent was taken out of the run."""
-        return (group.name, row) in self._retired
-
-    def revive(self, group: AgentGroup, rows: Sequence[int]) -> None:
-        """Let agents that were taken out of the run begin anew, with components that were initialised again."""
+    def revive(self, group: AgentGroup, rows: Iterable[int]) -> None:
+        """There is a reason less against some agents; those without any begin anew, as do their components."""
+        rows = [row for row in rows if self._is_free(group, row)]
         for row in rows:
-            self._retired.discard((group.name, row))
             self._simulation.exchange.inboxes.reopen(group.ids[row])
         for activity in self._activities:
             if activity.slot.group is group:
                 for row in rows:
                     activity.release(row)
                 activity.begin_anew(rows)
+
+    def _is_free(self, group: AgentGroup, row: int) -> bool:
+        """Take a reason away, and tell whether it was the last."""
+        self._reasons[group.name, row] -= 1
+        return not self._reasons[group.name, row]
 
 
 def safe_input(model: Model, before: Array, state: Array) -> Array:

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 from symaware_cli.core import Event, Level
 from symaware_cli.runtime.agenda import Phase
-from symaware_cli.runtime.task import FAILED
+from symaware_cli.runtime.task import FAILED, computed
 from symaware_cli.runtime.workers import Computed, WorkerError
 
 if TYPE_CHECKING:
     from symaware_cli.runtime.activity import Activity
 
-#: A row, what it is busy with, and what it computed.
-Landing = tuple[int, object, Any]
+#: A row, what it is busy with, what it computed, and when, in nanoseconds.
+Landing = tuple[int, object, Any, int]
 
 
 class Computation:
@@ -42,9 +42,9 @@ class Computation:
             activity.occupy(row, turn)
             time = now + activity.supervision.latency(row)
             if time == now:
-                self._land([(row, turn, value)])
+                self._land([(row, turn, value, now)])
             else:
-                landings.setdefault(time, []).append((row, turn, value))
+                landings.setdefault(time, []).append((row, turn, value, now))
         for time, landing in sorted(landings.items()):
             agenda.put(time, activity.place, Phase.LANDING, landing[0][0], partial(self._land, landing))
 
@@ -77,13 +77,14 @@ class Computation:
         activity, wanted = self._activity, self._events.wanted
         before, landed = activity.present(), []
         with activity.supervision.watched():
-            for row, turn, value in landing:
+            for row, turn, value, computed_at in landing:
                 if not activity.vacate(row, turn):
                     continue
                 component = self._slot.components[row]
                 if "computed" in wanted:
                     component._announce("computed")
-                activity.attempt(row, component.update, value)
+                with computed(component, computed_at):
+                    activity.attempt(row, component.update, value)
                 landed.append(row)
         activity.check(before)
         for row in landed:

@@ -81,17 +81,13 @@ class Stop(Effect):
     agents: Sequence[Agents]
 
     def begin(self, run: Run, name: str) -> Any:
-        """Take them out of the run, unless they are out of it already."""
-        stopped = []
+        """Take them out of the run."""
         for group, rows in self.agents:
-            taking_part = [row for row in rows if not run.attendance.is_retired(group, row)]
-            run.attendance.retire(group, taking_part, "safe", f"stopped by the fault `{name}`")
-            stopped.append(Agents(group, taking_part))
-        return stopped
+            run.attendance.retire(group, rows, "safe", f"stopped by the fault `{name}`")
 
     def end(self, run: Run, begun: Any) -> None:
-        """Let those begin anew who were stopped."""
-        for group, rows in begun:
+        """Let those begin anew whom nothing else keeps out of it."""
+        for group, rows in self.agents:
             run.attendance.revive(group, rows)
 
 
@@ -128,20 +124,20 @@ class Freeze(Effect):
 
 @dataclass(frozen=True)
 class Slow(Effect):
-    """Computations take longer than they do."""
+    """Computations take another time; where several faults say so, the longest."""
 
     components: Sequence[Components]
     latency: Duration
 
     def begin(self, run: Run, name: str) -> Any:
-        """Set another latency."""
+        """Add a latency."""
         for each in self.components:
             each.activity(run).slow_down(each.rows, self.latency)
 
     def end(self, run: Run, begun: Any) -> None:
-        """Let the latency be that of the scenario again."""
+        """Let the latency be that of the scenario again, or of other faults."""
         for each in self.components:
-            each.activity(run).slow_down(each.rows, None)
+            each.activity(run).speed_up(each.rows, self.latency)
 
 
 @dataclass(frozen=True)
@@ -157,7 +153,7 @@ class Blind(Effect):
             disturbance = partial(_blindfold, frozenset(each.rows))
             activity = each.activity(run)
             activity.disturb(disturbance)
-            disturbance(activity.slot.group, None)
+            disturbance(activity.slot.group, ())
             begun.append((activity, disturbance))
         return begun
 
@@ -167,7 +163,7 @@ class Blind(Effect):
             activity.undisturb(disturbance)
 
 
-def _blindfold(rows: frozenset[int], group: AgentGroup, before: Array | None) -> None:
+def _blindfold(rows: frozenset[int], group: AgentGroup, measured: Sequence[int]) -> None:
     """Take away what some agents believe of others."""
     awareness = group.awareness
     for row in sorted(rows):
@@ -215,22 +211,21 @@ class Error(Effect):
 
 
 def _mismeasure(
-    error: Error, rows: Sequence[int], randoms: Sequence[np.random.Generator], group: AgentGroup, before: Array | None
+    error: Error,
+    rows: Sequence[int],
+    randoms: Sequence[np.random.Generator],
+    group: AgentGroup,
+    measured: Sequence[int],
 ) -> None:
-    awareness = group.awareness
-    if awareness.state is before:
+    """Add errors to what some agents have measured in a turn."""
+    awareness, errors = group.awareness, np.zeros_like(group.awareness.state)
+    for row, random in zip(rows, randoms, strict=True):
+        if row in measured:
+            errors[row] = error.bias
+            if error.deviation.any():
+                errors[row] += error.deviation * random.standard_normal(len(error.deviation))
+    if not errors.any():
         return
-    # Only what was measured in this turn is wrong: a component of single agents may have written a few rows.
-    chosen = [
-        place
-        for place, row in enumerate(rows)
-        if before is None or len(before) > 1 or not np.array_equal(awareness.state[row], before[row])
-    ]
-    errors = np.zeros_like(awareness.state)
-    for place in chosen:
-        errors[rows[place]] = error.bias
-        if error.deviation.any():
-            errors[rows[place]] += error.deviation * randoms[place].standard_normal(len(error.deviation))
     awareness.state = awareness.state + errors
     observation = awareness.observation
     if observation is not None and observation.state is not None:

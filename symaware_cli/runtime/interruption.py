@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import ctypes
 import signal
+import sys
 import threading
 import time
 from collections.abc import Callable
 from types import FrameType, TracebackType
-from typing import Any
+from typing import Any, NoReturn
 
 from symaware_cli.core import Event
+from symaware_cli.runtime.departure import PATIENCE
+
+#: Signals that follow each other within this are one: some programs pass on what their process group has got [s].
+_TWICE = 0.1
 
 
 class Interrupted(BaseException):
@@ -26,20 +32,30 @@ class OverdueError(BaseException):
 class Interruption:
     """Turns SIGINT and SIGTERM into `Interrupted` while a run lasts, and the end of its wall time.
 
-    Where nothing may be left half done, `shield` holds the signal back and `unshield` delivers it. A second signal
-    quits at once, so that a run can always be got rid of.
+    Where nothing may be left half done, `shield` holds the signal back and `unshield` delivers it. Who interrupts a
+    second time gives the run a second to finish its log; then the process ends. Where native code keeps the interpreter
+    from hearing of a Ctrl-C at all, the operating system ends the process at the next one.
     """
 
-    def __init__(self, timeout: float | None = None, turn_limit: float | None = None) -> None:
+    def __init__(
+        self,
+        timeout: float | None = None,
+        turn_limit: float | None = None,
+        give_up: Callable[[], object] | None = None,
+    ) -> None:
         """Prepare; entering the context begins.
 
         Args:
             timeout: Wall time after which the run is interrupted [s].
             turn_limit: Wall time after which what was let through with one `unshield` is ended by `OverdueError` [s].
+            give_up: Called, from another thread, if the run does not end after a second signal.
         """
         self._shielded = False
         self._pending: str | None = None
         self._count = 0
+        self._first = 0.0
+        self._give_up = give_up
+        self._patience: threading.Timer | None = None
         self._previous: dict[int, signal.Handlers | object] = {}
         self._timeout = timeout
         self._turn_limit = turn_limit
@@ -54,6 +70,7 @@ class Interruption:
         if threading.current_thread() is threading.main_thread():
             for number in (signal.SIGINT, signal.SIGTERM):
                 self._previous[number] = signal.signal(number, self._handle)
+            _hear_once(signal.SIGINT)
             if self._timeout is not None or self._turn_limit is not None:
                 self._set_alarm()
         return self
@@ -71,23 +88,40 @@ class Interruption:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        if self._patience:
+            self._patience.cancel()
         if signal.SIGALRM in self._previous:
             signal.setitimer(signal.ITIMER_REAL, 0.0)
         for number, handler in self._previous.items():
             signal.signal(number, handler)  # type: ignore[arg-type]
 
     def _handle(self, number: int, frame: FrameType | None) -> None:
+        now = time.monotonic()
         self._count += 1
-        if self._count > 3:
-            # Whatever we raised was caught by somebody who catches everything.
-            signal.signal(number, signal.SIG_DFL)
-            signal.raise_signal(number)
-        if self._count > 2:
-            raise KeyboardInterrupt
+        if self._count == 1:
+            self._first = now
+        elif self._patience is None and now - self._first > _TWICE:
+            self._insist()
+        if number == signal.SIGINT and self._patience is None:
+            signal.signal(number, self._handle)
+            _hear_once(number)
         # Also where it is raised at once: a component that swallows it is interrupted after its turn.
         self._pending = signal.Signals(number).name
         if not self._shielded:
-            raise Interrupted(self._pending) if self._count == 1 else KeyboardInterrupt
+            self._raise(self._pending)
+
+    def _raise(self, cause: str) -> NoReturn:
+        """Deliver a signal, and hold back others until the next `unshield`: who ends the run is not to be disturbed."""
+        self._shielded = True
+        raise Interrupted(cause)
+
+    def _insist(self) -> None:
+        """Somebody interrupts again: the run has a little time to end, and none if that happens once more."""
+        for each in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(each, signal.SIG_DFL)
+        self._patience = threading.Timer(PATIENCE, self._give_up or (lambda: None))
+        self._patience.daemon = True
+        self._patience.start()
 
     def _on_alarm(self, number: int, frame: FrameType | None) -> None:
         now = time.monotonic()
@@ -95,7 +129,7 @@ class Interruption:
             self._deadline = None
             self._pending = f"the time-out of {self._timeout:g} s"
             if not self._shielded:
-                raise Interrupted(self._pending)
+                self._raise(self._pending)
         if self._turn_limit is None:
             return
         serial, since = self._seen
@@ -136,4 +170,25 @@ class Interruption:
         self._serial += 1
         if self._pending is not None:
             cause, self._pending = self._pending, None
-            raise Interrupted(cause)
+            self._raise(cause)
+
+
+def _hear_once(number: int) -> None:
+    """Let the system's own handler take the next signal after one that the interpreter has not heard of yet.
+
+    Handlers of Python run between two of its instructions, so a process is deaf while native code does not return. With
+    SA_RESETHAND the kernel restores the default, which is the end of the process, when it delivers a signal; the
+    interpreter sets its handler again once it comes to that.
+    """
+    if not sys.platform.startswith("linux"):
+        return
+    # struct sigaction of Linux's C libraries: the handler, a mask of 128 bytes, the flags.
+    action = (ctypes.c_char * 512)()
+    flags = ctypes.c_int.from_buffer(action, ctypes.sizeof(ctypes.c_void_p) + 128)
+    sigaction = ctypes.CDLL(None).sigaction
+    if sigaction(number, None, action) == 0:
+        flags.value = ctypes.c_int(flags.value | _SA_RESETHAND).value
+        sigaction(number, action, None)
+
+
+_SA_RESETHAND = 0x80000000

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NoReturn
 
+import numpy as np
+
 from symaware_cli.core import AgentGroup, Event, Level
-from symaware_cli.core.column import Array, is_finite
+from symaware_cli.core.column import FARTHEST, Array, is_within, said_of
 from symaware_cli.runtime.failure import RunError, describe
 from symaware_cli.runtime.interruption import Interrupted, Interruption
 from symaware_cli.runtime.simulation import Simulation
@@ -30,7 +32,7 @@ class Motion:
         interruption.unshield()
         try:
             self._environment.step()
-        except (Interrupted, KeyboardInterrupt):
+        except Interrupted:
             raise
         except BaseException as error:
             self._blame(error)
@@ -45,11 +47,11 @@ class Motion:
         """
         try:
             self._environment.push(group, rows, change)
-        except Exception as error:
+        except BaseException as error:
             self._blame(error)
 
     def check(self) -> None:
-        """Look for what is not finite in the true states.
+        """Look for true states that are not finite or have run away, and whether the world tells what it applied.
 
         Raises:
             RunError: Something is not.
@@ -57,12 +59,15 @@ class Motion:
         simulation = self._simulation
         for group in simulation.groups:
             try:
-                truth = self._environment.state(group)
-            except Exception as error:
+                truth, applied = self._environment.state(group), self._environment.applied_input(group)
+                if np.shape(applied) != group.control_input.shape:
+                    shapes = f"{np.shape(applied)} instead of {group.control_input.shape}"
+                    raise ValueError(f"`applied_input` of {group.name} has the shape {shapes}")
+            except BaseException as error:
                 self._blame(error)
-            if not is_finite(truth):
-                row = next(row for row, state in enumerate(truth) if not is_finite(state))
-                problem = f"the state of {group.ids[row]} is not finite: {truth[row].tolist()}"
+            if not is_within(truth, FARTHEST):
+                row = next(row for row, state in enumerate(truth) if not is_within(state, FARTHEST))
+                problem = f"the state of {group.ids[row]} {said_of(truth[row])}"
                 raise RunError("environment", simulation.environment_use, simulation.clock.now, problem)
 
     def announce_contacts(self) -> None:
@@ -74,7 +79,7 @@ class Motion:
         now = self._simulation.clock.now
         try:
             contacts = self._environment.contacts()
-        except Exception as error:
+        except BaseException as error:
             self._blame(error)
         for contact in contacts:
             verb = "touch" if contact.begins else "part"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fnmatch
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
@@ -57,8 +58,25 @@ def concerned(event: Event, trigger: Trigger, group: str, rows: Mapping[str, int
     owner, _, component = path.rpartition(".")
     if path in rows and trigger.component is None:
         return [rows[path]]
+    if event.name in ("fault", "fault-over"):
+        return _meant(path, trigger, group, rows)
     if trigger.component not in (None, component):
         return []
     if owner in rows:
         return [rows[owner]]
     return rows.values() if owner == group else []
+
+
+def _meant(path: str, trigger: Trigger, group: str, rows: Mapping[str, int]) -> Collection[int]:
+    """The agents of a group that a fault happens to: it names agents or components of theirs by patterns."""
+    owner, _, component = path.rpartition(".")
+    if trigger.component is None:
+        return _named(path, group, rows) or _named(owner, group, rows)
+    return _named(owner, group, rows) if fnmatch.fnmatchcase(trigger.component, component) else []
+
+
+def _named(pattern: str, group: str, rows: Mapping[str, int]) -> Collection[int]:
+    """The agents of a group that a pattern means: all of them by the group's name, else by their ids."""
+    if fnmatch.fnmatchcase(group, pattern):
+        return rows.values()
+    return [row for id, row in rows.items() if fnmatch.fnmatchcase(id, pattern)]

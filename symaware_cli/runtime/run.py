@@ -14,17 +14,15 @@ from typing import TYPE_CHECKING, Any
 from symaware_cli.core import Level, SubscriberError
 from symaware_cli.core.column import Array, Column
 from symaware_cli.recording.error import LogError
-from symaware_cli.recording.recorder import Recorder
 from symaware_cli.runtime.activity import Activity
 from symaware_cli.runtime.agenda import Agenda, LivelockError
 from symaware_cli.runtime.attendance import Attendance
 from symaware_cli.runtime.blame import blame_circle, blame_subscriber
+from symaware_cli.runtime.departure import deadline, exits_refused, leave
 from symaware_cli.runtime.expression import EvaluationError, Expression
 from symaware_cli.runtime.failure import RunError, describe
 from symaware_cli.runtime.interruption import Interrupted, Interruption
-from symaware_cli.runtime.last_resort import last_resort
 from symaware_cli.runtime.motion import Motion
-from symaware_cli.runtime.outside import Outside
 from symaware_cli.runtime.pacer import Pacer
 from symaware_cli.runtime.scope import WorldScope
 from symaware_cli.runtime.simulation import Simulation
@@ -35,7 +33,9 @@ from symaware_cli.runtime.witness import witness
 from symaware_cli.runtime.workers import Workers
 
 if TYPE_CHECKING:
+    from symaware_cli.recording.recorder import Recorder
     from symaware_cli.runtime.distributed.company import Company
+    from symaware_cli.runtime.outside import Outside
 
 #: Wall time between two calls of the progress callback [s].
 _PROGRESS_INTERVAL = 0.1
@@ -105,7 +105,7 @@ class Run:
         self.asynchronous = terms.mode == "asynchronous"
         self.agenda = Agenda(0 if self.asynchronous else simulation.environment.time_step)
         self.switchboard = Switchboard(simulation.events)
-        self.interruption = Interruption(terms.timeout, terms.turn_limit)
+        self.interruption = Interruption(terms.timeout, terms.turn_limit, self._give_up)
         self.next_step = simulation.environment.time_step
         self.motion = Motion(simulation, self.interruption)
         self.began = 0
@@ -132,6 +132,9 @@ class Run:
         self.activities = [Activity(self, slot, place) for place, slot in enumerate(simulation.slots)]
         self.attendance = Attendance(simulation, self.activities)
         if self.pacer and any(activity.awaits for activity in self.activities):
+            # asyncio takes as long to import as a short run does.
+            from symaware_cli.runtime.outside import Outside
+
             self.outside = Outside()
 
     def execute(self) -> Summary:
@@ -139,7 +142,7 @@ class Run:
         simulation = self.simulation
         started = time.monotonic()
         status, failure, ending = "finished", None, ""
-        with self.interruption as interruption, last_resort(self._terms.timeout, self.recorder):
+        with self.interruption as interruption, deadline(self._terms.timeout, self.recorder), exits_refused():
             interruption.shield()
             try:
                 ending = self._begin_to_end()
@@ -151,6 +154,11 @@ class Run:
                 status, failure = "failed", error
                 interruption.shield()
                 self._announce_end("failed", error.source, str(error), level=Level.ERROR, **error.data)
+            except LogError as error:
+                if self._company:
+                    with suppress(SubscriberError, LogError):
+                        self._company.end("failed", str(error), None)
+                raise
             for activity in self.activities:
                 # A subscriber that raises now has nothing to end any more.
                 with suppress(SubscriberError):
@@ -165,6 +173,11 @@ class Run:
                 outcome = {"status": status, "steps": self.done, "time": simulation.clock.now}
                 self.recorder.finish(simulation.clock.now, self.done, outcome)
         return summarise(self, status, failure, time.monotonic() - started - self._waited)
+
+    def _give_up(self) -> None:
+        """End the process: somebody insists, and the run does not come to its end."""
+        said = "; the log ends without an outcome" if self.recorder else ""
+        leave(130, f"interrupted again{said}", self.recorder)
 
     def _begin_to_end(self) -> str:
         """Make the whole run, and say why it ended where it did.
@@ -202,9 +215,9 @@ class Run:
             raise blame_subscriber(simulation, error) from error
         except LivelockError as error:
             raise blame_circle(simulation, error) from error
-        except (RunError, LogError):
+        except (RunError, LogError, Interrupted):
             raise
-        except Exception as error:
+        except BaseException as error:
             raise RunError("run", "symaware", simulation.clock.now, describe(error), error) from error
 
     def _loop(self) -> str:

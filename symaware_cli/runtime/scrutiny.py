@@ -1,25 +1,29 @@
-"""The scrutiny of what components write: every number must be finite."""
+"""The scrutiny of what components write: every number must be finite, and no state beyond all measure."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
 from symaware_cli.core import AgentGroup
-from symaware_cli.core.column import Array
+from symaware_cli.core.column import FARTHEST, MOST, Array, said_of
 
 
 class Scrutiny:
     """Looks at the control inputs and the believed states of a group."""
 
     def __init__(self, group: AgentGroup) -> None:
-        self._columns = ((group.control_column, "control input"), (group.awareness.state_column, "state"))
+        # A control input may be asked for that is beyond all limits: models have theirs.
+        self._columns = (
+            (group.control_column, "control input", MOST),
+            (group.awareness.state_column, "state", FARTHEST),
+        )
 
     def present(self) -> Sequence[Array]:
         """What stands there now; a column that is written gets another array, so this is no copy."""
-        return [column.values for column, _ in self._columns]
+        return [column.values for column, *_ in self._columns]
 
     def offences(self, before: Sequence[Array] | None) -> Iterator[tuple[Sequence[int], str]]:
-        """Find what was written since the last time and is not finite.
+        """Find what was written since the last time and is not finite or has run away.
 
         Args:
             before: What stood there before and is put back in its place; None to leave it.
@@ -27,14 +31,14 @@ class Scrutiny:
         Yields:
             Rows, ascending, and what is wrong with the first of them.
         """
-        for number, (column, what) in enumerate(self._columns):
+        for number, (column, what, most) in enumerate(self._columns):
             if not column.fresh:
                 continue
             column.fresh = False
-            rows = column.non_finite_rows()
+            rows = column.rows_beyond(most)
             if not rows:
                 continue
-            problem = f"its {what} is not finite: {column.row(rows[0]).tolist()}"
+            problem = f"its {what} {said_of(column.row(rows[0]))}"
             if before is not None:
                 for row in rows:
                     column.set_row(row, before[number][row])

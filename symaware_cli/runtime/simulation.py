@@ -107,7 +107,7 @@ class Slot:
             else:
                 agent = self.group.agents[row]
                 component.initialise_component(agent, agent.awareness_database, agent.knowledge_database)
-        except (SubscriberError, Interrupted, KeyboardInterrupt):
+        except (SubscriberError, Interrupted):
             raise
         except BaseException as error:
             raise RunError(component.path, self.use, now, describe(error), error) from error
@@ -120,8 +120,8 @@ class Simulation:
         name: The scenario's name.
         seed: The seed in force.
         environment: The world.
-        groups: The groups of agents, in the order of the scenario.
-        slots: The components in execution order: groups in scenario order, components in declared order.
+        groups: The groups of agents, by name, so that their order in a file changes nothing.
+        slots: The components in execution order: groups by name, components in declared order.
         clock: Simulated time.
         events: Who is told of what happens.
         exchange: What carries messages.
@@ -143,8 +143,8 @@ class Simulation:
         self.seed = seed
         self.environment = environment
         self.environment_use = environment_use
-        self.groups = tuple(groups)
-        self.slots = tuple(slots)
+        self.groups = tuple(sorted(groups, key=lambda group: group.name))
+        self.slots = tuple(sorted(slots, key=lambda slot: slot.group.name))
         self.clock = Clock()
         self.events = EventBus()
         self._obstacles = obstacles
@@ -203,7 +203,7 @@ class Simulation:
 
     def _blame_topology(self, stretch: Stretch, error: BaseException) -> NoReturn:
         """Take the failure of a topology for that of the run."""
-        if isinstance(error, Interrupted | KeyboardInterrupt):
+        if isinstance(error, Interrupted):
             raise error
         raise RunError(stretch.source, stretch.use, self.clock.now, describe(error), error) from error
 

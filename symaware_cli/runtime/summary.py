@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from symaware_cli.core import Contact, Environment, Event, seconds
+from symaware_cli.core import Contact, Environment, Event, Level, seconds
+from symaware_cli.geometry.bodies import Bodies
 from symaware_cli.runtime.pacer import Pace
 from symaware_cli.runtime.simulation import Simulation
 
@@ -46,15 +49,18 @@ class Summary:
         wall_time: Wall time that passed [s].
         updates: Rows of awareness, control and knowledge that were recorded.
         contacts: How many contacts began.
-        minimum_separation: The least distance between the centres of two agents [m].
+        minimum_separation: The least distance between the outlines of two agents at any step, negative where they
+            overlapped [m].
         highest_risk: The greatest risk that an agent saw.
-        goals_reached: The agents that reached their goal, sorted.
+        goals_reached: The agents that reached the goal that they have at the end, sorted.
         log: The log's path, if there is one.
         log_size: Its size in bytes.
         failure: Why the run failed, if it did.
+        traceback: Where, if an exception was the cause.
         turns: How many turns the components took, all in all.
         overruns: How many turns were due while the one before still computed.
         failures: How many times a component failed without ending the run.
+        warnings: How many events of the level `Level.WARNING` agents and their components fired, by name; sorted.
         pace: How well the pace was kept, if one was asked for.
         began: The simulated time at which this process began to take part [s].
     """
@@ -74,9 +80,11 @@ class Summary:
     log: str | None = None
     log_size: int | None = None
     failure: str | None = None
+    traceback: str | None = None
     turns: int = 0
     overruns: int = 0
     failures: int = 0
+    warnings: Mapping[str, int] = field(default_factory=dict)
     pace: Pace | None = None
     began: float = 0.0
 
@@ -95,7 +103,8 @@ class Observer:
 
     Attributes:
         contacts: How many contacts began.
-        goals: The agents that reached their goal.
+        goals: The agents that reached the goal that they have.
+        warnings: How many warnings of each name came from agents and their components.
         reported: The greatest risk that each other process reported last, and who sees it.
     """
 
@@ -104,20 +113,36 @@ class Observer:
         self._environment: Environment = simulation.environment
         self.contacts = 0
         self.goals: set[str] = set()
+        self.warnings: Counter[str] = Counter()
         self.reported: dict[object, tuple[float, str]] = {}
+        groups = self._environment.groups
+        shapes = [group.entity.shape for group in groups]
+        self._bodies = Bodies(
+            [shape.pieces[0] if shape else None for shape in shapes], [len(group) for group in groups]
+        )
+        self._no_headings = np.zeros(len(self._bodies))
         self._separation = math.inf
         self._separation_time = 0
-        self._separation_pair = (0, 0)
+        self._separation_pair: tuple[int, ...] = (0, 0)
         self._risk: Extreme | None = None
         simulation.events.subscribe("contact", self._on_contact)
         simulation.events.subscribe("goal-reached", self._on_goal)
+        simulation.events.subscribe("goal-changed", self._on_other_goal)
+        simulation.events.subscribe("*", self._on_event)
 
     def _on_contact(self, event: Event) -> None:
         if isinstance(event.subject, Contact) and event.subject.begins:
             self.contacts += 1
 
     def _on_goal(self, event: Event) -> None:
-        self.goals.add(event.source.removeprefix("agents.").rpartition(".")[0])
+        self.goals.add(_agent(event))
+
+    def _on_other_goal(self, event: Event) -> None:
+        self.goals.discard(_agent(event))
+
+    def _on_event(self, event: Event) -> None:
+        if event.level is Level.WARNING and event.source.startswith("agents."):
+            self.warnings[event.name] += 1
 
     def look(self, now: int) -> None:
         """Take note of what the world and the agents are like now."""
@@ -140,20 +165,17 @@ class Observer:
         return max((*peaks, *self.reported.values()), key=lambda each: (each[0], -index(each[1])), default=None)
 
     def _look_at_distances(self, now: int) -> None:
-        positions = self._environment.snapshot().positions
-        proximity = self._environment.proximity
-        if math.isinf(self._separation):
-            # A little more, so that the nearest pair counts, be it at distance 0.
-            self._separation = float(np.nextafter(proximity.nearest(positions) * (1 + 1e-12), np.inf))
-        pairs = proximity.pairs(positions, self._separation)
-        if pairs.least < self._separation:
-            self._separation = pairs.least
-            self._separation_time = now
-            self._separation_pair = (int(pairs.first[pairs.closest]), int(pairs.second[pairs.closest]))
+        snapshot = self._environment.snapshot()
+        # Headings are looked up only where they count.
+        headings = snapshot.headings if self._bodies.any_cornered else self._no_headings
+        found = self._bodies.nearest(snapshot.positions, headings, self._environment.proximity, self._separation)
+        if found is not None:
+            self._separation, *pair = found
+            self._separation_time, self._separation_pair = now, tuple(pair)
 
     @property
     def minimum_separation(self) -> Extreme | None:
-        """The least distance between the centres of two agents so far [m]."""
+        """The least distance between the outlines of two agents so far [m]."""
         if not np.isfinite(self._separation):
             return None
         ids = self._environment.roster.ids
@@ -164,6 +186,11 @@ class Observer:
     def highest_risk(self) -> Extreme | None:
         """The greatest risk so far."""
         return self._risk
+
+
+def _agent(event: Event) -> str:
+    """The id of the agent whose component fired an event."""
+    return event.source.removeprefix("agents.").rpartition(".")[0]
 
 
 def summarise(run: Run, status: str, failure: RunError | None, wall_time: float) -> Summary:
@@ -192,9 +219,11 @@ def summarise(run: Run, status: str, failure: RunError | None, wall_time: float)
         log=str(recorder.writer.path) if recorder else None,
         log_size=recorder.writer.size if recorder else None,
         failure=str(failure) if failure else None,
+        traceback=failure.trace or None if failure else None,
         turns=sum(each.turns for each in run.activities),
         overruns=sum(each.overruns for each in run.activities),
         failures=sum(each.failures for each in run.activities),
+        warnings=dict(sorted(observer.warnings.items())),
         pace=run.pacer.kept if run.pacer else None,
         began=run.began / 1e9,
     )

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from typing import TYPE_CHECKING, Any
+from dataclasses import astuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,8 +20,8 @@ if TYPE_CHECKING:
 
 _NONE = nullcontext()
 
-#: Changes what was written, given the group and the believed states as they were before.
-Disturb = Callable[[AgentGroup, Any], None]
+#: Changes what was written, given the group and the rows of the believed states that were written in the turn.
+Disturb = Callable[[AgentGroup, Sequence[int]], None]
 
 
 class Supervision:
@@ -39,7 +40,8 @@ class Supervision:
         self._simulation = simulation
         self._slot = slot
         self._is_group = isinstance(slot.components[0], GroupComponent)
-        self._slowness: dict[int, Duration] = {}
+        #: What faults say that computations of a row take, each as often as it was said.
+        self._slowness: dict[int, Counter[Duration]] = {}
         self._chances: dict[int, np.random.Generator] = {}
 
     @property
@@ -67,21 +69,26 @@ class Supervision:
         if self.off[agent] <= 0:
             del self.off[agent]
 
-    def slow_down(self, rows: Sequence[int], duration: Duration | None) -> None:
-        """Let computations of some components take a time; None for what the scenario says."""
+    def slow_down(self, rows: Sequence[int], duration: Duration) -> None:
+        """Let computations of some components take at least a time, instead of the one that the scenario says."""
         for row in rows:
-            if duration is None:
-                self._slowness.pop(row, None)
-            else:
-                self._slowness[row] = duration
+            self._slowness.setdefault(row, Counter())[duration] += 1
+
+    def speed_up(self, rows: Sequence[int], duration: Duration) -> None:
+        """Take back, once, that computations of some components take a time."""
+        for row in rows:
+            self._slowness[row] -= Counter([duration])
+            if not self._slowness[row]:
+                del self._slowness[row]
 
     def latency(self, row: int) -> int:
         """How long the present computation of a component takes, in nanoseconds."""
-        duration, random = self._slowness.get(row, self._slot.timing.latency), self._chances.get(row)
-        if random is None and duration.is_drawn:
+        durations, random = self._slowness.get(row) or (self._slot.timing.latency,), self._chances.get(row)
+        if random is None and any(duration.is_drawn for duration in durations):
             path = self._slot.components[row].path
             random = self._chances[row] = generator(self._simulation.seed, f"{path}/latency")
-        return duration.draw(random)
+        # Sorted, so that draws do not depend on which fault began first.
+        return max(duration.draw(random) for duration in sorted(durations, key=astuple))
 
     def watched(self) -> AbstractContextManager[None]:
         """Put back what must not change of what is written, and let faults have their way with the rest."""
@@ -90,12 +97,19 @@ class Supervision:
     @contextmanager
     def _watch(self) -> Iterator[None]:
         group = self._slot.group
-        before = group.awareness.state if self.disturbances else None
+        column = group.awareness.state_column
+        earlier = column.take_changes() if self.disturbances else ()
         # A component of the whole group speaks and writes for all its agents.
         held = sorted(self.off) if self._is_group else ()
         simulation, muted = self._simulation, [group.ids[row] for row in held]
         sources = frozenset(f"agents.{id}.{self._slot.name}" for id in muted)
         with restrained(group, held), simulation.exchange.muted(muted), simulation.events.muted(sources):
             yield
+        if not self.disturbances:
+            return
+        written = column.take_changes()
+        rows = [row for row in (range(len(group)) if written is None else written) if row not in held]
+        for changed in (earlier, written):
+            column.mark(changed)
         for disturbance in self.disturbances:
-            disturbance(group, before)
+            disturbance(group, rows)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Coroutine
+from collections.abc import Coroutine, Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from symaware_cli.core import Component, Event, GroupComponent
@@ -17,6 +18,21 @@ if TYPE_CHECKING:
 FAILED = object()
 
 _REAL_TIME = ", which takes real time, and that only a paced run can (run.pace)"
+
+
+@contextmanager
+def computed(component: Component | GroupComponent, instant: int) -> Iterator[None]:
+    """Let a component know when the value was computed that it is given meanwhile.
+
+    Args:
+        component: Which one.
+        instant: In nanoseconds.
+    """
+    vars(component)["_computed_at"] = instant
+    try:
+        yield
+    finally:
+        vars(component).pop("_computed_at", None)
 
 
 class ForeignWaitError(Exception):
@@ -64,13 +80,12 @@ class Task:
         if "computing" in wanted:
             component._announce("computing")
         value = await component._async_compute()
+        computed_at = component.now
         await Sleep(latency)
-        for name in ("computed", "updating"):
-            if name in wanted:
-                component._announce(name)
-        await component._async_update(value)
-        if "updated" in wanted:
-            component._announce("updated")
+        if "computed" in wanted:
+            component._announce("computed")
+        with computed(component, computed_at):
+            await component.async_update(value)
 
     def _go_on(self, value: Any) -> None:
         """Resume the coroutine until it waits again or is done."""

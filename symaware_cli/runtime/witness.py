@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 from symaware_cli.core import Event
 from symaware_cli.core.event import RECURRING
-from symaware_cli.recording.recorder import Recorder
 from symaware_cli.runtime.interruption import Interruption
 
 if TYPE_CHECKING:
+    from symaware_cli.recording.recorder import Recorder
     from symaware_cli.runtime.simulation import Simulation
 
 

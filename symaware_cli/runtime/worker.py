@@ -14,10 +14,12 @@ import signal
 import struct
 import sys
 import traceback
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, BinaryIO
+
+import numpy as np
 
 from symaware_cli.core import (
     AgentGroup,
@@ -48,19 +50,34 @@ class Part:
         kind: The class of the components.
         parameters: Those of each component.
         attributes: Name, path and entry-point name of each.
-        group: The arguments of the group.
-        roster: The members of each group of the world.
+        group: The name of the group.
+        groups: The arguments of all groups, as they are at the start.
         time_step: That of the world, in nanoseconds.
+        world: What makes the world: its class, its parameters, its folder and its obstacles; None where the components
+            do not look at it.
         seed: The seed of the run.
     """
 
     kind: type[Any]
     parameters: list[Any]
     attributes: list[dict[str, str]]
-    group: tuple[Any, ...]
-    roster: dict[str, tuple[str, ...]]
+    group: str
+    groups: list[tuple[Any, ...]]
     time_step: int
+    world: tuple[Any, ...] | None
     seed: int
+
+    def environment(self, groups: Sequence[AgentGroup]) -> Any:
+        """Make a world that follows the one of the run, or what stands for it."""
+        if self.world is None:
+            models = {group.name: group.model for group in groups}
+            roster = Roster({group.name: group.ids for group in groups}, models)
+            return Elsewhere("world", roster=roster, time_step=self.time_step)
+        kind, parameters, folder, obstacles = self.world
+        environment = kind(parameters)
+        environment.folder = folder
+        environment.initialise(groups, obstacles, self.seed)
+        return environment
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +123,7 @@ class Codec:
     Both sides give the same names to what they share; an object that has a name is replaced by it.
     """
 
-    def __init__(self, group: AgentGroup, surroundings: Any) -> None:
+    def __init__(self, group: AgentGroup, surroundings: Any, groups: Sequence[AgentGroup]) -> None:
         self._named: dict[str, Any] = {
             "group": group,
             "model": group.model,
@@ -118,6 +135,8 @@ class Codec:
             "events": surroundings.events,
             "roster": group.awareness.roster,
         }
+        for other in groups:
+            self._named |= {f"group {other.name}": other, f"model {other.name}": other.model}
         self._group = group
         self._names = {id(value): name for name, value in self._named.items()}
 
@@ -188,6 +207,8 @@ class State:
         if data is None:
             return
         attributes = self._codec.decode(data)
+        if not self._last:
+            self._pickled()  # finds out which cannot be, and so stay
         kept = {
             name: value
             for name, value in vars(self._component).items()
@@ -215,8 +236,8 @@ class State:
             return self._codec.encode({name: each for name, each in attributes.items() if name not in self._local})
 
 
-def group_data(group: AgentGroup) -> dict[str, Any]:
-    """What a computation may look at of a group, and what changes in a run."""
+def group_data(group: AgentGroup, *, sees_world: bool = False) -> dict[str, Any]:
+    """What a computation may look at of a group, and of the world if it does, and what changes in a run."""
     awareness = group.awareness
     data: dict[str, Any] = {
         "state": awareness.state,
@@ -230,6 +251,9 @@ def group_data(group: AgentGroup) -> dict[str, Any]:
     }
     for name in ("intent", "uncertainty", "risk"):
         data[name] = _series_data(getattr(awareness, name))
+    if sees_world:
+        environment = group.surroundings.environment
+        data["truth"] = environment.snapshot().time, dict(environment.capture()), tuple(environment.contacts())
     if "agents" in vars(group):
         databases = [each.awareness_database for each in group.agents]
         data["others"] = [(each._others, each._world, each.told) for each in databases]
@@ -247,8 +271,7 @@ def _take_group_data(group: AgentGroup, data: Mapping[str, Any]) -> None:
     awareness.world, awareness.observation = data["world"], data["observation"]
     awareness.seen, awareness.told, awareness.readings = data["seen"], data["told"], data["readings"]
     for own, known in zip(group.knowledge, data["knowledge"], strict=True):
-        dict.clear(own)
-        dict.update(own, known)
+        own.replace(known)
     for name in ("intent", "uncertainty", "risk"):
         column = getattr(awareness, name)
         column._times, column._values, column._width, column._rows = data[name]
@@ -266,17 +289,18 @@ class Replica:
     """The components of one slot, as they are in a worker."""
 
     def __init__(self, part: Part) -> None:
-        self.group = AgentGroup(*part.group)
+        groups = {arguments[0]: AgentGroup(*arguments) for arguments in part.groups}
+        self.group = groups[part.group]
         self._fired: list[Event] = []
         events = EventBus()
         for name in ("*", *sorted(RECURRING)):
             events.subscribe(name, self._fired.append)
-        roster = Roster(dict(part.roster))
-        self.group.awareness.roster = roster
-        world: Any = Elsewhere("world", roster=roster, time_step=part.time_step)
-        self.surroundings = Surroundings(part.seed, world, Elsewhere("exchange"), Clock(), events)
-        self.group.surroundings = self.surroundings
-        self.codec = Codec(self.group, self.surroundings)
+        self._world = part.environment(list(groups.values()))
+        self.surroundings = Surroundings(part.seed, self._world, Elsewhere("exchange"), Clock(), events)
+        for group in groups.values():
+            group.awareness.roster = self._world.roster
+            group.surroundings = self.surroundings
+        self.codec = Codec(self.group, self.surroundings, list(groups.values()))
         self._is_group = issubclass(part.kind, GroupComponent)
         if not self._is_group:
             self.codec.name_agents()
@@ -286,7 +310,10 @@ class Replica:
     def compute(self, now: int, data: bytes | None, rows: list[tuple[int, bytes | None]]) -> list[Outcome]:
         """Compute for some rows, with the data of now."""
         if data is not None:
-            _take_group_data(self.group, self.codec.decode(data))
+            content = self.codec.decode(data)
+            if "truth" in content:
+                self._world.adopt(*content["truth"])
+            _take_group_data(self.group, content)
         self.surroundings.clock.now = now
         return [self._compute_one(row, state) for row, state in rows]
 
@@ -345,6 +372,7 @@ def _exactly(pipe: BinaryIO, count: int) -> bytes:
     return bytes(data)
 
 
+@np.errstate(all="ignore")  # as in the process that it works for
 def serve(requests: BinaryIO, answers: BinaryIO) -> None:
     """Answer requests until there are no more: pickled tuples of a slot's number and the arguments of `compute`.
 

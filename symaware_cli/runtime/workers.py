@@ -11,7 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, BinaryIO
 
-from symaware_cli.core import Component, GroupComponent, Plugin
+from symaware_cli import processor
+from symaware_cli.core import AgentGroup, Component, Environment, GroupComponent, Plugin
 from symaware_cli.runtime.simulation import Simulation, Slot
 from symaware_cli.runtime.worker import Codec, Part, State, group_data, read, write
 
@@ -74,7 +75,7 @@ class Workers:
     def compute(self, slot: Slot, rows: Sequence[int]) -> dict[int, Computed | WorkerError]:
         """Compute for some components, all at once, and return what came of it, by row."""
         office, now = self._offices[slot.path], self._simulation.clock.now
-        data = office.codec.encode(group_data(slot.group))
+        data = office.codec.encode(group_data(slot.group, sees_world=slot.components[0].sees_world))
         shares: dict[_Worker, list[int]] = {}
         for row in rows:
             shares.setdefault(self._workers[(office.number + row) % len(self._workers)], []).append(row)
@@ -111,7 +112,7 @@ class _Office:
         self.slot = slot
         self.number = number
         group = slot.group
-        self.codec = Codec(group, group.surroundings)
+        self.codec = Codec(group, group.surroundings, simulation.environment.groups)
         first = slot.components[0]
         if not isinstance(first, GroupComponent):
             self.codec.name_agents()
@@ -120,17 +121,27 @@ class _Office:
         self.states = [State(self.codec, each) for each in slot.components]
         own = [None if type(each).Parameters is Plugin.Parameters else each.parameters for each in slot.components]
         environment = simulation.environment
-        knowledge = [dict(each) for each in group.knowledge]
         part = Part(
             kind=type(first),
             parameters=own,
             attributes=[_attributes(each) for each in slot.components],
-            group=(group.name, group.ids, group.model, group.entity, group.initial_state, knowledge),
-            roster={each.name: each.ids for each in environment.groups},
+            group=group.name,
+            groups=[_arguments(each) for each in environment.groups],
             time_step=environment.time_step,
+            world=_world(environment) if first.sees_world else None,
             seed=simulation.seed,
         )
         self.part = pickle.dumps(part)
+
+
+def _arguments(group: AgentGroup) -> tuple[Any, ...]:
+    """What to make a group of again, as it is at the start."""
+    knowledge = [dict(each) for each in group.knowledge]
+    return group.name, group.ids, group.model, group.entity, group.initial_state, knowledge
+
+
+def _world(environment: Environment) -> tuple[Any, ...]:
+    return type(environment), environment.parameters, environment.folder, dict(environment.obstacles)
 
 
 def _attributes(component: Component | GroupComponent) -> dict[str, str]:
@@ -154,7 +165,10 @@ class _Worker:
         ours_in, theirs_out = os.pipe()
         code = f"from symaware_cli.runtime.worker import main; main({theirs_in}, {theirs_out}, {os.getpid()})"
         self._process = subprocess.Popen(
-            [sys.executable, "-P", "-c", code], pass_fds=(theirs_in, theirs_out), stdin=subprocess.DEVNULL
+            [sys.executable, "-P", "-c", code],
+            pass_fds=(theirs_in, theirs_out),
+            stdin=subprocess.DEVNULL,
+            env=processor.environment(),  # or results would depend on who computes them
         )
         os.close(theirs_in)
         os.close(theirs_out)

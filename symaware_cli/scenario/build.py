@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path as FilePath
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from symaware_cli.core import (
     AgentGroup,
@@ -22,6 +26,7 @@ from symaware_cli.core import (
     WorldError,
     nanoseconds,
 )
+from symaware_cli.core.conformity import faults_of
 from symaware_cli.runtime.failure import RunError
 from symaware_cli.runtime.faults import Fault
 from symaware_cli.runtime.simulation import Simulation, Slot
@@ -30,7 +35,7 @@ from symaware_cli.scenario.assets import assets, check_assets
 from symaware_cli.scenario.catalogue import Catalogue
 from symaware_cli.scenario.check import check
 from symaware_cli.scenario.compose import Composition, compose
-from symaware_cli.scenario.consensus import check_consensus
+from symaware_cli.scenario.consensus import check_consensus, check_metropolis
 from symaware_cli.scenario.document import Scenario
 from symaware_cli.scenario.faults import FaultBuilder
 from symaware_cli.scenario.making import Workshop, mapping, topologies, words
@@ -41,6 +46,8 @@ from symaware_cli.scenario.sampling import Sampler
 from symaware_cli.scenario.source import Path
 from symaware_cli.scenario.timing import TimingCheck
 from symaware_cli.scenario.topology import NetworkBuilder
+
+Array = NDArray[np.float64]
 
 #: More steps than this are a slip of the pen: at a million steps a second they would take a quarter of an hour.
 _MOST_STEPS = 10**9
@@ -73,7 +80,13 @@ class Built:
     uses: Mapping[str, Mapping[str, Any]]
     transport: Transport | None = None
 
+    @property
+    def digest(self) -> bytes:
+        """What tells this scenario from any other: the SHA-256 of the resolved document."""
+        return hashlib.sha256(self.resolved).digest()
 
+
+@np.errstate(all="ignore")  # as while it runs
 def build(
     path: FilePath,
     overrides: Sequence[str] = (),
@@ -148,6 +161,8 @@ class _Builder:
                 builder = NetworkBuilder(self._report, environment, groups, seed)
                 narrowed = any(each.degrade and each.degrade.bandwidth for each in document.faults.values())
                 network = builder.build(document.topology, networks, narrowed=narrowed)
+                if network is not None:
+                    check_metropolis(document.topology, network, builder.links, slots, self._report)
         if self._problems or self._found or isinstance(document, list) or environment is None:
             raise ScenarioError([*self._found, *filter(self._is_news, self._problems)])
         simulation = self._simulation(document, environment, groups, slots)
@@ -161,7 +176,7 @@ class _Builder:
         self, document: Scenario, environment: Environment, groups: Sequence[AgentGroup], slots: Sequence[Slot]
     ) -> Terms:
         """Check what is said about time and faults, and let the components know."""
-        check = TimingCheck(self._composition, environment.time_step, self._problems.append)
+        check = TimingCheck(self._composition, environment, self._problems.append)
         for slot in slots:
             use = document.agents[slot.group.name].components[slot.name]
             path: Path = ("agents", slot.group.name, "components", slot.name)
@@ -226,6 +241,13 @@ class _Builder:
             return None
         return model
 
+    def _conforms(self, model: Model, use: str, state: Array, path: Path) -> bool:
+        """Whether a model returns what it declares; asked once, because a run has no time to."""
+        faults = list(faults_of(model, state))
+        for fault in faults:
+            self._report("broken-plugin", f"the model {quoted(use)} {fault}", path)
+        return not faults
+
     def _group(
         self, name: str, entry: Mapping[str, Any], document: Scenario | list[Problem], seed: int
     ) -> tuple[AgentGroup | None, list[Slot]]:
@@ -246,7 +268,8 @@ class _Builder:
             self._problems += sampler.problems
         components = mapping(entry.get("components"))
         uses = {component: str(mapping(content).get("use")) for component, content in components.items()}
-        self._uses[name] = {"model": mapping(entry.get("model")).get("use"), "components": uses}
+        uses_model = mapping(entry.get("model")).get("use")
+        self._uses[name] = {"model": uses_model, "components": uses}
         instances = {
             component: self._workshop.make(mapping(content), (*path, "components", component), len(ids))
             for component, content in components.items()
@@ -259,6 +282,8 @@ class _Builder:
         if model is None or states is None or sampler.problems or self._found:
             return None, []
         body = document.agents[name].entity if isinstance(document, Scenario) else Entity()
+        if not self._conforms(model, str(uses_model), states[0], (*path, "model", "use")):
+            return None, []
         group = AgentGroup(name, ids, model, body, states, knowledge)
         slots = [
             Slot(group, component, uses[component], instances[component])
@@ -374,6 +399,10 @@ def _fault_of(model: Model | type[Model]) -> str | None:
     indices = [*model.position, *(() if model.heading is None else (model.heading,))]
     if not all(0 <= index < len(model.state) for index in indices):
         return "places its position or heading outside its state"
+    if not all(0 <= index < len(model.state) for index in (*model.velocities, *model.angles)):
+        return "places its velocities or angles outside its state"
+    if len(model.velocities) not in (0, len(model.position)):
+        return f"has {len(model.velocities)} velocities for {len(model.position)} coordinates of its position"
     return None
 
 

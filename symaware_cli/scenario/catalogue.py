@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 import os
-import platform
 import traceback
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -200,10 +199,3 @@ def _fault(kind: str, loaded: Any) -> str | None:
     if not inspect.isclass(parameters) or not issubclass(parameters, BaseModel):
         return "has Parameters that are not a subclass of symaware_cli.Parameters"
     return None
-
-
-def versions() -> dict[str, str]:
-    """The version of Python, the platform, and the version of every installed distribution, by name."""
-    found = {each.metadata["Name"]: each.version for each in metadata.distributions() if each.metadata["Name"]}
-    packages = dict(sorted(found.items(), key=lambda item: item[0].lower()))
-    return {"Python": platform.python_version(), "platform": platform.platform(), **packages}

@@ -65,6 +65,10 @@ class Composition:
         """Returns where the value (or the key) at a path came from, or its nearest ancestor that exists."""
         return self._root.nearest_span(path, key=key)
 
+    def has(self, path: Path) -> bool:
+        """Returns whether a file or an override says something at a path."""
+        return self._root.has(path)
+
     def line_text(self, span: Span) -> str | None:
         """Returns the whole line that a span lies on."""
         source = self._sources.get(span.file)

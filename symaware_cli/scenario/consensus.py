@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+import numpy as np
+
 from symaware_cli.components.communication.consensus import Consensus
-from symaware_cli.core import seconds
+from symaware_cli.core import Links, seconds
+from symaware_cli.network.network import Network
 from symaware_cli.runtime.simulation import Slot
-from symaware_cli.scenario.document import Scenario
+from symaware_cli.scenario.document import Scenario, TopologyUse
 from symaware_cli.scenario.problem import quoted
 from symaware_cli.scenario.source import Path
 
@@ -37,8 +40,65 @@ def check_consensus(document: Scenario, time_step: int, slots: Sequence[Slot], r
                 continue
             _check_shape(name, slot, first, report)
             _check_turns(document, time_step, slot, first, report)
+            _check_weights(slot, first, report)
         for slot in groups.values() if len(groups) > 1 else ():
             _check_order(document, slot, report)
+
+
+def check_metropolis(
+    use: TopologyUse,
+    network: Network,
+    links_of: Callable[[Network], Links | None],
+    slots: Sequence[Slot],
+    report: Callable[..., None],
+) -> None:
+    """Report each consensus with Metropolis weights on links that change, or that go one way only.
+
+    Args:
+        use: What the scenario says of its topology.
+        network: What was made of it.
+        links_of: Tells the links of one whose topology stays as it is; None after a problem that it reported.
+        slots: All components.
+        report: Takes the code and the message of a problem, the path, and hints.
+    """
+    concerned = [slot for slot in slots if _has_metropolis(slot)]
+    if not concerned:
+        return
+    if use.changes:
+        wrong = "stay as they are, and `topology.changes` replaces them"
+    elif network.stretch(0).topology.changes:
+        wrong = f"stay as they are, and those of {quoted(use.use)} change"
+    elif (links := links_of(network)) is not None and not _go_both_ways(links):
+        wrong = f"go both ways, and some of {quoted(use.use)} go one way only"
+    else:
+        return
+    for slot in concerned:
+        message = f"Metropolis weights keep the mean only where links {wrong}"
+        report("unsuitable", message, (*_path(slot), "with", "weights"), expected="uniform, or another topology")
+
+
+def _go_both_ways(links: Links) -> bool:
+    back = links.receivers.astype(np.int64) * links.count + links.senders
+    return np.array_equal(np.sort(back), links.keys)
+
+
+def _has_metropolis(slot: Slot) -> bool:
+    component = slot.components[0]
+    return isinstance(component, Consensus) and component.parameters.weights == "metropolis"
+
+
+def _check_weights(slot: Slot, first: Slot, report: Callable[..., None]) -> None:
+    """Report weights that are not those of another group, and with Metropolis weights another gain."""
+    own, wanted = slot.components[0], first.components[0]
+    assert isinstance(own, Consensus)
+    assert isinstance(wanted, Consensus)
+    kinds, gains = (own.parameters.weights, wanted.parameters.weights), (own.gain, wanted.gain)
+    for key, one, two in (("weights", *kinds), ("gain", *gains)):
+        if one != two and "metropolis" in kinds:
+            where = (*_path(slot), *(("with", key) if key in own.parameters.model_fields_set else ()))
+            said = f"both ends of a link need the same {key}: {one} here, and {two} for {_named(first)}"
+            report("unsuitable", said, where, expected=str(two))
+            return
 
 
 def _check_shape(name: str, slot: Slot, first: Slot, report: Callable[..., None]) -> None:

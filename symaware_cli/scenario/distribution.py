@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from pathlib import Path
 from typing import Any
 
@@ -51,8 +50,7 @@ def company(built: Built, place: Place) -> Company:
         )
     transport = _transport(built)
     usual = "host" if place.role == "host" else "+".join(each.removeprefix("agents.") for each in place.only)
-    digest = hashlib.sha256(built.resolved).digest()
-    identity = Identity(place.name or usual, digest, __version__, agents)
+    identity = Identity(place.name or usual, built.digest, __version__, agents)
     if place.role == "host":
         return Host(identity, transport.listen(host, port, key), place.patience)
     absence = _ABSENCE * transport.parameters.timeout

@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BaseModel, ConfigDict, Field, WithJsonSchema, model_validator
 
 from symaware_cli.core import Entity, Obstacle
+from symaware_cli.core.shape import LARGEST, Number
 from symaware_cli.network.channel.parameters import ChannelParameters
 
 #: The version of the format that this package reads.
@@ -213,14 +214,14 @@ class Bias(Part):
     """A sensor that measures one's own state with an offset."""
 
     of: Target = Field(description=_COMPONENT)
-    state: list[float] = Field(min_length=1, description="What is added to the state, in the model's order and units.")
+    state: list[Number] = Field(min_length=1, description="What is added to the state, in the model's order and units.")
 
 
 class Noise(Part):
     """A sensor that measures one's own state with noise."""
 
     of: Target = Field(description=_COMPONENT)
-    deviation: list[Annotated[float, Field(ge=0)]] = Field(
+    deviation: list[Annotated[float, Field(ge=0, le=LARGEST)]] = Field(
         min_length=1, description="Standard deviations of what is added to the state, in the model's order and units."
     )
 
@@ -269,7 +270,7 @@ class Shove(Part):
     """A push."""
 
     of: Target = Field(description=_AGENTS)
-    by: list[float] = Field(
+    by: list[Number] = Field(
         min_length=1, description="What is added to the true state, in the model's order and units."
     )
 

@@ -2,30 +2,38 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import tempfile
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from symaware_cli import processor
 from symaware_cli.core import Event, Level, Quantity, nanoseconds
-from symaware_cli.recording.geometry import GeometryWriter
-from symaware_cli.recording.manifest import manifest
-from symaware_cli.recording.recorder import Recorder
-from symaware_cli.recording.writer import LogWriter
 from symaware_cli.runtime.run import run
 from symaware_cli.runtime.simulation import Simulation
 from symaware_cli.runtime.summary import Summary
 from symaware_cli.scenario.build import Built, build
-from symaware_cli.scenario.catalogue import versions
+from symaware_cli.scenario.versions import versions
 
 if TYPE_CHECKING:
+    from symaware_cli.recording.writer import LogWriter
     from symaware_cli.scenario.place import Place
 
 #: The attachment that a log is run again from.
 RESOLVED = "resolved.yaml"
+
+#: Characters that mean something else in the names of files somewhere.
+_SPECIAL = frozenset("\\:\0")
+
+#: What is said of names that no file can have, or none beside those that are there.
+_NO_FILE = (errno.ENAMETOOLONG, errno.ENOTDIR, errno.EEXIST, errno.EISDIR, errno.EINVAL, errno.EILSEQ)
 
 _MEDIA_TYPES = {".toml": "application/toml", ".yaml": "application/yaml", ".yml": "application/yaml"}
 
@@ -58,14 +66,34 @@ def open_scenario(path: Path, overrides: Sequence[str] = (), seed: int | None = 
     return replace(built, files=written)
 
 
+def is_read(built: Built, path: Path, scenario: Path) -> bool:
+    """Whether a path is one of the files that a scenario was read from, by whatever name.
+
+    Args:
+        built: The scenario.
+        path: Where something is to be written.
+        scenario: The scenario file, or the log it was taken from.
+    """
+    files = [scenario, *(scenario.parent / name for name in built.files)]
+    return path.exists() and any(file.exists() and path.samefile(file) for file in files)
+
+
 def _extract(name: str, content: bytes, folder: Path) -> None:
     """Lay out a file of the scenario, such as a mesh; whatever else a log calls an attachment stays where it is."""
     inner = PurePosixPath(name)
-    if inner.parts[:1] != ("scenario",) or ".." in inner.parts or "\\" in name or ":" in name or len(inner.parts) < 2:
+    if inner.parts[:1] != ("scenario",) or ".." in inner.parts or not _SPECIAL.isdisjoint(name) or len(inner.parts) < 2:
         return
+    if inner.parts[1] == RESOLVED:
+        return  # that name is taken
     path = folder.joinpath(*inner.parts[1:])
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(content)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(content)
+    except OSError as error:
+        from symaware_cli.recording.error import OutputError, reason
+
+        if error.errno not in _NO_FILE:
+            raise OutputError(f"cannot lay out the scenario of the log in {folder}: {reason(error)}") from error
 
 
 def unused_path(name: str, folder: Path = Path(), suffix: str = ".mcap") -> Path:
@@ -77,6 +105,8 @@ def unused_path(name: str, folder: Path = Path(), suffix: str = ".mcap") -> Path
     return path
 
 
+# Numbers that are not finite fail where they are written, with who wrote them; a warning of NumPy would only add noise.
+@np.errstate(all="ignore")
 def execute(
     built: Built,
     log: Path | None,
@@ -97,12 +127,19 @@ def execute(
         LogError: The log cannot be written.
         DistributionError: This process cannot have that place.
         TransportError: The others cannot be reached from there.
+
+    Warns:
+        ProcessorWarning: On another processor the run may differ in its last bits.
     """
+    shortfall = processor.shortfall()
+    if shortfall:
+        warnings.warn(shortfall, processor.ProcessorWarning, stacklevel=2)
     with ExitStack() as stack:
         stack.enter_context(built.simulation.environment)
         recorder = company = share = None
         recording, terms = built.document.recording, replace(built.terms, timeout=timeout)
-        omit, messages = recording.omit, recording.messages
+        omit: Sequence[str] = recording.omit
+        messages = recording.messages
         if place is not None:
             # Imported for those who need it: the code for frames is slow to load.
             from symaware_cli.scenario import distribution
@@ -112,8 +149,11 @@ def execute(
             share = distribution.part(place, company)
             if place.role == "member":
                 # The host has the world and carries all messages.
-                omit, messages = [*omit, "world"], "none"
+                omit, messages = [*omit, "world", "applied"], "none"
         if log is not None:
+            from symaware_cli.recording.recorder import Recorder
+            from symaware_cli.recording.writer import LogWriter
+
             writer = stack.enter_context(LogWriter(log))
             notes = _attach(writer, built, share)
             recorder = Recorder(
@@ -142,6 +182,9 @@ def _series_quantities(simulation: Simulation) -> dict[str, dict[str, Sequence[Q
 
 def _attach(writer: LogWriter, built: Built, part: Mapping[str, Any] | None) -> Sequence[str]:
     """Put into the log all that it takes to understand it, and to run it again; return what was left out."""
+    from symaware_cli.recording.geometry import GeometryWriter
+    from symaware_cli.recording.manifest import manifest
+
     document = built.document
     writer.attach(
         "manifest.json",

@@ -6,10 +6,11 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
 from symaware_cli.core import GroupComponent, Plugin
+from symaware_cli.core.column import FARTHEST
 from symaware_cli.scenario.catalogue import Catalogue, PluginError, place_of
 from symaware_cli.scenario.check import check
 from symaware_cli.scenario.compose import Composition
-from symaware_cli.scenario.problem import Problem, quoted
+from symaware_cli.scenario.problem import Problem, dotted, quoted
 from symaware_cli.scenario.source import Path
 
 
@@ -77,6 +78,12 @@ class Workshop:
         if plugin is None or not isinstance(given, Mapping):
             return []
         use, where = entry["use"], (*path, "with") if "with" in entry else path
+        far = [each for each in _numbers(given, where) if not abs(each[1]) <= FARTHEST]
+        for place, number in far:
+            said, expected = f"{quoted(dotted(place))} is {number:g}", f"a number from {-FARTHEST:g} to {FARTHEST:g}"
+            self._report("out-of-range", said, place, expected=expected)
+        if far:
+            return []
         try:
             parameters = check(plugin.Parameters, given, self._composition, where)
         except Exception as error:
@@ -89,7 +96,7 @@ class Workshop:
                 for problem in parameters
                 if problem.code != "missing-field" or not any(f"`{key}`" in problem.message for key in entry)
             )
-            return []
+            return self._stand_in(plugin, given, where, parameters) if "components" not in path else []
         try:
             if plugin.Parameters is Plugin.Parameters:
                 # A component author need not know of parameters: without any of its own, a class is called with none.
@@ -104,6 +111,35 @@ class Workshop:
         except (Exception, SystemExit) as error:
             self._report("broken-plugin", f"{quoted(use)} cannot be made: {words(error)}", (*path, "use"))
         return []
+
+    def _stand_in(
+        self, plugin: type[Plugin], given: Mapping[str, Any], where: Path, problems: Iterable[Problem]
+    ) -> list[Any]:
+        """Make an instance without the parameters that are wrong, so that what depends on it is looked at all the same.
+
+        The scenario is refused anyway. There is none where anything else could depend on what is left out.
+        """
+        wrong = {key for key in given for each in problems if f"{each.path}.".startswith(f"{dotted((*where, key))}.")}
+        if "time_step" in wrong:
+            return []
+        parameters = check(
+            plugin.Parameters, {key: given[key] for key in given if key not in wrong}, self._composition, where
+        )
+        if isinstance(parameters, list):
+            return []
+        try:
+            return [plugin(parameters)]
+        except (Exception, SystemExit):
+            return []
+
+
+def _numbers(value: Any, path: Path) -> Iterator[tuple[Path, float]]:
+    """Yield each number that is not whole in a piece of data, with its path."""
+    if isinstance(value, float):
+        yield path, value
+    items = value.items() if isinstance(value, Mapping) else enumerate(value) if isinstance(value, list) else ()
+    for key, each in items:
+        yield from _numbers(each, (*path, key))
 
 
 def topologies(entry: Any) -> Iterator[tuple[Path, Mapping[str, Any]]]:

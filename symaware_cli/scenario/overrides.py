@@ -108,6 +108,9 @@ class Override:
             expected = f"one of {', '.join(sorted(entries)[:20])}" if entries else None
             self._refuse(message, span, depth, expected, nearest(name, entries))
             return node
+        if is_last and self._value.value is None and name in entries:
+            # As in a file that extends another, null removes what is there.
+            return Node({key: entry for key, entry in entries.items() if key != name}, node.span)
         child = entries[name].node if name in entries else Node({}, span)
         replaced = self._replace(child, depth + 1)
         return Node(entries | {name: Entry(span, replaced)}, node.span)

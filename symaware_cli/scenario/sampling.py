@@ -16,7 +16,9 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from symaware_cli.core import Model
+from symaware_cli.core.column import FARTHEST, is_within
 from symaware_cli.core.random import generator
+from symaware_cli.core.shape import LARGEST, Length, Number
 from symaware_cli.scenario.check import a_number, check, said_of
 from symaware_cli.scenario.compose import Composition
 from symaware_cli.scenario.document import Part
@@ -24,24 +26,24 @@ from symaware_cli.scenario.problem import Problem, dotted, nearest, quoted
 from symaware_cli.scenario.source import Path
 
 Array = NDArray[np.float64]
-Plane = Annotated[list[float], Field(min_length=2, max_length=3)]
+Plane = Annotated[list[Number], Field(min_length=2, max_length=3)]
 
 
 class Grid(Part):
     """Agents in rows and columns, in the order of their index."""
 
     origin: Plane = Field(default_factory=lambda: [0.0, 0.0], description="Position of the first agent [m].")
-    spacing: float | Plane = Field(1.0, description="Distance between neighbours, the same or for each axis [m].")
+    spacing: Number | Plane = Field(1.0, description="Distance between neighbours, the same or for each axis [m].")
     columns: int | None = Field(None, ge=1, description="Agents in a row; if left out, as many as there are rows.")
-    heading: float = Field(0.0, description="Heading of all [rad], for models that have one.")
+    heading: Number = Field(0.0, description="Heading of all [rad], for models that have one.")
 
 
 class Ring(Part):
     """Agents evenly on a circle, counter-clockwise in the order of their index."""
 
     centre: Plane = Field(default_factory=lambda: [0.0, 0.0], description="Centre [m].")
-    radius: float = Field(gt=0, description="Radius [m].")
-    phase: float = Field(
+    radius: Length = Field(description="Radius [m].")
+    phase: Number = Field(
         0.0, description="Direction from the centre to the first agent [rad]; pi more is the far side."
     )
     heading: Literal["inward", "outward", "along"] = Field(
@@ -53,9 +55,6 @@ Placement = TypeVar("Placement", Grid, Ring)
 
 DISTRIBUTIONS = ("uniform", "normal", "grid", "circle")
 FORMS = (*DISTRIBUTIONS, "each", "all")
-
-#: Far from where arithmetic overflows, and farther than anybody goes.
-_LARGEST = 1e100
 
 
 class Sampler:
@@ -85,14 +84,37 @@ class Sampler:
         if value is None:
             return np.zeros((len(self._ids), width))
         each = self._values(value, path, width)
-        return np.array(each, float) if each else np.empty((len(self._ids), 0))
+        if each is None or not len(each):
+            return np.empty((len(self._ids), 0))
+        states = np.array(each, float)
+        if not is_within(states, LARGEST):
+            row, element = (int(place[0]) for place in np.nonzero(~(np.abs(states) <= LARGEST)))
+            self._report_size(path, row, (element,), float(states[row, element]), LARGEST)
+        return states
 
     def knowledge(self, value: Any, path: Path) -> list[Any]:
         """What each agent knows under one name; empty after a problem."""
         each = self._values(value, path, None)
+        if isinstance(each, np.ndarray):
+            return list(each)
+        for row, known in enumerate(each or ()):
+            if (far := _far(known)) is not None:
+                self._report_size(path, row, *far, FARTHEST)
+                break
+        if each and all(one is each[0] for one in each):
+            # Agents have copies of their own in the end.
+            return [np.array(each[0], float) if _is_array(each[0]) else each[0]] * len(each)
         return [np.array(one, float) if _is_array(one) else one for one in each] if each else []
 
-    def _values(self, value: Any, path: Path, width: int | None) -> list[Any] | None:
+    def _report_size(self, path: Path, row: int, inner: Path, number: float, most: float) -> None:
+        """Report a number that no world goes to, at its place if it was written there and not drawn."""
+        forms: tuple[Path, ...] = (("each", row), (row,), ("all",), ())
+        places = [(*path, *form, *inner) for form in forms]
+        where = next((place for place in places if self._composition.has(place)), path)
+        expected = f"a number from {-most:g} to {most:g}"
+        self._report("out-of-range", f"{quoted(dotted(where))} comes to {said_of(number)}", where, expected=expected)
+
+    def _values(self, value: Any, path: Path, width: int | None) -> list[Any] | Array | None:
         """Give each agent its value, or None after a problem."""
         count = len(self._ids)
         form = self._form(value, path, width)
@@ -100,6 +122,13 @@ class Sampler:
             return None
         is_each, content, inner = form
         if not is_each:
+            if isinstance(content, Mapping) and len(content) == 1 and next(iter(content)) in ("grid", "circle"):
+                # One computation serves all agents, however many there are.
+                kind, placement = next(iter(content.items()))
+                return self._placed(kind, placement, (*inner, kind), width)
+            if not _may_draw(content):
+                first = self._collect(lambda row: self._value(content, inner, row, width), only=1)
+                return first and first * count
             return self._collect(lambda row: self._value(content, inner, row, width))
         if not isinstance(content, list) or len(content) != count:
             said = f"{len(content)} values" if isinstance(content, list) else said_of(content)
@@ -156,11 +185,11 @@ class Sampler:
         self._report("bad-distribution", message, culprit, key=True, expected=expected, suggestion=suggestion)
         return True
 
-    def _collect(self, value_of: Callable[[int], Any], tolerance: int = 0) -> list[Any] | None:
-        """Gather the value of every agent, giving up after as many problems as are worth reading."""
+    def _collect(self, value_of: Callable[[int], Any], tolerance: int = 0, only: int | None = None) -> list[Any] | None:
+        """Gather the value of every agent, or the first ones, giving up after as many problems as are worth reading."""
         before = len(self.problems)
         values = []
-        for row in range(len(self._ids)):
+        for row in range(len(self._ids) if only is None else only):
             values.append(value_of(row))
             if len(self.problems) > before + tolerance:
                 break
@@ -230,13 +259,8 @@ class Sampler:
         inner = (*path, kind)
         if kind in ("uniform", "normal"):
             return self._random(kind, content, inner, row, width)
-        placed = self._grid(content, inner, row) if kind == "grid" else self._ring(content, inner, row)
-        if placed is None:
-            return None
-        if not all(math.isfinite(coordinate) for coordinate in placed[0]):
-            self._report("out-of-range", f"{quoted(dotted(inner))} reaches beyond all numbers", inner)
-            return None
-        return self._place(*placed, width)
+        placed = self._placed(kind, content, inner, width)
+        return None if placed is None else placed[row].tolist()
 
     def _random(self, kind: str, content: Any, path: Path, row: int, width: int | None) -> Any:
         if path not in self._known:
@@ -284,8 +308,8 @@ class Sampler:
                 message = f"the standard deviation is {said_of(other)}"
                 self._report("out-of-range", message, (*path, 1), expected="at least 0")
                 return None
-            if max(abs(one), abs(other)) > _LARGEST:
-                self._report("out-of-range", "the distribution is too wide", path, expected=f"less than {_LARGEST:g}")
+            if max(abs(one), abs(other)) > LARGEST:
+                self._report("out-of-range", "the distribution is too wide", path, expected=f"at most {LARGEST:g}")
                 return None
         return first, second
 
@@ -298,30 +322,32 @@ class Sampler:
                 expected=a_number(value) if isinstance(value, str) or expected == "a number" else expected,
             )
 
-    def _grid(self, content: Any, path: Path, row: int) -> tuple[list[float], float] | None:
-        """The position and heading of an agent on a grid."""
+    def _grid(self, content: Any, path: Path) -> tuple[Array, Array] | None:
+        """The positions and headings of all agents on a grid; shapes (n, d) and (n,)."""
         grid = self._checked(Grid, content, path)
         if grid is None:
             return None
-        columns = grid.columns or math.ceil(math.sqrt(len(self._ids)))
+        count = len(self._ids)
+        columns = grid.columns or math.ceil(math.sqrt(count))
         spacing = grid.spacing if isinstance(grid.spacing, list) else [grid.spacing] * 2
-        steps = (row % columns, row // columns)
-        position = list(grid.origin)
-        for axis in range(2):
-            position[axis] += steps[axis] * spacing[axis]
-        return position, grid.heading
+        rows, positions = np.arange(count), np.tile(np.array(grid.origin, float), (count, 1))
+        for axis, steps in enumerate((rows % columns, rows // columns)):
+            positions[:, axis] += steps * spacing[axis]
+        return positions, np.full(count, grid.heading)
 
-    def _ring(self, content: Any, path: Path, row: int) -> tuple[list[float], float] | None:
-        """The position and heading of an agent on a circle."""
+    def _ring(self, content: Any, path: Path) -> tuple[Array, Array] | None:
+        """The positions and headings of all agents on a circle; shapes (n, d) and (n,)."""
         ring = self._checked(Ring, content, path)
         if ring is None:
             return None
-        angle = ring.phase + 2 * math.pi * row / len(self._ids)
+        count = len(self._ids)
+        angles = (ring.phase + 2 * math.pi * np.arange(count) / count).tolist()
         turn = {"inward": math.pi, "outward": 0.0, "along": math.pi / 2}[ring.heading]
-        position = list(ring.centre)
-        position[0] += ring.radius * math.cos(angle)
-        position[1] += ring.radius * math.sin(angle)
-        return position, math.remainder(angle + turn, 2 * math.pi)
+        positions = np.tile(np.array(ring.centre, float), (count, 1))
+        # By `math`, whose last bits do not depend on the kernels of NumPy.
+        positions[:, 0] += ring.radius * np.array([math.cos(angle) for angle in angles])
+        positions[:, 1] += ring.radius * np.array([math.sin(angle) for angle in angles])
+        return positions, np.array([math.remainder(angle + turn, 2 * math.pi) for angle in angles])
 
     def _checked(self, kind: type[Placement], content: Any, path: Path) -> Placement | None:
         """Validate what is said of a placement, once for all agents."""
@@ -333,17 +359,25 @@ class Sampler:
         placement: Placement | None = self._known[path]
         return placement
 
-    def _place(self, position: list[float], heading: float, width: int | None) -> list[float]:
-        """Put a position into a state, the rest of which is zero; elsewhere a position stands for itself."""
+    def _placed(self, kind: str, content: Any, path: Path, width: int | None) -> Array | None:
+        """What all agents get of a placement, computed once: states, the rest of which is zero, else positions."""
+        key = (*path, str(width))
+        if key not in self._known:
+            found = self._grid(content, path) if kind == "grid" else self._ring(content, path)
+            self._known[key] = None if found is None else self._in_states(*found, width)
+        placed: Array | None = self._known[key]
+        return placed
+
+    def _in_states(self, positions: Array, headings: Array, width: int | None) -> Array:
         model = self._model
         if width is None or model is None:
-            return position
-        state = [0.0] * width
-        for index, coordinate in zip(model.position, position, strict=False):
-            state[index] = coordinate
+            return positions
+        states = np.zeros((len(positions), width))
+        for index, coordinates in zip(model.position, positions.T, strict=False):
+            states[:, index] = coordinates
         if model.heading is not None:
-            state[model.heading] = heading
-        return state
+            states[:, model.heading] = headings
+        return states
 
     def _report(
         self,
@@ -371,10 +405,29 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
+def _may_draw(value: Any) -> bool:
+    """Whether there may be something in a value that differs between agents."""
+    return isinstance(value, Mapping) or (isinstance(value, list) and any(map(_may_draw, value)))
+
+
+def _far(value: Any, inner: Path = ()) -> tuple[Path, float] | None:
+    """Return the first number in a value that is beyond measure, with its place; whole ones fit in 64 bits."""
+    if isinstance(value, float):
+        return None if abs(value) <= FARTHEST else (inner, value)
+    items = value.items() if isinstance(value, Mapping) else enumerate(value) if isinstance(value, list) else ()
+    return next((found for key, one in items if (found := _far(one, (*inner, key))) is not None), None)
+
+
 def _is_array(value: Any) -> bool:
-    """Whether a value is a list of numbers, or of lists of numbers of one length."""
-    if not isinstance(value, list) or not value:
-        return False
-    if all(_is_number(one) for one in value):
-        return True
-    return all(isinstance(one, list) and _is_array(one) and len(one) == len(value[0]) for one in value)
+    """Whether a value is a list of numbers, or of such lists that all have one shape."""
+    return isinstance(value, list) and _shape(value) is not None
+
+
+def _shape(value: Any) -> tuple[int, ...] | None:
+    """The shape of nested lists of numbers; None where they have none, or hold nothing."""
+    if not isinstance(value, list):
+        return () if _is_number(value) else None
+    shapes = {_shape(one) for one in value}
+    if len(shapes) != 1 or None in shapes:
+        return None
+    return (len(value), *next(shape for shape in shapes if shape is not None))

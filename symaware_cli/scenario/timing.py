@@ -9,7 +9,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from symaware_cli.core import AgentGroup, CommunicationReceiver, Component, nanoseconds
+from symaware_cli.core import AgentGroup, CommunicationReceiver, Component, Environment, nanoseconds
 from symaware_cli.core.component import BaseComponent
 from symaware_cli.core.event import RECURRING, TURNS
 from symaware_cli.runtime.expression import Expression, ExpressionError
@@ -21,11 +21,14 @@ from symaware_cli.scenario.document import ComponentUse, Drawn, Run
 from symaware_cli.scenario.problem import Problem, dotted, nearest, quoted
 from symaware_cli.scenario.source import Path
 
+#: What is told of whomever a fault of the scenario happens to.
+FAULT_EVENTS = frozenset({"fault", "fault-over"})
+
 #: What every component fires, whether it knows or not.
-COMPONENT_EVENTS = TURNS | {"failed", "initialised", "initialising", "overrun", "restarted"}
+COMPONENT_EVENTS = TURNS | FAULT_EVENTS | {"failed", "initialised", "initialising", "overrun", "restarted"}
 
 #: What is fired of an agent, with its id as the source.
-AGENT_EVENTS = frozenset({"dropped", "received", "restarted", "sending", "sent", "terminated"})
+AGENT_EVENTS = FAULT_EVENTS | frozenset({"dropped", "received", "restarted", "sending", "sent", "terminated"})
 
 #: What the world and the run fire.
 ENVIRONMENT_EVENTS = frozenset({"contact", "stepped", "stepping"})
@@ -37,12 +40,19 @@ TOPOLOGY_EVENTS = frozenset({"links-changed"})
 Report = Callable[[Problem], None]
 
 
+def _may_wait(component: type[BaseComponent[Any]]) -> bool:
+    """Whether a component may let time pass within its turns."""
+    halves = ("_async_compute", "_async_update", "async_compute_and_update")
+    return any(getattr(component, name) is not getattr(Component, name) for name in halves)
+
+
 class TimingCheck:
     """Turns what a scenario says about time into what a run needs, and reports what is wrong with it."""
 
-    def __init__(self, composition: Composition, time_step: int, report: Report) -> None:
+    def __init__(self, composition: Composition, environment: Environment, report: Report) -> None:
         self._composition = composition
-        self._time_step = time_step
+        self._environment = environment
+        self._time_step = environment.time_step
         self._report = report
 
     def expression(self, text: str, path: Path, names: Collection[str]) -> Expression | None:
@@ -92,6 +102,9 @@ class TimingCheck:
             )
         if use.run_in == "process":
             self._can_leave(use, component, path)
+        if period == 0 and latency.is_zero and use.condition is None and not _may_wait(component):
+            said = f"{quoted(use.use)} takes no time and would take turn after turn at one instant"
+            self._wrong(path, "period", said, "a period above 0, or a `latency`")
         condition = None
         if use.condition is not None:
             condition = self.expression(use.condition, (*path, "condition"), AgentScope(group).names)
@@ -112,8 +125,9 @@ class TimingCheck:
     def _can_leave(self, use: ComponentUse, component: type[BaseComponent[Any]], path: Path) -> None:
         """Look whether a component can compute in a process of its own."""
         problem = None
-        if component.sees_world:
-            problem = "looks at the world, and in a process of its own there is none"
+        if component.sees_world and not self._environment.is_shared:
+            world = quoted(self._composition.data["environment"]["use"])
+            problem = f"looks at the world, and no other process can follow {world}"
         elif issubclass(component, CommunicationReceiver):
             problem = "reads messages, and in a process of its own there are none"
         elif component._async_compute is not Component._async_compute:
@@ -173,11 +187,13 @@ class TimingCheck:
             fired |= RUN_EVENTS
         if pattern.match("topology"):
             fired |= TOPOLOGY_EVENTS
+        if any(pattern.match(each) for each in ("exchange", "faults")):
+            fired |= FAULT_EVENTS
         for slot in slots:
             paths = [slot.path, *(f"agents.{id}.{slot.name}" for id in slot.group.ids)]
             if any(pattern.match(each) for each in paths):
                 fired |= {*COMPONENT_EVENTS, *_events(slot)}
-            if any(pattern.match(f"agents.{id}") for id in slot.group.ids):
+            if any(pattern.match(f"agents.{each}") for each in (slot.group.name, *slot.group.ids)):
                 fired |= AGENT_EVENTS
         return fired or None
 
@@ -205,7 +221,7 @@ def trigger_of(event: str, of: str | None) -> Trigger:
     """Understand whose event is meant: of a component of the same agent, or of a path."""
     if of is None:
         return Trigger(event)
-    if of in ("environment", "run", "topology") or any(sign in of for sign in ".*?["):
+    if of in ("environment", "run", "topology", "exchange", "faults") or any(sign in of for sign in ".*?["):
         return Trigger(event, source=of)
     return Trigger(event, component=of)
 

@@ -18,8 +18,9 @@ _SECTION: Path = ("topology",)
 
 #: What in a channel is of no use without what else, and how that is said.
 _NEEDS = (
-    ("queue", "bandwidth", "a `queue` fills only where there is a `bandwidth`"),
-    ("drop", "queue", "there is a head to drop only where there is a `queue`"),
+    ("queue", ("bandwidth",), "a `queue` fills only where there is a `bandwidth`"),
+    ("queue_length", ("bandwidth",), "a `queue_length` fills only where there is a `bandwidth`"),
+    ("drop", ("queue", "queue_length"), "there is a head to drop only where there is a `queue`"),
 )
 
 
@@ -75,6 +76,10 @@ class NetworkBuilder:
             exemptions=known,
             connected=use.connected,
         )
+
+    def links(self, network: Network) -> Links | None:
+        """The links at the start, of a topology that stays as it is; None for one that changes, and after a problem."""
+        return self._laid(network.stretch(0), _SECTION)
 
     def _ascend(self, use: TopologyUse) -> bool:
         """Whether changes come one after the other, before everything repeats."""
@@ -175,8 +180,10 @@ class NetworkBuilder:
         ]
         sound = True
         for says, needs, message in _NEEDS:
-            there = [exempt for _, channel, exempt in parts if getattr(channel, needs) is not None]
-            if (narrowed and needs == "bandwidth") or None in there:
+            there = [
+                exempt for _, channel, exempt in parts if any(getattr(channel, need) is not None for need in needs)
+            ]
+            if (narrowed and "bandwidth" in needs) or None in there:
                 continue
             for path, channel, exempt in parts:
                 said = getattr(channel, says) not in (None, "tail")

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.recording import wire
-from symaware_cli.viewing.cast import Cast, in_space
+from symaware_cli.viewing.cast import in_space
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.intp]
@@ -81,24 +81,13 @@ class _Flat:
 class Reading:
     """Makes beliefs of messages."""
 
-    def __init__(self, cast: Cast, dimension: int) -> None:
-        """Look up what the states of all consist of.
+    def __init__(self, dimension: int) -> None:
+        """Take note of what of a belief to read: it begins with the position.
 
         Args:
-            cast: Who takes part.
             dimension: In how many dimensions the observers move.
         """
         self._dimension = dimension
-        troupes = [cast.troupes[cast.place[name][0]] if name in cast.place else None for name in cast.roster]
-        #: How long the state of each is, whether its position has as many dimensions, and where that stands then.
-        self._width = np.array([len(troupe.state) if troupe else 0 for troupe in troupes])
-        self._placed = np.array([troupe is not None and len(troupe.position) == dimension for troupe in troupes])
-        self._position = np.array(
-            [
-                troupe.position if troupe and len(troupe.position) == dimension else tuple(range(dimension))
-                for troupe in troupes
-            ]
-        )
 
     def read(self, entries: Sequence[tuple[int, wire.Awareness]], count: int, wanted: Sequence[int]) -> Beliefs:
         """Read messages of one group.
@@ -121,9 +110,7 @@ class Reading:
         chosen[list(wanted)] = True
         some = np.flatnonzero(chosen[flat.observer])
         who, width = flat.who[some], flat.width[some]
-        # Where the position stands: in a state as its model says, in a track at the beginning.
-        whole = (width == self._width[who]) & self._placed[who]
-        columns = np.where(whole[:, None], self._position[who], np.arange(self._dimension))
+        columns = np.broadcast_to(np.arange(self._dimension), (len(some), self._dimension))
         places = in_space(flat.values[flat.start[some, None] + columns])
         covariances = None
         sure = np.flatnonzero(flat.square[some] >= 0)

@@ -149,12 +149,12 @@ def _agent(cast: Cast, detail: Detail, content: Content, agent: str) -> rrb.Vert
     curves = [
         _curves(f"{field} of {agent}", [f"+ curves/agents/{agent}/{field}"])
         for field, topic in (
-            ("state", "state"),
-            ("control", "control"),
-            ("uncertainty", "uncertainty"),
-            ("risk", "risk"),
+            ("state", f"/agents/{group}/state"),
+            ("control", f"/world/{group}/control"),
+            ("uncertainty", f"/agents/{group}/uncertainty"),
+            ("risk", f"/agents/{group}/risk"),
         )
-        if f"/agents/{group}/{topic}" in content.topics
+        if topic in content.topics
     ]
     for sensor, topic in sensors(sorted(content.topics), group, MEASUREMENT).items():
         units = content.units.get(topic, [""])

@@ -12,11 +12,13 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from symaware_cli.core import Shape
-from symaware_cli.core.rotation import about, attitude, attitude_columns, rotated
+from symaware_cli.core.footprint import footprint
+from symaware_cli.geometry.rotation import about, attitude, attitude_columns, rotated
 from symaware_cli.recording.error import LogError
 from symaware_cli.recording.geometry import geometry_of
 from symaware_cli.recording.reader import Log
 from symaware_cli.recording.schema import GEOMETRY
+from symaware_cli.recording.text import read_yaml
 from symaware_cli.viewing.figure import Figure
 from symaware_cli.viewing.palette import SCENERY, Colour, agent_colours, body_colours
 
@@ -88,10 +90,11 @@ class Prop:
 
     Attributes:
         name: Its name.
-        shape: Its outline.
+        shape: Its outline, seen from above.
         position: Where it stands at the beginning; (3,) [m].
         heading: Where its x axis points at the beginning [rad].
         moves: Whether it may leave that, which /world/<name>/state tells.
+        tilt: Its roll and its pitch at the beginning, and as long as nothing else is known [rad].
         stands: Whether its position is where it stands, as without a height of its own; otherwise it is its middle.
         figure: What it consists of, if more than its outline is known.
         colour: What tells it from bodies of another kind.
@@ -102,6 +105,7 @@ class Prop:
     position: Array
     heading: float
     moves: bool
+    tilt: tuple[float, float] = (0.0, 0.0)
     stands: bool = False
     figure: Figure | None = None
     colour: Colour = SCENERY
@@ -113,7 +117,11 @@ class Prop:
             sides = self.shape.radius * np.array([[-1.0, -1.0], [1.0, 1.0]])
             return in_space(self.position[:2] + sides)
         own = self.figure.corners
-        return self.position + rotated(about((0.0, 0.0, 1.0), np.full(len(own), self.heading)), own)
+        return self.position + rotated(self.orientations(np.full(len(own), self.heading)), own)
+
+    def orientations(self, headings: Array) -> Array:
+        """How it is turned with these headings [rad], while it keeps its tilt; quaternions (x, y, z, w)."""
+        return attitude(*self.tilt, headings) if any(self.tilt) else about((0.0, 0.0, 1.0), headings)
 
     def positions(self, values: Array) -> Array:
         """Pick the positions in space out of what /world/<name>/state says; (..., columns) to (..., 3) [m]."""
@@ -175,15 +183,13 @@ def cast_of(log: Log) -> Cast:
     Raises:
         LogError: It is not one of ours, or its manifest is damaged.
     """
+    log.require_manifest()
     manifest = log.manifest
-    if not manifest:
-        why = "was not written by SymAware" if log.foreign else "broke off before it says who takes part"
-        raise LogError(f"{log.path} {why}")
     try:
         groups = manifest["groups"]
         colours = agent_colours([len(group["agents"]) for group in groups.values()])
         ranges = _perception_ranges(log)
-        geometry = geometry_of(log.attachments)
+        geometry = geometry_of(log.attachments, log.path)
         figures = [Figure(number, each, log.attachments) for number, each in enumerate(geometry.articulations)]
         of = {name: figures[place] for name, place in geometry.bodies.items()}
         heights = geometry.heights
@@ -243,9 +249,11 @@ def _moves(entity: Mapping[str, Any]) -> bool:
 
 
 def _prop(name: str, entity: Mapping[str, Any], height: float, **look: Any) -> Prop:
+    shape, tilt = Shape.model_validate(entity["shape"]), (float(entity.get("roll", 0)), float(entity.get("pitch", 0)))
     return Prop(
         name=name,
-        shape=Shape.model_validate(entity["shape"]),
+        shape=shape if entity.get("mass") and not entity.get("path") else footprint(shape, *tilt),
+        tilt=tilt,
         position=in_space(np.array(entity["position"], float), height),
         heading=float(entity["heading"]),
         moves=_moves(entity),
@@ -257,22 +265,19 @@ def _prop(name: str, entity: Mapping[str, Any], height: float, **look: Any) -> P
 
 def _whereabouts(name: str, log: Log) -> str:
     truth, belief = f"/world/{name}/state", f"/agents/{name}/state"
-    return belief if truth not in log.channels and belief in log.channels else truth
+    return belief if truth not in log.topics and belief in log.topics else truth
 
 
 def _perception_ranges(log: Log) -> dict[str, float]:
     """How far each group sees, as far as the resolved scenario tells."""
-    import yaml
-
     try:
-        loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-        document = yaml.load(log.attachments.get("resolved.yaml", b""), loader) or {}
+        document = read_yaml(log.attachments.get("resolved.yaml", b"")) or {}
         return {
             name: float(component["with"]["range"])
             for name, agents in document.get("agents", {}).items()
             for component in agents.get("components", {}).values()
             if component.get("use", "").startswith("perception.") and (component.get("with") or {}).get("range")
         }
-    except (yaml.YAMLError, ValueError, TypeError, AttributeError):
+    except (ValueError, TypeError, AttributeError):
         # The scenario is what the user wrote, and of a later version perhaps: a replay does without.
         return {}

@@ -14,12 +14,16 @@ from numpy.typing import NDArray
 from symaware_cli.recording import wire
 from symaware_cli.recording.error import LogError
 from symaware_cli.recording.reader import LogMessage
+from symaware_cli.recording.shared import single
 
 Array = NDArray[np.float64]
 Times = NDArray[np.int64]
 
 #: A stretch ends with the instant in which it reaches this size [bytes of messages].
 EXCERPT_SIZE = 4 << 20
+
+#: Where few of many rows change, frames take more memory than messages; so many times as much may be held.
+_FRAMES_TO_MESSAGES = 8
 
 
 @dataclass(frozen=True)
@@ -76,7 +80,7 @@ class Excerpt:
     """A stretch of a log.
 
     Attributes:
-        frames: States, by topic, from when on they are known; of control inputs those applied.
+        frames: States and control inputs, by topic, from when on they are known.
         strips: Intents, uncertainties and risks, by topic.
         entries: All other messages of ours, by topic: the time and what was decoded.
         start: The first instant [ns].
@@ -123,9 +127,14 @@ class Gathering:
         for message in messages:
             if self._size >= size and message.time > self.end:
                 yield self.drain()
-            self.take(message.channel.topic, message.time, message.decode(), len(message.data))
+            self.take_message(message)
         if self._start is not None:
             yield self.drain()
+
+    def take_message(self, message: LogMessage) -> None:
+        """Take in a message as it stands in a log, perhaps of many entities."""
+        for each in single(message):
+            self.take(each.channel.topic, each.time, each.decode(), len(each.data))
 
     def take(self, topic: str, time: int, content: Any, size: int = 0) -> None:
         """Take in a message.
@@ -138,9 +147,7 @@ class Gathering:
         """
         match content:
             case wire.Rows():
-                self._take(topic, time, content.rows, content.values)
-            case wire.Control():
-                self._take(topic, time, content.rows, content.applied)
+                size = max(size, self._take(topic, time, content.rows, content.values) // _FRAMES_TO_MESSAGES)
             case wire.SeriesRows():
                 series = self._series.get(topic)
                 if series is None:
@@ -167,9 +174,10 @@ class Gathering:
         self._size, self._start = 0, None
         return excerpt
 
-    def _take(self, topic: str, time: int, rows: NDArray[np.uint32] | None, values: Array) -> None:
+    def _take(self, topic: str, time: int, rows: NDArray[np.uint32] | None, values: Array) -> int:
+        """Take in values of some rows, and return how much memory that takes [bytes]."""
         if not values.size:
-            return
+            return 0
         self._require_rows(topic, rows)
         table = self._tables.get(topic)
         if table is None:
@@ -179,6 +187,7 @@ class Gathering:
             table.take(time, rows, values)
         except (ValueError, IndexError) as error:
             raise LogError(f"the messages on {topic} do not fit together: {error}") from error
+        return table.frame_size
 
     def _require_rows(self, topic: str, rows: NDArray[np.uint32] | None) -> None:
         count = self._counts.get(topic)
@@ -194,6 +203,11 @@ class _Table:
         self._frames: list[Array] = []
         self._before = np.full((count, columns), np.nan)
         self._last = self._before
+
+    @property
+    def frame_size(self) -> int:
+        """Memory of the values of all rows [bytes]."""
+        return self._last.nbytes
 
     def take(self, time: int, rows: NDArray[np.uint32] | None, values: Array) -> None:
         if rows is None and values.shape == self._last.shape:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.core.articulation import Articulation, Visual
-from symaware_cli.core.rotation import composed, rotated
+from symaware_cli.geometry.rotation import composed, rotated
 from symaware_cli.recording.surface import MEDIA_TYPES, bounds
 
 Array = NDArray[np.float64]

@@ -114,7 +114,7 @@ def follow(path: Path, replay: Replay, wanted: Callable[[], bool]) -> None:
 def _take(gathering: Gathering, message: LogMessage, draw: Callable[[], None]) -> None:
     if gathering.is_full and message.time > gathering.end:
         draw()
-    gathering.take(message.channel.topic, message.time, message.decode(), len(message.data))
+    gathering.take_message(message)
 
 
 def _messages(tail: _Tail) -> Iterator[LogMessage]:

@@ -164,7 +164,7 @@ def content_of(log: Log, cast: Cast, start: int | None = None, end: int | None =
         start: The first instant to be shown [ns].
         end: The first instant not to be shown any more [ns].
     """
-    topics = frozenset(topic for topic, channel in log.channels.items() if channel.count)
+    topics = frozenset(topic for topic, channel in log.topics.items() if channel.count)
     first = start if start is not None else log.start_time or 0
     last = min(end, log.end_time or 0) if end is not None else log.end_time or 0
     corners = [corner for prop in cast.props.values() for corner in prop.corners]
@@ -196,6 +196,6 @@ def names_of(log: Log, key: str) -> dict[str, tuple[str, ...]]:
     """The ``columns`` or ``units`` of each topic."""
     return {
         topic: tuple(channel.metadata[key].split(","))
-        for topic, channel in log.channels.items()
+        for topic, channel in log.topics.items()
         if channel.metadata.get(key)
     }

@@ -123,7 +123,7 @@ class Screening:
 
     def _draw(self, recording: rr.RecordingStream, on_progress: Progress) -> None:
         # What was measured and what was believed of others is renewed all the time; what happened before is over.
-        held = [topic for topic in self.log.channels if topic.count("/") == 3 and not topic.endswith("/awareness")]
+        held = [topic for topic in self.log.topics if topic.count("/") == 3 and not topic.endswith("/awareness")]
         self._replay(recording).draw(
             self.log.messages(start=self.start, end=self.end),
             on_progress,

@@ -7,7 +7,7 @@ nothing here is ever called for a single row.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -216,9 +216,25 @@ class Stage:
         columns = self._rr.Scalars.columns(scalars=shown.ravel())
         self._send(path, times, columns.partition([values.shape[1]] * len(values)))
 
-    def series(self, path: str, names: Sequence[str], colours: ArrayLike | None = None, width: float = 1.5) -> None:
-        """Name the m series of `scalars`, and give them colours (m, 3)."""
-        self.static(path, self._rr.SeriesLines(names=list(names), colors=colours, widths=[width] * len(names)))
+    def series(
+        self,
+        path: str,
+        names: Sequence[str],
+        colours: ArrayLike | None = None,
+        width: float = 1.5,
+        keep: Literal["greatest", "least", "both"] = "both",
+    ) -> None:
+        """Name the m series of `scalars`, and give them colours (m, 3).
+
+        Where more instants than pixels are to be drawn, extremes are kept: those that ``keep`` says. A mean would hide
+        that a risk was 1 for a moment.
+        """
+        policy = self._rr.components.AggregationPolicy
+        kept = {"greatest": policy.Max, "least": policy.Min, "both": policy.MinMax}[keep]
+        lines = self._rr.SeriesLines(
+            names=list(names), colors=colours, widths=[width] * len(names), aggregation_policy=kept
+        )
+        self.static(path, lines)
 
     def texts(self, path: str, times: ArrayLike, texts: Sequence[str], levels: Sequence[str]) -> None:
         """Write lines of a log, each with its time [ns] and level."""

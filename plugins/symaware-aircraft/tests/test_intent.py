@@ -3,6 +3,8 @@
 import numpy as np
 from conftest import SCENARIOS, command
 
+from symaware_cli import open_log
+
 AVOIDANCE = SCENARIOS / "intent-avoidance.yaml"
 
 
@@ -67,10 +69,16 @@ def test_a_waypoint_to_fly_to_must_be_a_pose():
     assert done.stderr.count("`waypoint` must be x [m], y [m] and heading [rad]") == 2
 
 
-def test_someone_of_whom_only_the_position_is_perceived_has_no_intent():
+def test_someone_of_whom_only_the_motion_is_perceived_is_taken_to_head_where_it_goes(tmp_path):
     done = command(
-        *("run", AVOIDANCE, "--no-record"),
-        *("--set", "agents.ownship.components.sense={use: perception.range, with: {range: 500}}"),
+        *("run", AVOIDANCE, "--output", tmp_path / "log.mcap", "--set", "run.duration=5"),
+        *("--set", "agents.ownship.components.sense={use: perception.range, with: {range: 5000}}"),
     )
-    assert done.returncode == 1
-    assert "what is perceived of `intruder` must be x [m], y [m] and heading [rad]" in done.stderr
+    assert done.returncode == 0, done.stderr
+    log = open_log(tmp_path / "log.mcap")
+    beliefs, truth = log.beliefs("ownship", "intruder"), log.series("intruder", "world")
+    assert beliefs.columns == ("x", "y", "vx", "vy")
+    steps = slice(1, len(beliefs.times) - 1)
+    assert np.allclose(beliefs.values[steps, :2], truth.values[steps, :2])
+    headings = np.arctan2(beliefs.values[steps, 3], beliefs.values[steps, 2])
+    assert np.allclose(headings[1:], truth.values[steps, 2][1:], atol=0.1)

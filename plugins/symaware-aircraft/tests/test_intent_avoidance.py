@@ -74,6 +74,24 @@ def test_who_knows_that_the_intruder_turns_need_not_deviate(fly):
         assert np.hypot(*flight.own[-1, :2]) < 1.0
 
 
+@pytest.mark.parametrize(
+    "overrides",
+    [
+        *([f"agents.ownship.state=[{x}, 230, -1.5708]"] for x in (-5, -1, 0.1, 1, 5)),
+        [f"{CONTROLLER}.robust_horizon=3"],
+        [f"{CONTROLLER}.robust_horizon=3", "agents.ownship.state=[1, 230, -1.5708]"],
+        [f"{CONTROLLER}.solver=recorded"],
+        [f"{CONTROLLER}.solver=recorded", "agents.ownship.state=[0.1, 230, -1.5708]"],
+    ],
+    ids=" ".join,
+)
+def test_who_meets_somebody_head_on_finds_a_way_around_from_one_of_its_guesses(fly, overrides):
+    flight = fly("without-intent.yaml", *overrides)
+    assert flight.separation.min() >= SEPARATION
+    assert flight.events("fell-back") == flight.events("too-close") == []
+    assert np.hypot(*flight.own[-1, :2]) < 1.0
+
+
 def test_under_turn_noise_a_single_scenario_fails_where_the_tree_does_not(fly):
     single = fly("noisy.yaml", f"{CONTROLLER}.robust_horizon=0", seed=5)
     assert single.separation.min() < 44.0

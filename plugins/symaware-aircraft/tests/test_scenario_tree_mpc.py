@@ -1,5 +1,7 @@
 """The controller plans, says how sure it is, keeps to its budget, and refuses what it cannot work with."""
 
+import json
+
 import numpy as np
 import pytest
 from conftest import SCENARIOS, command
@@ -67,8 +69,8 @@ def test_a_budget_that_is_too_small_falls_back_to_the_shifted_plan_and_says_so(f
     assert 0 in fallen
     event = fallen[0]
     assert (event.source, event.level) == ("agents.ownship.steer", "WARNING")
-    # Of both solvers; IPOPT counts one more.
-    assert 24 <= event.data["iterations"] <= 26
+    # Of the first solver from seven guesses and the second from one; solvers may count one more.
+    assert 8 * 12 <= event.data["iterations"] <= 8 * 13
     # The first plan is to fly straight on at full speed.
     np.testing.assert_allclose(flight.own[1], (9, 0, 0), atol=1e-9)
     plans = series(flight, "intent")
@@ -78,7 +80,29 @@ def test_a_budget_that_is_too_small_falls_back_to_the_shifted_plan_and_says_so(f
 
 
 def test_a_run_without_failures_has_no_such_event(fly):
-    assert fly("intent-avoidance.yaml").events("fell-back") == []
+    flight = fly("intent-avoidance.yaml")
+    assert flight.events("fell-back") == flight.events("too-close") == []
+
+
+def test_steps_nearer_than_the_separation_are_events_and_the_summary_counts_them_with_the_fall_backs(fly, tmp_path):
+    overrides = [f"{CONTROLLER}.robust_horizon=0"]
+    flight = fly("noisy.yaml", *overrides, seed=5)
+    close = {event.time // 10**9: event.data["distance"] for event in flight.events("too-close")}
+    # What the controller perceives is the world before it acts: the last state is nobody's any more.
+    expected = {k: d for k, d in enumerate(flight.separation[:-1]) if d < 44.72}
+    assert close == pytest.approx(expected)
+    assert close
+    sets = [word for override in overrides for word in ("--set", override)]
+    line = ["run", SCENARIOS / "noisy.yaml", "--seed", 5, "--no-record", *sets]
+    warnings = json.loads(command(*line, "--json").stdout)["warnings"]
+    assert warnings == {"fell-back": len(flight.events("fell-back")), "too-close": len(close)}
+    assert f"{warnings['fell-back']} fell-back, {len(close)} too-close" in command(*line).stdout
+
+
+def test_who_need_not_keep_clear_is_never_too_close(fly):
+    flight = fly("no-avoidance.yaml")
+    assert flight.separation.min() < 44.0
+    assert flight.events("too-close") == []
 
 
 def test_speed_and_turn_rate_stay_within_the_limits_of_the_model_and_tighter_ones(fly):
@@ -96,9 +120,9 @@ def test_a_horizon_of_one_step_works(fly):
     fly("demo.yaml", f"{CONTROLLER}.horizon=1", "run.duration=5")
 
 
-def test_on_a_virtual_clock_and_at_a_pace_with_a_budget_of_wall_time_it_flies_the_same(fly):
+def test_on_a_virtual_clock_and_at_a_pace_it_flies_the_same(fly):
     flight = fly("demo.yaml")
-    paced = fly("demo.yaml", "run.mode=asynchronous", "run.pace=100", f"{CONTROLLER}.wall_time=1.0", "run.duration=20")
+    paced = fly("demo.yaml", "run.mode=asynchronous", "run.pace=100", "run.duration=20")
     np.testing.assert_array_equal(paced.own, flight.own[:21])
 
 

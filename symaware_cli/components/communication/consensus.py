@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from symaware_cli.components.communication.running_sums import Flows, History
 from symaware_cli.core import AgentGroup, Delivery, GroupCommunicationReceiver, Level, Mailing, Message, Parameters
 from symaware_cli.core.column import is_finite
+from symaware_cli.core.message import Indices
 
 Array = NDArray[np.float64]
 
@@ -39,6 +40,15 @@ class Consensus(GroupCommunicationReceiver):
     2 sin(pi / (4 d + 2)) (S. A. Levin, R. M. May, "A Note on Difference-Delay Equations", Theoretical Population
     Biology 9, 1976, for each eigenvalue). As lambda_n is at most twice the greatest degree, a gain below
     sin(pi / (4 d + 2)) over that degree is small enough on every graph.
+
+    With Metropolis weights, x_i(k + 1) = x_i(k) + e sum_j w_ij (x_j(k) - x_i(k)), where w_ij = 1 / (1 + max(d_i, d_j))
+    and d_i is the number of links of i (L. Xiao, S. Boyd, S.-J. Kim, "Distributed average consensus with
+    least-mean-square deviation", Journal of Parallel and Distributed Computing 67, 2007). An agent's weights sum to
+    less than one, so a gain of 1 converges on every connected graph, and with delay one below sin(pi / (4 d + 2)). Each
+    tells its degree with its value, and w_ij = w_ji keeps the mean. As a sum covers all turns, a weight cannot change
+    in between: links must stay as they are, and go both ways. A degree counts links to whomever, consensus or not.
+
+    Where something else changes what an agent knows under the name, it goes on from there, towards the new mean.
     """
 
     events: ClassVar[Mapping[str, str]] = {
@@ -50,13 +60,30 @@ class Consensus(GroupCommunicationReceiver):
         """On what to agree, and how fast."""
 
         name: str = Field("value", min_length=1, description="Which knowledge: a number or a list of numbers.")
-        gain: float = Field(
+        weights: Literal["uniform", "metropolis"] = Field(
+            "uniform",
+            description="How much each neighbour counts: all 1, or 1 / (1 + the greater degree of the two), for which "
+            "links must go both ways and stay as they are.",
+        )
+        gain: float | None = Field(
+            None,
             gt=0,
             le=1,
-            description="How far to move at each turn; less than one over the greatest number of neighbours, and still "
-            "less where messages are late.",
+            description="How far to move at each turn. With uniform weights it is required: less than one over the "
+            "greatest number of neighbours. With Metropolis weights 1 if left out. Still less where messages are late.",
         )
         tolerance: float = Field(1e-6, gt=0, description="When agents count as agreed, in the units of the value.")
+
+        @model_validator(mode="after")
+        def _gain_of_uniform_weights(self) -> Consensus.Parameters:
+            if self.gain is None and self.weights == "uniform":
+                raise ValueError("`gain` is missing: only `weights: metropolis` does without")
+            return self
+
+    @property
+    def gain(self) -> float:
+        """How far to move at each turn, by what the weights add up."""
+        return 1.0 if self.parameters.gain is None else self.parameters.gain
 
     @property
     def kinds(self) -> Collection[str]:
@@ -92,17 +119,29 @@ class Consensus(GroupCommunicationReceiver):
         self._history = History(value.shape)
         self._flows = Flows(value.shape, self._start, len(self.environment.roster))
 
+    def _present(self) -> Array:
+        """What each agent knows now; shape (n, k)."""
+        known = self._group.known(self.parameters.name)
+        if known.shape != self._shape:
+            raise ValueError(
+                f"the knowledge `{self.parameters.name}` had the shape {self._shape} and has {known.shape}"
+            )
+        return known.reshape(len(known), -1)
+
     def _update(self, value: Sequence[Delivery | Message]) -> None:
-        history, now = self._history, self.now
+        known = self._present()
+        if not np.array_equal(known, self._value):
+            self._begin(known)  # somebody else told an agent another value
+        history, now, degrees = self._history, self.now, self._degrees()
         has_missed = False
         # What grows beyond all bounds is told below, and not by NumPy.
         with np.errstate(over="ignore", invalid="ignore"):
             for each in value:
                 if isinstance(each, Delivery):
                     has_missed |= history.misses(each.sent_time)
-                    self._flows.hear(each, history)
+                    self._flows.hear(each, history, degrees)
             if history.count:
-                self._set(self._first + self.parameters.gain * self._flows.total())
+                self._set(self._first + self.gain * self._flows.total())
             if has_missed:
                 # Others went on in the meantime: their sums and these are not of the same turns any more.
                 self._begin(self._value)
@@ -112,7 +151,18 @@ class Consensus(GroupCommunicationReceiver):
             turn = history.add(now, self._value)
             self._look_at(turn.after)
         columns = {"value": self._value, "sum": turn.before, "epoch": np.full(len(self._value), float(history.epoch))}
+        if degrees is not None:
+            columns["degree"] = degrees.astype(float)
         self._surroundings.exchange.post(Mailing(np.arange(len(self._value)) + self._start, columns, self._kind))
+
+    def _degrees(self) -> Indices | None:
+        """How many links each agent has, shape (n,); None where all weights are 1."""
+        if self.parameters.weights == "uniform":
+            return None
+        links, count = self._surroundings.exchange.links, len(self._group)
+        if links is None:
+            return np.full(count, len(self.environment.roster) - 1)
+        return links.degrees()[self._start : self._start + count]
 
     def _set(self, value: Array) -> None:
         """Let the agents know their new values.
@@ -137,16 +187,17 @@ class Consensus(GroupCommunicationReceiver):
 
     def _warn(self) -> None:
         """Tell once where the gain is not small enough for every graph with so many links and such a delay."""
-        rows, late = self._flows.heard(self._history.count)
+        rows, late, weights = self._flows.heard(self._history.count)
         if not len(rows):
             return
-        neighbours = np.bincount(rows)
-        row, delay, gain = int(neighbours.argmax()), float(late.mean()), self.parameters.gain
-        limit = math.sin(math.pi / (4.0 * delay + 2.0)) / int(neighbours[row])
+        # Twice the greatest sum of an agent's weights is a bound of the greatest eigenvalue (Gershgorin).
+        sums = np.bincount(rows, weights)
+        row, delay, gain = int(sums.argmax()), float(late.mean()), self.gain
+        limit = math.sin(math.pi / (4.0 * delay + 2.0)) / float(sums[row])
         if gain < limit:
             return
         self._is_warned = True
-        heard = f"hears {neighbours[row]} neighbours" + (f", {delay:.3g} turns late" if delay else "")
+        heard = f"hears {np.count_nonzero(rows == row)} neighbours" + (f", {delay:.3g} turns late" if delay else "")
         text = f"a gain of {gain:g} is not below {limit:.3g}, for one who {heard}; values may grow without bound"
         self.emit_for(row, "unstable", text, level=Level.WARNING, gain=gain, limit=limit)
 

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 from pydantic import Field
 
-from symaware_cli.components.communication.sameness import kept, same
+from symaware_cli.components.communication.sameness import same
 from symaware_cli.core import (
     Agent,
     AwarenessDatabase,
@@ -71,7 +71,7 @@ class Flooding(CommunicationReceiver):
         present = {name: known[name] for name in names if name in known}
         if present and self._is_news(present):
             # The time tells apart what is told, also from what was told before a restart: each is of another instant.
-            self._told, self._told_at = kept(present), max(self.now, self._told_at + 1)
+            self._told, self._told_at = present, max(self.now, self._told_at + 1)
             origin = {"origin": self._agent.id, "component": self.name, "time": self._told_at}
             self._send({**origin, "hops": 1, "told": present}, ())
 

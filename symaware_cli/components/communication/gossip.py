@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 from pydantic import Field
 
-from symaware_cli.components.communication.sameness import kept, same
+from symaware_cli.components.communication.sameness import same
 from symaware_cli.core import (
     Agent,
     AwarenessDatabase,
@@ -58,17 +58,17 @@ class Gossip(CommunicationReceiver):
         """Know what one knows, or nothing."""
         super().initialise_component(agent, initial_awareness_database, initial_knowledge_database)
         if self._version is None and self.parameters.name in agent.self_knowledge:
-            self._version, self._value = (0, agent.id), kept(agent.self_knowledge[self.parameters.name])
+            self._version, self._value = (0, agent.id), agent.self_knowledge[self.parameters.name]
 
     def _update(self, value: Sequence[Message]) -> None:
         name, known = self.parameters.name, self._agent.self_knowledge
         if name in known and (self._version is None or not same(known[name], self._value)):
-            self._version, self._value = (self.now, self._agent.id), kept(known[name])
+            self._version, self._value = (self.now, self._agent.id), known[name]
         for message in value:
             version = (int(message.payload["time"]), str(message.payload["origin"]))
             if self._version is None or version > self._version:
                 known[name] = message.payload["value"]
-                self._version, self._value = version, kept(known[name])
+                self._version, self._value = version, known[name]
                 self.emit("informed", f"by {message.sender}", other=message.sender, origin=version[1])
         if self._version is not None:
             self._tell(*self._version)

@@ -107,7 +107,7 @@ class Inbox(GroupCommunicationReceiver):
         self._forget()
         if len(self._kept.keys) or awareness.told is not None:
             awareness.told = self._kept.tracks(
-                self.now,
+                self.computed_at,
                 len(self._group),
                 self._everybody,
                 parameters.velocity_noise**2,
@@ -181,8 +181,11 @@ class Inbox(GroupCommunicationReceiver):
         uncertainty = vector.uncertainty
         if not len(uncertainty):
             uncertainty = TimeSeries.sampled([message.sent_time], [self.parameters.position_noise])
+        payload, state = message.payload, self._group.awareness.motion(vector.id, vector.state, is_state=True)
+        if vector.id == message.sender and "position" in payload:
+            state = np.concatenate(self._in_space([payload["position"], payload["velocity"]]))
         agent.awareness_database.told[vector.id] = AwarenessVector(
-            vector.id, vector.state, vector.intent, uncertainty, vector.risk
+            vector.id, state, vector.intent, uncertainty, vector.risk
         )
 
     def _learn_from(self, delivery: Delivery, keys: NDArray[np.int64], names: Sequence[str]) -> None:
@@ -209,18 +212,18 @@ class Inbox(GroupCommunicationReceiver):
         parameters, kept = self.parameters, self._kept
         memory = nanoseconds(parameters.memory)
         for (row, id), (sent, _) in list(self._heard.items()):
-            if self.now - sent > memory:
+            if self.computed_at - sent > memory:
                 del self._heard[row, id]
                 self._group.agents[row].awareness_database.told.pop(id, None)
         if not len(kept.keys):
             return
-        recent = self.now - kept.sent <= memory
+        recent = self.computed_at - kept.sent <= memory
         if parameters.policy != "latest":
             # How many messages of the same sender are not older, and whether the sender is remembered.
             ends = np.searchsorted(kept.keys, kept.keys, "right")
             ranks, recent = ends - np.arange(len(ends)), recent[ends - 1]
             if parameters.policy == "window":
-                recent &= (self.now - kept.sent <= nanoseconds(parameters.window)) | (ranks == 1)
+                recent &= (self.computed_at - kept.sent <= nanoseconds(parameters.window)) | (ranks == 1)
             else:
                 recent &= ranks <= self._MOST
         if not recent.all():

@@ -79,6 +79,9 @@ class Flows:
     from then on is counted from the sum that the other had at that instant. Who began later than a neighbour cannot
     know that sum: it counts from the first turn of which it hears.
 
+    Each flow counts with the weight of its pair, which is 1, or where neighbours tell their degrees, 1 / (1 + max(d_i,
+    d_j)). A pair's weight is to stay the same for as long as sums are kept, as one sum covers all turns.
+
     Attributes:
         rows: Whose neighbour each is, ascending; shape (m,).
         told: The value that each told last; shape (m, k).
@@ -102,19 +105,27 @@ class Flows:
         self._instants = np.empty(0, np.int64)
         self._heard = np.empty(0, np.int64)
         self._late = np.empty(0, np.int64)
+        self._weights: Array = np.empty(0)
         self._origins: Array = np.empty((0, *width))
         self._flows: Array = np.empty((0, *width))
         self.told: Array = np.empty((0, *width))
         self.rows: Indices = np.empty(0, np.intp)
 
     def total(self) -> Array:
-        """What flowed to each agent in all; shape (n, k)."""
+        """What flowed to each agent in all, weighted; shape (n, k)."""
         total = self._settled.copy()
-        np.add.at(total, self.rows, self._flows)
+        np.add.at(total, self.rows, self._weights[:, None] * self._flows)
         return total
 
-    def hear(self, delivery: Delivery, history: History) -> None:
-        """Take over what neighbours tell: their ``value`` at a turn, the ``sum`` of those before, their ``epoch``."""
+    def hear(self, delivery: Delivery, history: History, degrees: Indices | None = None) -> None:
+        """Take over what neighbours tell: their ``value`` at a turn, the ``sum`` of those before, their ``epoch``.
+
+        Args:
+            delivery: What they tell.
+            history: The sums of the group.
+            degrees: How many links each agent of the group has, where neighbours tell their own ``degree`` as well;
+                shape (n,). None where all weights are 1.
+        """
         turn, instant = history.at(delivery.sent_time), delivery.sent_time
         if turn is None:
             return
@@ -125,6 +136,10 @@ class Flows:
         before, value, epochs = (delivery.column(name)[one] for name in ("sum", "value", "epoch"))
         epochs = epochs.astype(np.int64)
         places = self._places(keys)
+        if degrees is not None:
+            # Both ends compute it from the same two numbers, so what one gains the other loses.
+            greater = np.maximum(degrees[self.rows[places]], delivery.column("degree")[one])
+            self._weights[places] = 1.0 / (1.0 + greater)
         anew = epochs > self._epochs[places]
         if anew.any():
             self._settle(places[anew], epochs[anew], before[anew], turn, history)
@@ -136,10 +151,14 @@ class Flows:
         self._late[places] = history.count - turn.number - 1
         self.told[places] = value
 
-    def heard(self, turn: int) -> tuple[Indices, Times]:
-        """Whose neighbours were heard of in a turn, by its number, and how many turns later than at once; each (m,)."""
+    def heard(self, turn: int) -> tuple[Indices, Times, Array]:
+        """Whose neighbours were heard of in a turn, by its number.
+
+        Returns:
+            Their agents' rows, how many turns later than at once, and the weights of the pairs; each (m,).
+        """
         now = self._heard == turn
-        return self.rows[now], self._late[now]
+        return self.rows[now], self._late[now], self._weights[now]
 
     def _places(self, keys: Times) -> Indices:
         """Where neighbours stand, who are entered if they are new."""
@@ -154,6 +173,7 @@ class Flows:
         for name in ("_epochs", "_instants", "_heard"):
             setattr(self, name, np.insert(getattr(self, name), where, -1))
         self._late = np.insert(self._late, where, 0)
+        self._weights = np.insert(self._weights, where, 1.0)
         for name in ("_origins", "_flows", "told"):
             setattr(self, name, np.insert(getattr(self, name), where, 0.0, axis=0))
         return np.searchsorted(self._keys, keys)
@@ -161,7 +181,7 @@ class Flows:
     def _settle(self, places: Indices, epochs: Times, before: Array, turn: Turn, history: History) -> None:
         """Count anew for neighbours that are heard of for the first time, or began anew."""
         rows = self.rows[places]
-        np.add.at(self._settled, rows, self._flows[places])
+        np.add.at(self._settled, rows, self._weights[places, None] * self._flows[places])
         self._flows[places] = 0.0
         self._instants[places] = -1
         self._epochs[places] = epochs

@@ -3,28 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from copy import deepcopy
 from typing import Any
 
 import numpy as np
 
 from symaware_cli.core import AwarenessVector, TimeSeries
 
-_PLAIN = (str, int, float, bool, bytes, type(None))
 _PARTS = {AwarenessVector: AwarenessVector.__slots__, TimeSeries: ("times", "values")}
-
-
-def kept(value: Any) -> Any:
-    """A value to compare with later by `same`, which nobody can change until then."""
-    if isinstance(value, _PLAIN):
-        return value
-    if isinstance(value, Mapping):
-        return {name: kept(each) for name, each in value.items()}
-    if isinstance(value, list | tuple):
-        return [kept(each) for each in value]
-    # A copy of what only equals itself would be another thing.
-    is_comparable = any("__eq__" in vars(each) for each in type(value).__mro__[:-1])
-    return deepcopy(value) if is_comparable or isinstance(value, AwarenessVector) else value
 
 
 def same(one: Any, other: Any) -> bool:

@@ -53,12 +53,17 @@ class Follow(Steering):
 
     def check(self, group: AgentGroup) -> None:
         """The leader is another, the offset is a vector, and the model can be steered by a velocity."""
-        dimensions = len(group.model.position)
         if self.parameters.leader in group.ids:
             raise ValueError(f"{self.parameters.leader} cannot follow itself: put the leader into a group of its own")
-        if group.known("offset").shape != (len(group), dimensions):
-            raise ValueError(f"the knowledge `offset` of each agent must be a vector of {dimensions} numbers")
+        self._offsets_of(group)
         super().check(group)
+
+    def _offsets_of(self, group: AgentGroup) -> Array:
+        """Where each agent is to be at present; shape (n, d)."""
+        offset, dimensions = group.known("offset"), len(group.model.position)
+        if offset.shape != (len(group), dimensions):
+            raise ValueError(f"the knowledge `offset` of each agent must be a vector of {dimensions} numbers")
+        return offset
 
     def initialise_component(self, group: AgentGroup) -> None:
         """Find out who leads."""
@@ -66,7 +71,6 @@ class Follow(Steering):
         if self.parameters.leader not in self.environment.roster:
             raise ValueError(f"there is no agent `{self.parameters.leader}` to follow")
         self._leader = self.environment.roster.index(self.parameters.leader)
-        self._offset = group.known("offset")
         self._direction = np.zeros((len(group), 2))
         self._direction[:, 0] = 1.0
         self._aware = np.ones(len(group), bool)
@@ -76,7 +80,7 @@ class Follow(Steering):
         position = model.positions(state)
         aware, led, speed, least = self._belief(position)
         direction = self._direction_of(speed, aware, least)
-        way = np.where(aware[:, None], led + self._turned(direction) - position, 0.0)
+        way = np.where(aware[:, None], led + self._turned(self._offsets_of(self._group), direction) - position, 0.0)
         velocity = speed + self.parameters.gain * way
         fast = lengths(velocity)
         velocity *= np.minimum(1.0, self.parameters.speed / np.maximum(fast, 1e-12))[:, None]
@@ -127,11 +131,11 @@ class Follow(Steering):
         moving = aware & (fast > least)
         return np.where(moving[:, None], plane / np.where(moving, fast, 1.0)[:, None], self._direction)
 
-    def _turned(self, direction: Array) -> Array:
+    def _turned(self, offset: Array, direction: Array) -> Array:
         """The offsets along the axes of the world; shape (n, d)."""
         if self.parameters.frame == "world":
-            return self._offset
-        turned = self._offset.copy()
-        turned[:, 0] = direction[:, 0] * self._offset[:, 0] - direction[:, 1] * self._offset[:, 1]
-        turned[:, 1] = direction[:, 1] * self._offset[:, 0] + direction[:, 0] * self._offset[:, 1]
+            return offset
+        turned = offset.copy()
+        turned[:, 0] = direction[:, 0] * offset[:, 0] - direction[:, 1] * offset[:, 1]
+        turned[:, 1] = direction[:, 1] * offset[:, 0] + direction[:, 0] * offset[:, 1]
         return turned

@@ -7,39 +7,53 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.components.control.steering import Approach, along, directions, lengths, scaled
+from symaware_cli.components.control.steering import Approach, along, differing, directions, lengths, scaled
 from symaware_cli.core import AgentGroup
 
 Array = NDArray[np.float64]
 
 
 class GoalSeeking(Approach):
-    """A controller that brings each agent to the position it knows as ``goal``."""
+    """A controller that brings each agent to the position it knows as ``goal``, whatever that is at each turn."""
 
     knowledge: ClassVar = {"goal": "where to go, as a position [m]"}
-    events: ClassVar = {"goal-reached": "An agent came within the tolerance of its goal, for the first time."}
+    events: ClassVar = {
+        "goal-reached": "An agent came within the tolerance of its goal, for the first time.",
+        "goal-changed": "An agent that had reached its goal has another one, which counts as not reached.",
+    }
 
     class Parameters(Approach.Parameters):
         """How to approach the goal."""
 
     def check(self, group: AgentGroup) -> None:
         """The goal is a position, and the model can be steered by a velocity."""
-        dimensions = len(group.model.position)
-        if group.known("goal").shape != (len(group), dimensions):
-            raise ValueError(f"the knowledge `goal` of each agent must be a position of {dimensions} numbers")
+        self._goals(group)
         super().check(group)
 
     def initialise_component(self, group: AgentGroup) -> None:
-        """Read each agent's goal from its knowledge."""
+        """No agent has reached its goal."""
         super().initialise_component(group)
-        self._goal = group.known("goal")
+        self._goal = self._goals(group)
         self._reached = np.zeros(len(group), bool)
 
-    def _arrive(self, distance: Array) -> None:
-        """Tell who came to its goal, from the distances that remain [m]; shape (n,)."""
+    def _goals(self, group: AgentGroup) -> Array:
+        """The goal of each agent at present; shape (n, d)."""
+        goal, dimensions = group.known("goal"), len(group.model.position)
+        if goal.shape != (len(group), dimensions):
+            raise ValueError(f"the knowledge `goal` of each agent must be a position of {dimensions} numbers")
+        return goal
+
+    def _arrive(self, goal: Array, distance: Array) -> None:
+        """Tell who came to its goal, shape (n, d), from the distances that remain [m], shape (n,)."""
+        if goal is not self._goal:
+            changed = differing(self._goal, goal)
+            self._goal = goal
+            for row in np.flatnonzero(changed & self._reached).tolist():
+                self.emit_for(row, "goal-changed", "has another goal than the one it reached")
+            self._reached = self._reached & ~changed
         arrived = (distance <= self.parameters.tolerance) & ~self._reached
         if arrived.any():
-            self._reached |= arrived
+            self._reached = self._reached | arrived
             for row in np.flatnonzero(arrived).tolist():
                 self.emit_for(row, "goal-reached", "reached its goal", distance=float(distance[row]))
 
@@ -51,18 +65,18 @@ class GoToGoal(GoalSeeking):
     straight way ahead over the horizon.
     """
 
-    def _compute(self) -> tuple[Array, Array, Array]:
-        model, state = self._group.model, self._group.awareness.state
+    def _compute(self) -> tuple[Array, Array, Array, Array]:
+        model, state, goal = self._group.model, self._group.awareness.state, self._goals(self._group)
         position = model.positions(state)
-        way = self._goal - position
+        way = goal - position
         distance = lengths(way)
         speed = self._slowing(distance)
         direction = directions(way, distance)
         travelled = np.minimum(speed[:, None] * self._ahead, distance[:, None])
         intent = along(position, direction, travelled)
-        return model.follow_velocity(state, scaled(direction, speed)), intent, distance
+        return model.follow_velocity(state, scaled(direction, speed)), intent, goal, distance
 
-    def _update(self, value: tuple[Array, Array, Array]) -> None:
-        control_input, intent, distance = value
+    def _update(self, value: tuple[Array, Array, Array, Array]) -> None:
+        control_input, intent, goal, distance = value
         self._steer(control_input, intent)
-        self._arrive(distance)
+        self._arrive(goal, distance)

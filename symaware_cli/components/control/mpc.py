@@ -13,7 +13,7 @@ from pydantic import Field
 from symaware_cli.components.control.mpc_prediction import Obstacles, Others, clearance, sizes
 from symaware_cli.components.control.mpc_problem import Sizes, Tracking, tracking_problem, weights_of
 from symaware_cli.components.control.mpc_route import Routes, standing
-from symaware_cli.components.control.mpc_way import Way, turned_right, waypoints_of
+from symaware_cli.components.control.mpc_way import Way, goal_of, turned_right, waypoints_of
 from symaware_cli.components.encounters import bounding_radii
 from symaware_cli.core import (
     Agent,
@@ -60,6 +60,7 @@ class Turn(NamedTuple):
         slows: Whether the agent slows down, whatever its plan.
         passed: How many waypoints lie behind.
         distance: What remains to the goal [m].
+        way: The way to it.
     """
 
     control_input: Array
@@ -67,6 +68,7 @@ class Turn(NamedTuple):
     slows: bool
     passed: int
     distance: float
+    way: Way
 
 
 class ModelPredictiveControl(Component):
@@ -75,7 +77,8 @@ class ModelPredictiveControl(Component):
     The plan minimises the weighted squares of deviations from a reference, of control inputs and of their changes, over
     the model's own motion and within the limits of its control input. The reference goes to the goal at cruise speed,
     by way of the ``waypoints`` where an agent knows some, and around what stands still. A new plan is made when a step
-    of the last one is over; in between the control input is held, so that a plan that nothing disturbs is what happens.
+    of the last one is over, to where the agent is to go by then; in between the control input is held, so that a plan
+    that nothing disturbs is what happens.
 
     Others are expected to go on at their believed velocity, or as they told; obstacles that are discs are kept clear of
     as such, and of all else one half-plane for each stage, where it is nearest to what is left of the last plan. Both
@@ -93,6 +96,7 @@ class ModelPredictiveControl(Component):
     knowledge: ClassVar = {"goal": "where to go, as a position [m] or a whole state"}
     events: ClassVar = {
         "goal-reached": "The agent came within the tolerance of its goal, for the first time.",
+        "goal-changed": "An agent that had reached its goal has another one, which counts as not reached.",
         "waypoint-reached": "It came within `passing` of its next waypoint; `number` counts them from 0.",
         "slowed": "It slows down, because its plan comes too close to others; once until it follows a plan again.",
         "solver-failed": "There is no new plan; `left` tells how many steps are left of the last one.",
@@ -148,20 +152,11 @@ class ModelPredictiveControl(Component):
 
     def check(self, group: AgentGroup) -> None:
         """Goal, waypoints and weights fit the model, and the model can be written in symbols."""
-        model, dimensions = group.model, len(group.model.position)
-        goal = group.known("goal")
-        if goal.shape not in ((len(group), dimensions), (len(group), len(model.state))):
-            raise ValueError(
-                f"the knowledge `goal` of each agent must be a position of {dimensions} numbers, or a state of "
-                f"{len(model.state)}"
-            )
-        weights = weights_of(model, self.parameters)
-        if goal.shape[1] < len(model.state):
-            for element in model.angles:
-                if weights.state[element] or weights.terminal[element]:
-                    raise ValueError(f"a weight of `{model.state[element].name}` needs a `goal` that is a whole state")
-        for row in range(len(group)):
-            waypoints_of(group.knowledge[row], dimensions)
+        model = group.model
+        weights_of(model, self.parameters)
+        for knowledge in group.knowledge:
+            goal_of(knowledge, model, self.parameters)
+            waypoints_of(knowledge, len(model.position))
         dynamics = Dynamics(model, model.time_step or 0.1, self.parameters.integrator or "exact")
         try:
             problem = tracking_problem(dynamics, 1, self.parameters, Sizes(0, 0, 0))
@@ -190,9 +185,7 @@ class ModelPredictiveControl(Component):
         self._offsets = np.arange(parameters.steps + 1, dtype=np.int64) * self._step
         self._others = Others(agent, bounding_radii(environment), parameters.margin, parameters.reach, room.others)
         self._obstacles = Obstacles(environment, agent.entity.radius + parameters.margin, room)
-        goal = np.array(agent.self_knowledge["goal"], float)
-        waypoints = waypoints_of(agent.self_knowledge, len(model.position))
-        self._way = Way(model, goal, waypoints, self._shared_routes() if parameters.detours else None)
+        self._way = self._present_way()
         #: By which angle the reference turns off to the right, when it does [rad].
         self._turn = parameters.perturbation * (0.5 + 0.5 * float(self.random.uniform()))
         #: How far the reference goes from one stage to the next [m]; shape (N + 1,).
@@ -203,6 +196,18 @@ class ModelPredictiveControl(Component):
         self._slows = False
         self._passed = 0
         self._reached = False
+
+    def _present_way(self, before: Way | None = None) -> Way:
+        """The way to the goal that the agent knows now, past the waypoints; the one before where these are the same.
+
+        Raises:
+            ValueError: They do not fit the model.
+        """
+        known, model = self._agent.self_knowledge, self._agent.group.model
+        goal, waypoints = goal_of(known, model, self.parameters), waypoints_of(known, len(model.position))
+        if before is not None and before.leads_to(goal, waypoints):
+            return before
+        return Way(model, goal, waypoints, self._shared_routes() if self.parameters.detours else None)
 
     def _dynamics(self, agent: Agent) -> tuple[Dynamics, int]:
         """The motion over a step of the plan as the world will make it, and how many of the world's steps that is."""
@@ -243,10 +248,11 @@ class ModelPredictiveControl(Component):
         agent, model = self._agent, self._agent.group.model
         state = agent.self_state
         position = model.positions(state[None])[0]
-        passed = self._way.passed(position, self._passed, self.parameters.passing)
-        distance = self._way.remaining(position)
+        way = self._present_way(self._way)
+        passed = way.passed(position, self._passed if way is self._way else 0, self.parameters.passing)
+        distance = way.remaining(position)
         if self._planned is not None and self.now < self._planned + self._step:
-            return Turn(self._held, None, self._slows, passed, distance)
+            return Turn(self._held, None, self._slows, passed, distance, way)
         requested = model.limit(agent.control_input[None])
         rest = None
         if self._plan is not None and self._planned is not None:
@@ -255,16 +261,16 @@ class ModelPredictiveControl(Component):
         expected = model.positions((self._solver.rollout(state) if rest is None else rest).states)
         others = self._others.ahead(times)
         obstacles = self._obstacles.ahead(expected[:, :2], times, self._travelled[-1] + _BEYOND)
-        places = self._way.ahead(position, passed, self._travelled)
+        places = way.ahead(position, passed, self._travelled)
         if self._turn and others and clearance(places, others).min() < _MEETING:
             # Near the goal it turns less, so that it is reached.
             turned = turned_right(places, self._turn * min(1.0, distance / self._travelled[-1]))
             places = turned if self._obstacles.clear(turned) else places
-        given = {"reference": self._way.reference(state, places), **others, **obstacles}
+        given = {"reference": way.reference(state, places), **others, **obstacles}
         decision = self._solver.replan(state, given, previous_input=requested[0], rest=rest)
         if decision.plan is None or (others and self._presses(decision.plan, others)):
-            return Turn(_slowest(model, state, requested), decision, True, passed, distance)
-        return Turn(decision.plan.inputs[0], decision, False, passed, distance)
+            return Turn(_slowest(model, state, requested), decision, True, passed, distance, way)
+        return Turn(decision.plan.inputs[0], decision, False, passed, distance, way)
 
     def _presses(self, plan: Plan, others: Mapping[str, Array]) -> bool:
         """Whether a plan soon comes closer to others than it should, and than the agent is already."""
@@ -276,13 +282,18 @@ class ModelPredictiveControl(Component):
         self._agent.model.control_input = self._held = value.control_input
         decision = value.decision
         if decision is not None:
-            self._plan, self._planned = decision.plan, self.now
-            self._agent.self_awareness.intent = TimeSeries() if self._plan is None else self._plan.intent(self.now)
+            self._plan, self._planned = decision.plan, self.computed_at
+            self._agent.self_awareness.intent = TimeSeries() if self._plan is None else self._plan.intent(self._planned)
             if decision.fallen_back:
                 self._tell_of_failure(decision)
             elif value.slows and not self._slows:
                 self.emit("slowed", "slows down, because its plan comes too close to others")
         self._slows = value.slows
+        if value.way is not self._way:
+            self._way, self._passed = value.way, 0
+            if self._reached:
+                self._reached = False
+                self.emit("goal-changed", "has another way to go than the one it reached the end of")
         for number in range(self._passed, value.passed):
             self.emit("waypoint-reached", f"reached its waypoint {number}", number=number)
         self._passed = value.passed

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.core import Environment
-from symaware_cli.core.geometry import Pieces, crosses, separation_from_points
+from symaware_cli.geometry.pieces import Pieces, crosses, separation_from_points
 
 Array = NDArray[np.float64]
 

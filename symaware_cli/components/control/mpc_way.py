@@ -8,10 +8,35 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from symaware_cli.components.control.mpc_problem import Tracking, weights_of
 from symaware_cli.components.control.mpc_route import Route, Routes
 from symaware_cli.core import Model
+from symaware_cli.core.real import real
 
 Array = NDArray[np.float64]
+
+
+def goal_of(knowledge: Mapping[str, Any], model: Model, weights: Tracking) -> Array:
+    """What an agent knows as its ``goal``: a position, shape (d,), or a whole state, shape (nx,).
+
+    Raises:
+        ValueError: It is neither, or a position where an angle has a weight.
+    """
+    try:
+        goal = real(knowledge["goal"])
+    except (TypeError, ValueError):
+        goal = np.empty(0)
+    if goal.shape not in ((len(model.position),), (len(model.state),)):
+        raise ValueError(
+            f"the knowledge `goal` of each agent must be a position of {len(model.position)} numbers, or a state of "
+            f"{len(model.state)}"
+        )
+    if len(goal) < len(model.state):
+        of = weights_of(model, weights)
+        for element in model.angles:
+            if of.state[element] or of.terminal[element]:
+                raise ValueError(f"a weight of `{model.state[element].name}` needs a `goal` that is a whole state")
+    return goal
 
 
 def waypoints_of(knowledge: Mapping[str, Any], dimensions: int) -> Array:
@@ -24,7 +49,7 @@ def waypoints_of(knowledge: Mapping[str, Any], dimensions: int) -> Array:
     if known is None:
         return np.empty((0, dimensions))
     try:
-        places = np.array(known, float)
+        places = real(known)
     except (TypeError, ValueError):
         places = np.empty(0)
     if places.ndim != 2 or places.shape[1] != dimensions:
@@ -49,6 +74,7 @@ class Way:
         self._target = np.zeros(len(model.state))
         self._target[self._position if len(goal) < len(self._target) else slice(None)] = goal
         self._goal = self._target[self._position]
+        self._given = goal
         self._waypoints = waypoints
         targets = [*waypoints, self._goal]
         self._routes = [routes.to(target) if routes else None for target in targets]
@@ -56,6 +82,10 @@ class Way:
         self._onwards = [self._goal[None]]
         for target, following in zip(reversed(targets[:-1]), reversed(self._routes[1:]), strict=True):
             self._onwards.insert(0, np.concatenate([target[None], _around(target, following), self._onwards[0]]))
+
+    def leads_to(self, goal: Array, waypoints: Array) -> bool:
+        """Whether it is the way to this goal, past these waypoints."""
+        return np.array_equal(self._given, goal) and np.array_equal(self._waypoints, waypoints)
 
     def remaining(self, position: Array) -> float:
         """How far the goal is from a position [m]."""

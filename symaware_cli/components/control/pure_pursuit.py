@@ -2,16 +2,79 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from symaware_cli.components.control.steering import Approach, lengths
+from symaware_cli.components.control.steering import Approach, differing, lengths
 from symaware_cli.core import AgentGroup
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+
+class Lines(NamedTuple):
+    """The line of each agent, measured. Lines of fewer legs have further ones of no length at their end.
+
+    Attributes:
+        waypoints: As `AgentGroup.known_lists` returned them; shape (n, k, 2).
+        counts: How many they are; shape (n,).
+        corners: Where legs begin and end, the first again at the end of a loop; shape (n, m + 1, 2).
+        directions: Unit vectors; shape (n, m, 2).
+        length: Of each leg [m]; shape (n, m).
+        starts: How far along the line each corner is [m]; shape (n, m + 1).
+        total: The length of the line [m]; shape (n,).
+    """
+
+    waypoints: Array
+    counts: Indices
+    corners: Array
+    directions: Array
+    length: Array
+    starts: Array
+    total: Array
+
+
+def _lines(waypoints: Array, counts: Indices, loop: bool) -> Lines:
+    """Measure lines.
+
+    Raises:
+        ValueError: The waypoints are no lines in the plane.
+    """
+    if waypoints.ndim != 3 or counts.min(initial=2) < 2 or waypoints.shape[2] != 2:
+        raise ValueError("the knowledge `waypoints` of each agent must be a list of at least 2 positions of 2 numbers")
+    number = np.arange(waypoints.shape[1] + loop)
+    following = np.where(number < counts[:, None], number, 0 if loop else counts[:, None] - 1)
+    corners = waypoints[np.arange(len(counts))[:, None], following]
+    legs = np.diff(corners, axis=1)
+    length = lengths(legs.reshape(-1, 2)).reshape(legs.shape[:2])
+    if not length[number[:-1] < counts[:, None] - 1 + loop].all():
+        raise ValueError("two of the `waypoints` that follow each other are the same (a loop closes by itself)")
+    directions = legs / np.where(length > 0.0, length, 1.0)[:, :, None]
+    starts = np.concatenate([np.zeros((len(counts), 1)), np.cumsum(length, axis=1)], axis=1)
+    return Lines(waypoints, counts, corners, directions, length, starts, starts[:, -1].copy())
+
+
+class Turn(NamedTuple):
+    """What a turn decides.
+
+    Attributes:
+        control_input: To request; shape (n, 2).
+        intent: The way ahead; shape (n, h, 2).
+        lines: To follow.
+        begins: Whose line is new; shape (n,).
+        travelled: How far along it each agent is, laps included [m]; shape (n,).
+        remaining: The distance from its end [m]; shape (n,).
+    """
+
+    control_input: Array
+    intent: Array
+    lines: Lines
+    begins: NDArray[np.bool_]
+    travelled: Array
+    remaining: Array
 
 
 class PurePursuit(Approach):
@@ -23,13 +86,14 @@ class PurePursuit(Approach):
     with. A longer look ahead cuts corners, a shorter one swings. Who has the point behind it steers as far as it can.
 
     An agent knows how far along the line it is and looks for itself only ahead of that, so a line may cross itself. It
-    stops at the last waypoint, or goes round.
+    stops at the last waypoint, or goes round. Whose waypoints change looks for itself on all of the new line.
     """
 
-    knowledge: ClassVar = {"waypoints": "where to pass, as a list of at least 2 positions [m], as many for each agent"}
+    knowledge: ClassVar = {"waypoints": "where to pass, as a list of at least 2 positions [m]"}
     events: ClassVar = {
         "lap-completed": "An agent came round to its first waypoint; `number` counts the laps from 1.",
         "goal-reached": "An agent came within the tolerance of its last waypoint, for the first time.",
+        "goal-changed": "An agent that had reached its last waypoint has other ones, which count as not reached.",
     }
 
     class Parameters(Approach.Parameters):
@@ -44,41 +108,35 @@ class PurePursuit(Approach):
         names = [quantity.name for quantity in group.model.control_input]
         if names != ["speed", "steering_angle"] or not hasattr(group.model, "wheelbase"):
             raise ValueError("it steers cars, whose control input is a speed and a steering angle")
-        waypoints = group.known("waypoints")
-        if waypoints.ndim != 3 or waypoints.shape[1] < 2 or waypoints.shape[2] != 2:
-            raise ValueError(
-                "the knowledge `waypoints` of each agent must be a list of at least 2 positions of 2 numbers"
-            )
-        if not self._legs(waypoints)[1].all():
-            raise ValueError("two of the `waypoints` that follow each other are the same (a loop closes by itself)")
+        _lines(*group.known_lists("waypoints"), self.parameters.loop)
         super().check(group)
-
-    def _legs(self, waypoints: Array) -> tuple[Array, Array]:
-        """The corners of each line, closed if it is a loop, (n, k + 1, 2), and the lengths of its legs, (n, k)."""
-        corners = np.concatenate([waypoints, waypoints[:, :1]], axis=1) if self.parameters.loop else waypoints
-        legs = np.diff(corners, axis=1)
-        return corners, lengths(legs.reshape(-1, 2)).reshape(legs.shape[:2])
 
     def initialise_component(self, group: AgentGroup) -> None:
         """Measure the line of each agent."""
         super().initialise_component(group)
-        self._corners, length = self._legs(group.known("waypoints"))
-        self._directions = np.diff(self._corners, axis=1) / length[:, :, None]
-        self._length = length
-        self._starts = np.concatenate([np.zeros((len(group), 1)), np.cumsum(length, axis=1)], axis=1)
-        self._total = self._starts[:, -1].copy()
+        self._lines = _lines(*group.known_lists("waypoints"), self.parameters.loop)
         self._travelled = np.zeros(len(group))
         self._started = np.zeros(len(group), bool)
         self._finished = np.zeros(len(group), bool)
         self._rows = np.arange(len(group))
 
-    def _compute(self) -> tuple[Array, Array, Array, Array]:
+    def _present_lines(self) -> tuple[Lines, NDArray[np.bool_]]:
+        """The lines at present, and who has another one than at the turn before."""
+        waypoints, counts = self._group.known_lists("waypoints")
+        before = self._lines
+        if waypoints is before.waypoints:
+            return before, np.zeros(len(counts), bool)
+        changed = differing(before.waypoints, waypoints) | (counts != before.counts)
+        return _lines(waypoints, counts, self.parameters.loop), changed
+
+    def _compute(self) -> Turn:
         model, parameters, state = self._group.model, self.parameters, self._group.awareness.state
+        lines, begins = self._present_lines()
         position = model.positions(state)
         rolling = lengths(model.velocity(state, self._group.control_input))
         ahead = parameters.lookahead + parameters.lookahead_time * rolling
-        travelled = self._progress(position, ahead)
-        target = self._at(travelled + ahead)
+        travelled = self._progress(lines, begins, position, ahead)
+        target = self._at(lines, travelled + ahead)
         way = target - position
         distance = np.maximum(lengths(way), 1e-6)
         off = np.arctan2(way[:, 1], way[:, 0]) - state[:, model.heading]
@@ -86,64 +144,70 @@ class PurePursuit(Approach):
         # A circle through a point behind would be as wide as that is far: who has to turn round does so at once.
         behind = np.cos(off) < 0.0
         curvature = 2.0 * sine / distance
-        remaining = lengths(self._corners[:, -1] - position)
+        remaining = lengths(lines.corners[:, -1] - position)
         speed = np.full(len(state), parameters.speed)
         if not parameters.loop:
-            ends = self._total - travelled <= ahead
+            ends = lines.total - travelled <= ahead
             # Who is past the end does not turn back.
-            past = ends & (self._total - travelled <= 1e-6)
+            past = ends & (lines.total - travelled <= 1e-6)
             speed = np.where(past, 0.0, np.where(ends, self._slowing(remaining), speed))
         control_input = np.empty((len(state), 2))
         control_input[:, 0] = speed
         angle = np.arctan(model.wheelbase * curvature)  # type: ignore[attr-defined]
         control_input[:, 1] = np.where(behind, np.copysign(model.input_bounds()[1][1], sine), angle)
-        intent = np.stack([self._at(travelled + speed * later) for later in self._ahead], axis=1)
-        return control_input, intent, travelled, remaining
+        intent = np.stack([self._at(lines, travelled + speed * later) for later in self._ahead], axis=1)
+        return Turn(control_input, intent, lines, begins, travelled, remaining)
 
-    def _update(self, value: tuple[Array, Array, Array, Array]) -> None:
-        control_input, intent, travelled, remaining = value
-        self._steer(control_input, intent)
+    def _update(self, value: Turn) -> None:
+        lines, travelled = value.lines, value.travelled
+        self._steer(value.control_input, value.intent)
+        for row in np.flatnonzero(value.begins & self._finished).tolist():
+            self.emit_for(row, "goal-changed", "has other waypoints than those it passed")
+        self._finished = self._finished & ~value.begins
         if self.parameters.loop:
-            laps = np.floor_divide(travelled, self._total)
-            for row in np.flatnonzero(laps > np.floor_divide(self._travelled, self._total)).tolist():
+            before = np.where(value.begins, 0.0, np.floor_divide(self._travelled, self._lines.total))
+            laps = np.floor_divide(travelled, lines.total)
+            for row in np.flatnonzero(laps > before).tolist():
                 number = int(laps[row])
                 self.emit_for(row, "lap-completed", f"completed lap {number}", number=number)
         else:
-            arrived = (remaining <= self.parameters.tolerance) & (self._total - travelled <= 1.0) & ~self._finished
-            self._finished |= arrived
+            near = (value.remaining <= self.parameters.tolerance) & (lines.total - travelled <= 1.0)
+            arrived = near & ~self._finished
+            self._finished = self._finished | arrived
             for row in np.flatnonzero(arrived).tolist():
                 self.emit_for(row, "goal-reached", "reached its last waypoint")
-        self._travelled = travelled
+        self._lines, self._travelled = lines, travelled
+        self._started = np.ones(len(travelled), bool)
 
-    def _progress(self, position: Array, ahead: Array) -> Array:
+    def _progress(self, lines: Lines, begins: NDArray[np.bool_], position: Array, ahead: Array) -> Array:
         """How far along its line each agent is, laps included [m]; shape (n,)."""
-        from_start = position[:, None, :] - self._corners[:, :-1]
-        along = from_start[..., 0] * self._directions[..., 0] + from_start[..., 1] * self._directions[..., 1]
-        along = np.clip(along, 0.0, self._length)
-        nearest = self._corners[:, :-1] + along[..., None] * self._directions
+        before, started = np.where(begins, 0.0, self._travelled), self._started & ~begins
+        from_start = position[:, None, :] - lines.corners[:, :-1]
+        along = from_start[..., 0] * lines.directions[..., 0] + from_start[..., 1] * lines.directions[..., 1]
+        along = np.clip(along, 0.0, lines.length)
+        nearest = lines.corners[:, :-1] + along[..., None] * lines.directions
         apart = position[:, None, :] - nearest
         distance = apart[..., 0] * apart[..., 0] + apart[..., 1] * apart[..., 1]
-        there = self._starts[:, :-1] + along
+        there = lines.starts[:, :-1] + along
         if self.parameters.loop:
-            laps = np.floor_divide(self._travelled, self._total)
-            there = there + (laps * self._total)[:, None]
-            there = np.where(there < self._travelled[:, None] - 1e-9, there + self._total[:, None], there)
+            laps = np.floor_divide(before, lines.total)
+            there = there + (laps * lines.total)[:, None]
+            there = np.where(there < before[:, None] - 1e-9, there + lines.total[:, None], there)
         else:
-            there = np.maximum(there, self._travelled[:, None])
+            there = np.maximum(there, before[:, None])
         # Only what lies a little ahead counts, but at the start all of the line.
-        far = there > (self._travelled + 2.0 * ahead)[:, None]
-        distance = np.where(far & self._started[:, None], np.inf, distance)
+        far = there > (before + 2.0 * ahead)[:, None]
+        distance = np.where(far & started[:, None], np.inf, distance)
         best = distance.argmin(axis=1)
-        found: Array = np.where(np.isinf(distance[self._rows, best]), self._travelled, there[self._rows, best])
-        self._started[:] = True
+        found: Array = np.where(np.isinf(distance[self._rows, best]), before, there[self._rows, best])
         return found
 
-    def _at(self, travelled: Array) -> Array:
+    def _at(self, lines: Lines, travelled: Array) -> Array:
         """The points that lie so far along the lines [m]; shape (n, 2)."""
         if self.parameters.loop:
-            travelled = np.remainder(travelled, self._total)
-        travelled = np.minimum(travelled, self._total)
-        leg = np.minimum((self._starts[:, 1:] < travelled[:, None]).sum(axis=1), self._length.shape[1] - 1)
-        rest = travelled - self._starts[self._rows, leg]
-        points: Array = self._corners[self._rows, leg] + rest[:, None] * self._directions[self._rows, leg]
+            travelled = np.remainder(travelled, lines.total)
+        travelled = np.minimum(travelled, lines.total)
+        leg = np.minimum((lines.starts[:, 1:] < travelled[:, None]).sum(axis=1), lines.length.shape[1] - 1)
+        rest = travelled - lines.starts[self._rows, leg]
+        points: Array = lines.corners[self._rows, leg] + rest[:, None] * lines.directions[self._rows, leg]
         return points

@@ -46,8 +46,7 @@ class QuadrotorVelocity(Steering):
         """The model is told accelerations, and the velocity has three coordinates."""
         if not hasattr(group.model, "accelerate"):
             raise ValueError("it flies quadrotors, whose model turns an acceleration into the speeds of rotors")
-        if group.known("velocity").shape != (len(group), 3):
-            raise ValueError("the knowledge `velocity` of each agent must be 3 numbers")
+        _wanted(group)
 
     def initialise_component(self, group: AgentGroup) -> None:
         """Take note of where noses point."""
@@ -62,7 +61,7 @@ class QuadrotorVelocity(Steering):
 
     def _compute(self) -> tuple[Array, Array, Array]:
         model, parameters, state = self._group.model, self.parameters, self._group.awareness.state
-        wanted = self._group.known("velocity")
+        wanted = _wanted(self._group)
         missing = wanted - model.velocity(state, self._group.control_input)
         passed = 0.0 if self._before is None else (self.now - self._before) / 1e9
         lost = self._lost + passed * missing
@@ -76,10 +75,18 @@ class QuadrotorVelocity(Steering):
 
     def _update(self, value: tuple[Array, Array, Array]) -> None:
         control_input, ahead, self._lost = value
-        period = 0.0 if self._before is None else (self.now - self._before) / 1e9
+        period = 0.0 if self._before is None else (self.computed_at - self._before) / 1e9
         if period > _LONGEST + 1e-6 and not self._told:
             self._told = True
             text = f"turns are {period:g} s apart, and flying well takes one every {_LONGEST:g} s"
             self.emit("turns-too-rare", text, level=Level.WARNING, period=period)
-        self._before = self.now
+        self._before = self.computed_at
         self._steer(control_input, ahead)
+
+
+def _wanted(group: AgentGroup) -> Array:
+    """The velocity that each agent is to fly at; shape (n, 3) [m/s]."""
+    velocity = group.known("velocity")
+    if velocity.shape != (len(group), 3):
+        raise ValueError("the knowledge `velocity` of each agent must be 3 numbers")
+    return velocity

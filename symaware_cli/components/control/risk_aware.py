@@ -74,7 +74,7 @@ class RiskAware(GroupComponent):
         self._requested, slowed, factor = value
         self._group.control_input = slowed
         self._written = self._group.control_input
-        self._last = self.now
+        self._last = self.computed_at
         self._tell(factor)
         self._factor = factor
 

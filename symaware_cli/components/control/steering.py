@@ -41,7 +41,7 @@ class Steering(GroupComponent):
     def _steer(self, control_input: Array, intent: Array) -> None:
         """Request control inputs (n, nu) and state the positions that they lead to (n, h, d)."""
         self._group.control_input = control_input
-        self._group.awareness.intent.set(self.now + self._offsets, intent)
+        self._group.awareness.intent.set(self.computed_at + self._offsets, intent)
 
 
 class Approach(Steering):
@@ -61,6 +61,19 @@ class Approach(Steering):
         """The speed at a distance from where to stop [m/s]; shape (n,)."""
         speed: Array = np.minimum(self.parameters.speed, self.parameters.gain * distance)
         return speed
+
+
+def differing(before: Array, now: Array) -> NDArray[np.bool_]:
+    """Which agents know something else than before, from what `AgentGroup.known` or `known_lists` returned; (n,)."""
+    if now is before:
+        return np.zeros(len(now), bool)
+    if now.ndim > 2 and now.shape[2:] == before.shape[2:]:
+        longest = max(now.shape[1], before.shape[1])
+        before, now = (each[:, np.minimum(np.arange(longest), each.shape[1] - 1)] for each in (before, now))
+    if now.shape != before.shape:
+        return np.ones(len(now), bool)
+    changed: NDArray[np.bool_] = (now != before).reshape(len(now), -1).any(axis=1)
+    return changed
 
 
 def along(position: Array, direction: Array, travelled: Array) -> Array:

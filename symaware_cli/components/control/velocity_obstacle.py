@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from symaware_cli.components.control.goal import GoalSeeking
 from symaware_cli.components.control.half_planes import HalfPlanes, nearest_velocity
@@ -86,6 +86,9 @@ class VelocityObstacle(GoalSeeking):
     class Parameters(GoalSeeking.Parameters):
         """How to avoid."""
 
+        max_speed: float | None = Field(
+            None, gt=0, description="Greatest speed while avoiding, at least the cruise speed [m/s]; that if null."
+        )
         time_horizon: float = Field(2.0, gt=0, description="For how long to keep clear of other agents [s].")
         time_horizon_obstacles: float = Field(
             1.0, gt=0, description="In what time an agent may at most use up its distance to an obstacle [s]."
@@ -110,6 +113,12 @@ class VelocityObstacle(GoalSeeking):
             " of this to all of it [rad]: without, symmetric encounters end in a standstill. 0 for not at all.",
         )
 
+        @model_validator(mode="after")
+        def _faster_than_cruising(self) -> VelocityObstacle.Parameters:
+            if self.max_speed is not None and self.max_speed < self.speed:
+                raise ValueError(f"max_speed ({self.max_speed:g}) must not be less than speed ({self.speed:g})")
+            return self
+
     def check(self, group: AgentGroup) -> None:
         """Agents move in the plane."""
         if len(group.model.position) != 2:
@@ -125,10 +134,10 @@ class VelocityObstacle(GoalSeeking):
         if self.parameters.perturbation:
             self._turn = self.parameters.perturbation * (0.5 + 0.5 * self.random.uniform(1)[:, 0])
 
-    def _compute(self) -> tuple[Array, Array, Array]:
-        model, state = self._group.model, self._group.awareness.state
+    def _compute(self) -> tuple[Array, Array, Array, Array]:
+        model, state, goal = self._group.model, self._group.awareness.state, self._goals(self._group)
         position = model.positions(state)
-        way = self._goal - position
+        way = goal - position
         distance = lengths(way)
         preferred = scaled(directions(way, distance), self._slowing(distance))
         encounters = Encounters(self._group, self.parameters.reach, self._radii, own_velocity(self._group))
@@ -136,14 +145,20 @@ class VelocityObstacle(GoalSeeking):
         if self._turn is not None and planes.limit.shape[1]:
             avoiding = np.isfinite(planes.limit).any(axis=1)
             preferred = _turned_right(preferred, np.where(avoiding, self._turn, 0.0))
-        velocity, _ = nearest_velocity(planes, preferred, self.parameters.speed)
+        velocity, _ = nearest_velocity(planes, preferred, self._greatest_speed)
         intent = along(position, velocity, np.broadcast_to(self._ahead, (len(position), len(self._ahead))))
-        return model.follow_velocity(state, velocity), intent, distance
+        return model.follow_velocity(state, velocity), intent, goal, distance
 
-    def _update(self, value: tuple[Array, Array, Array]) -> None:
-        control_input, intent, distance = value
+    def _update(self, value: tuple[Array, Array, Array, Array]) -> None:
+        control_input, intent, goal, distance = value
         self._steer(control_input, intent)
-        self._arrive(distance)
+        self._arrive(goal, distance)
+
+    @property
+    def _greatest_speed(self) -> float:
+        """The greatest speed of velocities that avoid [m/s]."""
+        greatest: float | None = self.parameters.max_speed
+        return float(self.parameters.speed if greatest is None else greatest)
 
     def _agent_planes(self, encounters: Encounters) -> HalfPlanes:
         parameters = self.parameters
@@ -164,7 +179,7 @@ class VelocityObstacle(GoalSeeking):
     def _obstacle_planes(self, position: Array) -> HalfPlanes:
         parameters, scenery = self.parameters, self.environment.scenery
         keep = self._group.entity.radius + parameters.margin
-        reach = keep + parameters.speed * parameters.time_horizon_obstacles
+        reach = keep + self._greatest_speed * parameters.time_horizon_obstacles
         near = scenery.nearest(position, max(reach, parameters.reach) if scenery.moves else reach)
         distance = near.distance
         # Inside of an obstacle the distance is negative, and the nearest way out is the way back.

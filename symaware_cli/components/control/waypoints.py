@@ -2,17 +2,41 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from symaware_cli.components.control.steering import Approach, directions, lengths
+from symaware_cli.components.control.steering import Approach, differing, directions, lengths
 from symaware_cli.core import AgentGroup
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
+
+
+class Turn(NamedTuple):
+    """What a turn decides.
+
+    Attributes:
+        control_input: To request; shape (n, nu).
+        intent: The way ahead; shape (n, h, d).
+        waypoints: Of each agent; shape (n, k, d).
+        counts: How many they are; shape (n,).
+        begins: Who begins at the first of them, because they are new; shape (n,).
+        number: For which of them each agent was heading; shape (n,).
+        reached: Who reached that one; shape (n,).
+        upcoming: For which one each agent heads now; shape (n,).
+    """
+
+    control_input: Array
+    intent: Array
+    waypoints: Array
+    counts: Indices
+    begins: NDArray[np.bool_]
+    number: Indices
+    reached: NDArray[np.bool_]
+    upcoming: Indices
 
 
 class Waypoints(Approach):
@@ -20,13 +44,14 @@ class Waypoints(Approach):
 
     An agent heads straight for the next waypoint at cruise speed and turns to the one after it as soon as it is within
     the tolerance; before the last one its speed falls in proportion to the distance. The intent is the way ahead, along
-    the waypoints, over the horizon.
+    the waypoints, over the horizon. Whose waypoints change begins at the first of the new ones.
     """
 
-    knowledge: ClassVar = {"waypoints": "where to pass, as a list of positions [m], as many for each agent"}
+    knowledge: ClassVar = {"waypoints": "where to pass, as a list of positions [m]"}
     events: ClassVar = {
         "waypoint-reached": "An agent came within the tolerance of its next waypoint; `number` counts them from 0.",
         "goal-reached": "An agent came within the tolerance of its last waypoint, for the first time.",
+        "goal-changed": "An agent that had reached its last waypoint has other ones, which count as not reached.",
     }
 
     class Parameters(Approach.Parameters):
@@ -36,62 +61,72 @@ class Waypoints(Approach):
 
     def check(self, group: AgentGroup) -> None:
         """Waypoints are positions, and the model can be steered by a velocity."""
-        dimensions = len(group.model.position)
-        shape = group.known("waypoints").shape
-        if len(shape) != 3 or shape[1] < 1 or shape[2] != dimensions:
-            raise ValueError(
-                f"the knowledge `waypoints` of each agent must be a list of positions of {dimensions} numbers"
-            )
+        self._known(group)
         super().check(group)
 
     def initialise_component(self, group: AgentGroup) -> None:
-        """Read each agent's waypoints from its knowledge."""
+        """Begin at the first waypoints."""
         super().initialise_component(group)
-        self._waypoints = group.known("waypoints")
+        self._waypoints, self._counts = self._known(group)
         self._rows = np.arange(len(group))
         self._next: Indices = np.zeros(len(group), np.intp)
         self._finished = np.zeros(len(group), bool)
 
-    def _compute(self) -> tuple[Array, Array, NDArray[np.bool_], Indices]:
+    def _known(self, group: AgentGroup) -> tuple[Array, Indices]:
+        """The waypoints of each agent at present, (n, k, d), and how many they are, (n,)."""
+        waypoints, counts = group.known_lists("waypoints")
+        dimensions = len(group.model.position)
+        if waypoints.ndim != 3 or waypoints.shape[1] < 1 or waypoints.shape[2] != dimensions:
+            raise ValueError(
+                f"the knowledge `waypoints` of each agent must be a list of positions of {dimensions} numbers"
+            )
+        return waypoints, counts
+
+    def _compute(self) -> Turn:
         model, state = self._group.model, self._group.awareness.state
+        waypoints, counts = self._known(self._group)
+        begins = differing(self._waypoints, waypoints) | (counts != self._counts)
+        number = np.where(begins, 0, self._next)
         position = model.positions(state)
-        reached = lengths(self._waypoints[self._rows, self._next] - position) <= self.parameters.tolerance
-        upcoming = self._after(self._next, reached)
-        way = self._waypoints[self._rows, upcoming] - position
+        reached = lengths(waypoints[self._rows, number] - position) <= self.parameters.tolerance
+        upcoming = self._after(number, reached, counts)
+        way = waypoints[self._rows, upcoming] - position
         distance = lengths(way)
         speed = np.full(len(distance), self.parameters.speed)
         if not self.parameters.loop:
-            ends = upcoming == self._waypoints.shape[1] - 1
+            ends = upcoming == counts - 1
             speed[ends] = self._slowing(distance[ends])
         velocity = directions(way, distance) * speed[:, None]
-        intent = self._way_ahead(position, upcoming, speed)
-        return model.follow_velocity(state, velocity), intent, reached, upcoming
+        intent = self._way_ahead(waypoints, counts, position, upcoming, speed)
+        control_input = model.follow_velocity(state, velocity)
+        return Turn(control_input, intent, waypoints, counts, begins, number, reached, upcoming)
 
-    def _update(self, value: tuple[Array, Array, NDArray[np.bool_], Indices]) -> None:
-        control_input, intent, reached, upcoming = value
-        self._steer(control_input, intent)
-        last = self._waypoints.shape[1] - 1
-        for row in np.flatnonzero(reached & ~self._finished).tolist():
-            number = int(self._next[row])
+    def _update(self, value: Turn) -> None:
+        self._steer(value.control_input, value.intent)
+        self._waypoints, self._counts = value.waypoints, value.counts
+        for row in np.flatnonzero(value.begins & self._finished).tolist():
+            self.emit_for(row, "goal-changed", "has other waypoints than those it passed")
+        self._finished = self._finished & ~value.begins
+        for row in np.flatnonzero(value.reached & ~self._finished).tolist():
+            number = int(value.number[row])
             self.emit_for(row, "waypoint-reached", f"reached its waypoint {number}", number=number)
-            if number == last and not self.parameters.loop:
+            if number == value.counts[row] - 1 and not self.parameters.loop:
                 self._finished[row] = True
                 self.emit_for(row, "goal-reached", "reached its last waypoint")
-        self._next = upcoming
+        self._next = value.upcoming
 
-    def _after(self, number: Indices, step: NDArray[np.bool_] | int) -> Indices:
+    def _after(self, number: Indices, step: NDArray[np.bool_] | Indices, counts: Indices) -> Indices:
         """The waypoint that follows, which after the last is the first of a loop, else the last."""
-        count = self._waypoints.shape[1]
         following = number + step
-        limited: Indices = following % count if self.parameters.loop else np.minimum(following, count - 1)
+        limited: Indices = following % counts if self.parameters.loop else np.minimum(following, counts - 1)
         return limited
 
-    def _way_ahead(self, position: Array, upcoming: Indices, speed: Array) -> Array:
+    def _way_ahead(self, waypoints: Array, counts: Indices, position: Array, upcoming: Indices, speed: Array) -> Array:
         """Where each agent is at the instants of the intent if it keeps its speed; shape (n, h, d)."""
-        count = self._waypoints.shape[1]
         # A loop is closed by the waypoint it begins with.
-        numbers = self._after(upcoming[:, None], np.arange(count + self.parameters.loop))
-        corners = np.concatenate([position[:, None], self._waypoints[self._rows[:, None], numbers]], axis=1)
+        steps = np.minimum(np.arange(waypoints.shape[1] + self.parameters.loop), counts[:, None])
+        numbers = self._after(upcoming[:, None], steps, counts[:, None])
+        corners = np.concatenate([position[:, None], waypoints[self._rows[:, None], numbers]], axis=1)
         legs = np.diff(corners, axis=1)
         length = lengths(legs.reshape(-1, legs.shape[2])).reshape(legs.shape[:2])
         passed = np.concatenate([np.zeros((len(length), 1)), np.cumsum(length, axis=1)], axis=1)

@@ -2,285 +2,132 @@
 
 from __future__ import annotations
 
-from functools import cache
-
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
-from scipy.special import ndtr
+from scipy.special import erfc
 
-from symaware_cli.components.encounters import EncounterRisk, Encounters, dot
-from symaware_cli.core import AgentGroup, Parameters
+from symaware_cli.components.encounters import dot
+from symaware_cli.components.risk.balls import closest_approach, collision_probability
+from symaware_cli.components.risk.gaussian import band_probability
+from symaware_cli.components.risk.meetings import MeetingRisk, Meetings
+from symaware_cli.components.risk.outlines import carried_on, overlap_bound
+from symaware_cli.core import Parameters
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
 
-#: Beyond so many standard deviations a density is nothing: 2.6e-12 of it lies farther out.
-_WIDTH = 7.0
-#: As _WIDTH, for a vector of up to three elements and with the trace in place of the greatest variance.
-_CERTAIN = 8.0
-#: Standard deviations below this part of the radius are raised to it, so that a density is never a spike.
-_FLOOR = 1e-7
-#: An integral is taken with ever more nodes until two results differ by no more than this.
-_TOLERANCE = 1e-6
-_LEVELS = (16, 32, 64, 128, 256, 512, 1024)
-#: The most values of an integrand to hold at once.
-_TOGETHER = 1 << 20
+#: So many times the root of the trace of a covariance away, a density is nothing.
+_NOTHING = 8.0
+#: How many deviations of the velocity are covered where balls meet in space.
+_COVERED = 4.0
 
 
-def collision_probability(apart: Array, closing: Array, radius: Array, covariance: Array, horizon: float) -> Array:
-    """Return the probability that two bodies come closer than a distance within a horizon.
+class Collision(MeetingRisk):
+    """Risk as a bound of the probability that an agent comes too close to another, or to an obstacle, in time.
 
-    Relative motion is taken as rectilinear at the expected velocity, and the relative position as Gaussian. Then the
-    bodies meet exactly if the relative position lies in the capsule that a ball of the given radius sweeps when it goes
-    from the origin against the relative velocity for the horizon, and the probability is the integral of the Gaussian
-    over the capsule: K. Foster and H. S. Estes, "A parametric analysis of orbital debris collision probability and
-    maneuver rate for space vehicles", NASA JSC-25898, 1992, and F. K. Chan, "Spacecraft Collision Probability", 2008,
-    for short-term encounters, where the horizon is infinite. Across the motion the integral is taken by Gauss-Legendre
-    quadrature where the density is, along it in closed form. The error is below 1e-5, except where the covariance is
-    all but singular and askew to the motion: up to 0.01.
+    Never less than that probability, if beliefs are right: positions and velocities Gaussian, with constant velocities
+    from now on. Bodies count with their outlines and believed headings. For discs and balls whose velocities are known
+    it is the probability itself (`collision_probability`), else what `overlap_bound` says; in space, the least of
+    what holds seen from above, for the balls around both, and for their heights.
 
-    Args:
-        apart: The expected relative position [m]; shape (d, m), d = 2 or 3.
-        closing: The expected relative velocity [m/s]; shape (d, m).
-        radius: The distance that counts as a collision [m]; shape (m,).
-        covariance: Of the relative position [m^2]; shape (m, d, d).
-        horizon: How far ahead to look [s].
-
-    Returns:
-        Probabilities, shape (m,). Where nothing is uncertain, 1 for a distance below the radius within the horizon,
-        else 0.
-    """
-    speed = np.sqrt(dot(closing, closing))
-    length = speed * horizon
-    time = closest_approach(apart, closing, horizon)
-    depth = radius - np.sqrt(dot(*(2 * [apart + closing * time])))
-    spread = np.sqrt(np.maximum(np.trace(covariance, axis1=1, axis2=2), 0.0))
-    probability = np.where(depth > 0.0, 1.0, 0.0)
-    rows = np.flatnonzero((np.abs(depth) <= _CERTAIN * spread) & (radius > 0.0))
-    if len(rows):
-        axes = _axes(closing[:, rows], speed[rows])
-        mean = np.stack([dot(axis, apart[:, rows]) for axis in axes])
-        rotated = np.stack([np.stack(list(axis), axis=1) for axis in axes], axis=1)
-        turned = rotated @ covariance[rows] @ np.swapaxes(rotated, 1, 2)
-        probability[rows] = _refined(mean, turned, radius[rows], length[rows])
-    probability[radius <= 0.0] = 0.0
-    return np.minimum(np.maximum(probability, 0.0), 1.0)
-
-
-def closest_approach(apart: Array, closing: Array, horizon: float) -> Array:
-    """Return when two bodies are closest to each other within a horizon [s]; shape (m,) for vectors (d, m)."""
-    square = dot(closing, closing)
-    moving = square > 0.0
-    time = np.where(moving, -dot(apart, closing) / np.where(moving, square, 1.0), 0.0)
-    return np.minimum(np.maximum(time, 0.0), horizon)
-
-
-def _axes(closing: Array, speed: Array) -> list[Array]:
-    """Unit vectors across the motion and, at last, along it; each of shape (d, m)."""
-    moving = speed > 0.0
-    along = np.where(moving, closing / np.where(moving, speed, 1.0), 0.0)
-    along[0, ~moving] = 1.0
-    if len(along) == 2:
-        return [np.stack([-along[1], along[0]]), along]
-    x, y, z = along
-    # Any vector across will do: this one never cancels (T. Duff et al., "Building an orthonormal basis, revisited",
-    # J. Computer Graphics Techniques 6, 2017).
-    sign = np.where(z >= 0.0, 1.0, -1.0)
-    a = -1.0 / (sign + z)
-    b = x * y * a
-    return [np.stack([1.0 + sign * x * x * a, sign * b, -sign * x]), np.stack([b, sign + y * y * a, -y]), along]
-
-
-def _refined(mean: Array, covariance: Array, radius: Array, length: Array) -> Array:
-    """Integrate as `_capsule` does, each row with as many nodes as it needs."""
-    result = np.full(len(radius), np.inf)
-    rows = np.arange(len(radius))
-    # In space there is a second axis across: the square of as many nodes.
-    for count in _LEVELS if len(mean) == 2 else _LEVELS[:4]:
-        nodes = _legendre(count)
-        some = max(1, _TOGETHER // count ** (len(mean) - 1))
-        for part in np.split(rows, range(some, len(rows), some)):
-            before = result[part]
-            result[part] = _capsule(mean[:, part], covariance[part], radius[part], length[part], nodes)
-            rows = np.setdiff1d(rows, part[np.abs(result[part] - before) <= _TOLERANCE], assume_unique=True)
-        if not len(rows):
-            break
-    return result
-
-
-@cache
-def _legendre(count: int) -> tuple[Array, Array]:
-    """Nodes and weights of the Gauss-Legendre quadrature on [-1, 1]."""
-    nodes, weights = np.polynomial.legendre.leggauss(count)
-    return nodes, weights
-
-
-def _capsule(mean: Array, covariance: Array, radius: Array, length: Array, nodes: tuple[Array, Array]) -> Array:
-    """Integrate Gaussians over capsules from the origin to -length along the last axis.
-
-    Args:
-        mean: Across the motion and, at last, along it; shape (d, m).
-        covariance: Likewise; shape (m, d, d).
-        radius: Shape (m,).
-        length: Shape (m,).
-        nodes: What `_legendre` returned, for each axis across.
-    """
-    lower = _cholesky(covariance, _FLOOR * radius)
-    # What is integrated over so far has a second axis of its own for the nodes, one after the other.
-    half, weight = radius[:, None], np.ones((len(radius), 1))
-    expected = [element[:, None] for element in mean]
-    for axis in range(len(mean) - 1):
-        deviation = lower[axis][axis][:, None]
-        place, density = _quadrature(expected[axis], deviation, half, nodes)
-        standard = (place - expected[axis][..., None]) / deviation[..., None]
-        half = np.sqrt(np.maximum(half[..., None] ** 2 - place * place, 0.0)).reshape(len(radius), -1)
-        weight = (weight[..., None] * density).reshape(len(radius), -1)
-        for later in range(axis + 1, len(mean)):
-            shifted = expected[later][..., None] + lower[later][axis][:, None, None] * standard
-            expected[later] = shifted.reshape(len(radius), -1)
-    deviation, middle = lower[-1][-1][:, None], expected[-1]
-    inside = ndtr((half - middle) / deviation) - ndtr((-length[:, None] - half - middle) / deviation)
-    return _sum(weight * inside)
-
-
-def _quadrature(mean: Array, deviation: Array, half: Array, nodes: tuple[Array, Array]) -> tuple[Array, Array]:
-    """Nodes within [-half, half] where a normal density is, and that density times the weights.
-
-    The nodes are spaced in the angle whose sine is the place over the half width, in which the round ends of a capsule
-    are smooth.
-
-    Args:
-        mean: Shape (m, k).
-        deviation: Shape (m, 1).
-        half: Shape (m, k).
-        nodes: On [-1, 1].
-
-    Returns:
-        Both of shape (m, k, nodes).
-    """
-    safe = np.where(half > 0.0, half, 1.0)
-    low = np.arcsin(np.minimum(np.maximum((mean - _WIDTH * deviation) / safe, -1.0), 1.0))
-    high = np.arcsin(np.minimum(np.maximum((mean + _WIDTH * deviation) / safe, -1.0), 1.0))
-    angle = (0.5 * (low + high))[..., None] + (0.5 * (high - low))[..., None] * nodes[0]
-    place = half[..., None] * np.sin(angle)
-    width = half[..., None] * np.cos(angle) * (0.5 * (high - low))[..., None] * nodes[1]
-    standard = (place - mean[..., None]) / deviation[..., None]
-    return place, width * np.exp(-0.5 * standard * standard) / (np.sqrt(2.0 * np.pi) * deviation[..., None])
-
-
-def _cholesky(covariance: Array, floor: Array) -> list[list[Array]]:
-    """The lower triangles whose squares are the covariances, for those that are only semidefinite too.
-
-    Returns:
-        Element (i, j) of all of them, each of shape (m,).
-    """
-    size = covariance.shape[1]
-    lower: list[list[Array]] = [[] for _ in range(size)]
-    for row in range(size):
-        for column in range(row):
-            rest = 0.5 * (covariance[:, row, column] + covariance[:, column, row])
-            for earlier in range(column):
-                rest = rest - lower[row][earlier] * lower[column][earlier]
-            lower[row].append(rest / lower[column][column])
-        rest = covariance[:, row, row]
-        for earlier in range(row):
-            rest = rest - lower[row][earlier] * lower[row][earlier]
-        lower[row].append(np.sqrt(np.maximum(rest, floor * floor)))
-    return lower
-
-
-def _sum(values: Array) -> Array:
-    """Add up the elements of each row; the order depends on nothing but their number."""
-    while values.shape[1] > 1:
-        odd = values[:, -1:] if values.shape[1] % 2 else None
-        paired = values.shape[1] // 2
-        values = values[:, :paired] + values[:, paired : 2 * paired]
-        if odd is not None:
-            values = np.concatenate([values, odd], axis=1)
-    return values[:, 0]
-
-
-class Collision(EncounterRisk):
-    """Risk as the probability that an agent comes too close to another within a horizon.
-
-    For each other, `collision_probability` of the beliefs of both. The covariance of the relative position is the sum
-    of one's own (the uncertainty of one's own state, where an estimator keeps one) and the other's, both carried
-    forward at constant velocity to the time at which the two are expected to be closest: so the uncertainty of
-    velocities counts in first order, and exactly only where the encounter is short. Errors of both are taken as
-    independent, and so are the encounters with several others: the risk is 1 - prod(1 - p).
+    The covariance of the relative position is the sum of one's own (the uncertainty of one's own state, where an
+    estimator keeps one) and the other's: errors of both are taken as independent. Risks in several encounters add up,
+    to 1 at most (Boole's inequality), which holds whatever they have in common.
     """
 
     class Parameters(Parameters):
         """What counts as a collision."""
 
         horizon: float = Field(3.0, gt=0, description="How far ahead to look [s].")
-        reach: float = Field(10.0, gt=0, description="Others farther away are not looked at [m].")
+        reach: float = Field(
+            10.0, gt=0, description="Others, and surfaces of obstacles, farther away are not looked at [m]."
+        )
         margin: float = Field(0.0, ge=0, description="Distance between two bodies that counts as a collision [m].")
+        obstacles: bool = Field(True, description="Whether obstacles of the environment count.")
 
     def _compute(self) -> Array:
-        parameters = self.parameters
-        encounters = self._encounters()
-        apart, closing = encounters.apart, encounters.closing
-        covariance = self._covariance(encounters, closest_approach(apart, closing, parameters.horizon))
-        radius = encounters.radius + parameters.margin
-        probability = collision_probability(apart, closing, radius, covariance, parameters.horizon)
-        return 1.0 - encounters.over_others(np.multiply, 1.0 - probability, 1.0)
+        risk = np.zeros(len(self._group))
+        for meetings in self._meetings():
+            risk = meetings.over_all(np.add, self._probability(meetings), risk)
+        return np.minimum(risk, 1.0)
 
-    def _covariance(self, encounters: Encounters, time: Array) -> Array:
-        """The covariance of each relative position at a time from now [s]; shape (m, d, d)."""
-        count = len(encounters.apart)
-        covariance = np.zeros((len(time), count, count))
-        believed = encounters.tracks.covariances
-        if believed is not None:
-            covariance += _carried(believed, time)
-        own = self._own_covariance()
-        if own is not None:
-            plane = own.shape[1] // 2
-            covariance[:, :plane, :plane] += _carried(own[encounters.observers], time)
-        return covariance
+    def _probability(self, meetings: Meetings) -> Array:
+        """A bound of the probability of a collision, for each pair; shape (m,)."""
+        apart, closing, horizon = meetings.apart, meetings.closing, self.parameters.horizon
+        radius, size = meetings.radius + self.parameters.margin, len(apart)
+        covariance = meetings.covariance
+        if covariance is None:
+            covariance = np.zeros((apart.shape[1], 2 * size, 2 * size))
+        time = closest_approach(apart, closing, horizon)
+        exact = meetings.round & ~covariance[:, size:, size:].any(axis=(1, 2)) & (meetings.heights is None)
+        probability = np.zeros(len(radius))
+        rows = np.flatnonzero(exact)
+        if len(rows):
+            carried = carried_on(covariance[rows], time[rows])
+            probability[rows] = collision_probability(apart[:, rows], closing[:, rows], radius[rows], carried, horizon)
+        if len(rows) < len(radius):
+            nearest = np.sqrt(dot(*(2 * [apart + closing * time])))
+            spreads = [
+                np.trace(carried_on(covariance, np.full(len(time), when)), axis1=1, axis2=2) for when in (0.0, horizon)
+            ]
+            spread = np.sqrt(np.maximum(np.maximum(*spreads), 0.0))
+            rows = np.flatnonzero(~exact & (nearest - radius <= _NOTHING * spread) & (meetings.radius > 0.0))
+            if len(rows):
+                probability[rows] = self._bound(meetings, rows, covariance[rows], radius[rows], time[rows])
+        return probability
 
-    def _own_covariance(self) -> Array | None:
-        """The covariance of each agent's own position and velocity, shape (n, 2d, 2d), where there is one.
+    def _bound(self, meetings: Meetings, rows: Indices, covariance: Array, radius: Array, time: Array) -> Array:
+        """What holds for bodies with corners, for uncertain velocities, and for heights."""
+        parameters, size = self.parameters, len(meetings.apart)
+        apart, closing = meetings.apart[:, rows], meetings.closing[:, rows]
+        plane = [0, 1, size, size + 1]
+        sides = meetings.sides(rows)
+        bound = overlap_bound(
+            apart[:2],
+            closing[:2],
+            covariance[:, plane][:, :, plane],
+            *sides,
+            parameters.margin,
+            parameters.horizon,
+        )
+        if size == 3:
+            bound = np.minimum(bound, _balls(apart, closing, radius, covariance, time, parameters.horizon))
+            whole = np.stack([apart[2], closing[2], -radius, radius])
+            bound = np.minimum(bound, _band(whole, covariance[:, [2, 5]][:, :, [2, 5]], parameters.horizon))
+        if meetings.heights is not None:
+            low_high = meetings.heights[:, rows].copy()
+            low_high[2] -= parameters.margin
+            low_high[3] += parameters.margin
+            own = meetings.own_heights(rows)
+            bound = np.minimum(bound, _band(low_high, own, parameters.horizon))
+        return bound
 
-        The velocity depends on the state, such as on the heading, and errors of the state reach it that way.
-        """
-        group = self._group
-        believed = _state_covariance(group)
-        if believed is None:
-            return None
-        model, state = group.model, group.awareness.state
-        jacobian = model.jacobian(state, model.limit(group.control_input))
-        places = list(model.position)
-        picks = np.broadcast_to(np.eye(len(model.state))[places], (len(group), len(places), len(model.state)))
-        by_state = np.concatenate([picks, jacobian[:, places]], axis=1)
-        joint: Array = by_state @ believed @ np.swapaxes(by_state, 1, 2)
-        return joint
 
+def _balls(apart: Array, closing: Array, radius: Array, covariance: Array, time: Array, horizon: float) -> Array:
+    """A bound for balls in space whose velocities may be uncertain.
 
-def _carried(covariance: Array, time: Array) -> Array:
-    """Carry covariances of position and velocity forward at constant velocity; (m, 2d, 2d) to (m, d, d)."""
-    count = covariance.shape[1] // 2
-    position, cross = covariance[:, :count, :count], covariance[:, :count, count:]
-    ahead = time[:, None, None]
-    return position + ahead * (cross + np.swapaxes(cross, 1, 2)) + ahead * ahead * covariance[:, count:, count:]
-
-
-def _state_covariance(group: AgentGroup) -> Array | None:
-    """The covariance of each agent's own state now, shape (n, nx, nx); None where nobody says anything of it.
-
-    Raises:
-        ValueError: The uncertainty is not such a matrix, row by row.
+    Until the horizon, they are nowhere farther from where the expected velocity leads, from the time of the closest
+    approach on or back, than so many deviations of the velocity times that long.
     """
-    size = len(group.model.state)
-    shared = group.awareness.uncertainty.shared
-    if shared is not None:
-        first = shared[1][:, 0]
-    else:
-        # An estimator of single agents wrote these: as many Python objects already.
-        series = [group.awareness.uncertainty.row(row) for row in range(len(group))]
-        if not any(len(each) for each in series):
-            return None
-        first = np.array([each.values[0] if len(each) else np.zeros(size * size) for each in series])
-    if first.shape[1] != size * size:
-        raise ValueError(f"the uncertainty of `{group.name}` has {first.shape[1]} elements, not {size} x {size}")
-    return first.reshape(-1, size, size)
+    variance = np.trace(covariance[:, 3:, 3:], axis1=1, axis2=2)
+    way = _COVERED * np.sqrt(np.maximum(variance, 0.0)) * np.maximum(time, horizon - time)
+    tail = erfc(_COVERED / np.sqrt(2.0)) + np.sqrt(2.0 / np.pi) * _COVERED * np.exp(-0.5 * _COVERED * _COVERED)
+    probability = collision_probability(apart, closing, radius + way, carried_on(covariance, time), horizon)
+    return np.minimum(probability + np.where(variance > 0.0, tail, 0.0), 1.0)
+
+
+def _band(motion: Array, covariance: Array, horizon: float) -> Array:
+    """The probability that something is between two heights within a horizon.
+
+    Args:
+        motion: Its height, how fast that changes, and the two; shape (4, m).
+        covariance: Of the first two; shape (m, 2, 2).
+        horizon: [s].
+    """
+    height, rate, low, high = motion
+    variances = carried_on(covariance, np.zeros(len(height))), carried_on(covariance, np.full(len(height), horizon))
+    common = covariance[:, 0, 0] + horizon * covariance[:, 0, 1]
+    return band_probability(
+        (height, height + horizon * rate), (variances[0][:, 0, 0], variances[1][:, 0, 0]), common, low, high
+    )

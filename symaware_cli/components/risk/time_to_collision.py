@@ -6,8 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from symaware_cli.components.encounters import EncounterRisk, dot
+from symaware_cli.components.encounters import dot
+from symaware_cli.components.risk.meetings import MeetingRisk, Meetings
+from symaware_cli.components.risk.outlines import first_touch
 from symaware_cli.core import Parameters
+from symaware_cli.geometry.minkowski import between
 
 Array = NDArray[np.float64]
 
@@ -36,26 +39,51 @@ def time_to_collision(apart: Array, closing: Array, radius: Array) -> Array:
     return time
 
 
-class TimeToCollision(EncounterRisk):
-    """Risk from how soon each agent touches another if both keep their velocities.
+class TimeToCollision(MeetingRisk):
+    """Risk from how soon each agent touches another, or an obstacle, if both keep their velocities.
 
     The risk is 1 - t / horizon for the soonest of all encounters, 0 where nothing is touched within the horizon and 1
     where bodies overlap. Time to collision is the usual measure of how urgent an encounter is (J. C. Hayward,
     "Near-miss determination through use of a scale of danger", Highway Research Record 384, 1972); the straight line is
     the simplest map from it that falls from 1 to 0.
+
+    Bodies count with their outlines, turned as their headings are believed to be; those that turn with outlines that
+    hold them until then (`first_touch`). In space they touch once the balls around them do and, seen from above, they.
     """
+
+    doubts = False
 
     class Parameters(Parameters):
         """How far to look."""
 
         horizon: float = Field(5.0, gt=0, description="Time to collision at which there is no risk yet [s].")
-        reach: float = Field(10.0, gt=0, description="Others farther away are not looked at [m].")
+        reach: float = Field(
+            10.0, gt=0, description="Others, and surfaces of obstacles, farther away are not looked at [m]."
+        )
         margin: float = Field(0.0, ge=0, description="Distance between two bodies that counts as touching [m].")
+        obstacles: bool = Field(True, description="Whether obstacles of the environment count.")
 
     def _compute(self) -> Array:
-        parameters = self.parameters
-        encounters = self._encounters()
-        time = time_to_collision(encounters.apart, encounters.closing, encounters.radius + parameters.margin)
-        soonest = encounters.over_others(np.minimum, time, np.inf)
-        risk: Array = np.maximum(1.0 - soonest / parameters.horizon, 0.0)
+        soonest = np.full(len(self._group), np.inf)
+        for meetings in self._meetings():
+            soonest = meetings.over_all(np.minimum, self._time(meetings), soonest)
+        risk: Array = np.maximum(1.0 - soonest / self.parameters.horizon, 0.0)
         return risk
+
+    def _time(self, meetings: Meetings) -> Array:
+        """The time until the bodies of each pair touch [s]; infinite beyond the horizon; shape (m,)."""
+        apart, closing, parameters = meetings.apart, meetings.closing, self.parameters
+        # Nothing touches before the balls around it do.
+        time = time_to_collision(apart, closing, meetings.radius + parameters.margin)
+        if meetings.round.all() and meetings.heights is None:
+            return time
+        rows = np.flatnonzero(~meetings.round & (time < parameters.horizon))
+        if len(rows):
+            sides = meetings.sides(rows)
+            flat = first_touch(apart[:2, rows], closing[:2, rows], *sides, parameters.margin, parameters.horizon)
+            time[rows] = np.maximum(time[rows], flat)
+        if meetings.heights is not None:
+            level, rate, low, high = meetings.heights
+            start, end = between(level, rate, low - parameters.margin, high + parameters.margin)
+            time = np.where((end < 0.0) | (start > end), np.inf, np.maximum(time, start))
+        return time

@@ -1,4 +1,4 @@
-"""The backlog: how much waits for each link, in bytes."""
+"""The backlog: how much waits for each link, in bytes and in messages."""
 
 from __future__ import annotations
 
@@ -62,6 +62,45 @@ class Backlog:
         self._late[links] = np.where(turns, 0.0, late) + sizes
         self._turn[links] = np.where(turns, begin, self._turn[links])
         self._pace[links] = bandwidth
+
+
+class Recent:
+    """When the last messages are in their links, as many of each as any queue counts; a row for each link of a ledger.
+
+    The times of a link ascend. So there are n messages or more that wait or are on their way into it, if and only if
+    the n-th last is not in it yet.
+    """
+
+    def __init__(self) -> None:
+        """Begin without links, and remember nothing until somebody asks."""
+        #: In nanoseconds, the last message first; 0 where there was none.
+        self._times = np.zeros((0, 0), np.int64)
+
+    def grow(self, room: int) -> None:
+        """Make room for so many links more, for which nothing waits."""
+        self._times = np.pad(self._times, ((0, room), (0, 0)))
+
+    def last(self, links: Indices, number: int) -> Times:
+        """When the message was in its link, or will be, that is so many back, in nanoseconds; shape (m,).
+
+        Args:
+            links: Rows; shape (m,).
+            number: 1 is the last message.
+        """
+        if number > self._times.shape[1]:
+            self._times = np.pad(self._times, ((0, 0), (0, number - self._times.shape[1])))
+        times: Times = self._times[links, number - 1]
+        return times
+
+    def add(self, links: Indices, leaving: Times) -> None:
+        """Remember messages, at most one for each link.
+
+        Args:
+            links: Rows; shape (m,).
+            leaving: When each is in its link, in nanoseconds; shape (m,).
+        """
+        times = self._times[links]
+        self._times[links] = np.concatenate([leaving[:, None], times[:, :-1]], axis=1)
 
 
 def _remaining(now: int, begin: Times, end: Times) -> Array:

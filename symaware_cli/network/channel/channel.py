@@ -65,7 +65,7 @@ class Channel:
     @property
     def drops_heads(self) -> bool:
         """Whether what waits may still be dropped when something else is sent."""
-        return self.parameters.queue is not None and self.parameters.drop == "head"
+        return self.parameters.is_bounded and self.parameters.drop == "head"
 
     def carry(
         self,
@@ -98,11 +98,16 @@ class Channel:
                 # Times are whole nanoseconds: what is too much for less than one of them is not.
                 grace = np.where(np.isfinite(bandwidth), bandwidth / 1e9, 0.0)
                 full = ledger.backlog.settle(links, now, free) + sizes > parameters.queue + grace
-                some = ~full
+            if parameters.queue_length is not None:
+                full |= ledger.recent.last(links, parameters.queue_length) > now
+            some = ~full
+            if parameters.queue is not None:
                 ledger.backlog.add(links[some], sizes[some], bandwidth[some], begin[some])
             # What rounding takes from one message is given to the next, or a busy link would be slower than it is.
             lasts = np.minimum(sizes * (1e9 / bandwidth) + np.where(free >= now, ledger.residue[links], 0.0), FOREVER)
             leaving = np.minimum(begin + np.rint(lasts).astype(np.int64), FOREVER)
+            if parameters.queue_length is not None:
+                ledger.recent.add(links[some], leaving[some])
             ledger.free[links] = np.where(full, free, leaving)
             ledger.residue[links] = np.where(full, ledger.residue[links], lasts - np.rint(lasts))
             if parameters.bandwidth is None:

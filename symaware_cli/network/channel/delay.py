@@ -14,6 +14,11 @@ def delays(delay: float | DelayDistribution, uniform: Array) -> Array:
     """Turn numbers from (0, 1) into delays of a distribution by its quantile function [s]; shape (m,)."""
     if not isinstance(delay, DelayDistribution):
         return np.full(len(uniform), float(delay))
+    return delay.constant + _drawn(delay, uniform)
+
+
+def _drawn(delay: DelayDistribution, uniform: Array) -> Array:
+    """What is drawn from a distribution [s]; shape (m,)."""
     if delay.uniform is not None:
         least, greatest = delay.uniform
         return least + (greatest - least) * uniform

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from symaware_cli.core.message import Indices
 from symaware_cli.network.chance import Words, agent_keys, link_keys
-from symaware_cli.network.channel.backlog import Backlog
+from symaware_cli.network.channel.backlog import Backlog, Recent
 
 #: Later than any run ends, and early enough for sums of it not to overflow, in nanoseconds.
 FOREVER = 3 * 10**18
@@ -25,6 +25,7 @@ class Ledger:
         free: When each link has carried all that waits for it, in nanoseconds.
         residue: How much later than that it really is, less than a nanosecond.
         backlog: How much waits for each.
+        recent: When the last messages of each are in it, where a queue counts them.
         bad: Whether each link is in the bad state: 0 or 1, or -1 before its first message.
         channel: The number of each link's channel.
         congestion: Until when, at most, messages wait for links that have no limit of their own, in nanoseconds.
@@ -52,6 +53,7 @@ class Ledger:
         self.free = np.zeros(0, np.int64)
         self.residue = np.zeros(0)
         self.backlog = Backlog()
+        self.recent = Recent()
         self.bad = np.zeros(0, np.int8)
         self.channel = np.zeros(0, np.intp)
 
@@ -94,6 +96,7 @@ class Ledger:
             self.bad = np.concatenate([self.bad, np.full(room, -1, np.int8)])
             self.residue = np.concatenate([self.residue, np.zeros(room)])
             self.backlog.grow(room)
+            self.recent.grow(room)
         senders, receivers = np.divmod(links, self._count)
         self._links[rows] = links
         self.keys[rows] = link_keys(self._agents[senders], self._agents[receivers])

@@ -24,6 +24,7 @@ class Line(Generic[Parcel]):
         #: How much gets in at present [bytes/s].
         self._present = self._bandwidth
         self._limit = math.inf if parameters.queue is None else parameters.queue
+        self._most = math.inf if parameters.queue_length is None else parameters.queue_length
         #: What the link takes at present: from when until when, to the nanosecond and beyond it, and how much.
         self._begun = self._free = 0
         self._residue = 0.0
@@ -54,7 +55,10 @@ class Line(Generic[Parcel]):
         limit = self._limit + (self._present / 1e9 if self._present < math.inf else 0.0)
         if carried + size > limit:
             return [parcel]
-        while carried + self._waiting_size + size > limit:
+        under_way = int(self._free > now)
+        if under_way >= self._most:
+            return [parcel]
+        while carried + self._waiting_size + size > limit or under_way + len(self._waiting) >= self._most:
             _, oldest, victim = self._waiting.popleft()
             self._waiting_size -= oldest
             dropped.append(victim)

@@ -27,6 +27,7 @@ class DelayDistribution(Parameters):
         description="Drawn from the lognormal distribution: its median [s], and the deviation of the logarithm.",
     )
     exponential: Seconds | None = Field(None, description="Drawn from the exponential distribution of a mean [s].")
+    constant: Seconds = Field(0.0, description="What every message takes besides what is drawn [s].")
 
     @model_validator(mode="after")
     def _is_one(self) -> Self:
@@ -56,7 +57,8 @@ class ChannelParameters(Parameters):
     delay: Seconds | DelayDistribution = Field(
         0.0,
         description="How long a message travels [s]: a number, or {uniform: [least, greatest]}, "
-        "{normal: [mean, deviation]}, {lognormal: [median, deviation of the logarithm]} or {exponential: mean}. "
+        "{normal: [mean, deviation]}, {lognormal: [median, deviation of the logarithm]} or {exponential: mean}, "
+        "to each of which a `constant` may be added: {constant: least, exponential: mean}. "
         "What takes no time is readable at the next step of the world.",
     )
     jitter: Seconds = Field(0.0, description="How much longer it may take, drawn evenly [s].")
@@ -85,6 +87,12 @@ class ChannelParameters(Parameters):
         description="How much may wait or be on its way into the link [bytes]; any if left out. No message is smaller "
         f"than {HEADER}.",
     )
+    queue_length: int | None = Field(
+        None,
+        ge=1,
+        le=1000,
+        description="How many messages may wait or be on their way into the link, of any size; no limit if left out.",
+    )
     drop: Literal["tail", "head"] = Field(
         "tail", description="What is dropped from a full queue: the new message, or the one that waits longest."
     )
@@ -95,6 +103,11 @@ class ChannelParameters(Parameters):
     def changed(self, other: ChannelParameters) -> ChannelParameters:
         """The same channel but for what another one says expressly."""
         return self.model_copy(update={name: getattr(other, name) for name in other.model_fields_set})
+
+    @property
+    def is_bounded(self) -> bool:
+        """Whether what waits for a link has a limit."""
+        return self.queue is not None or self.queue_length is not None
 
     @property
     def is_perfect(self) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -107,16 +107,15 @@ def _read_end(message: wire.End) -> End:
 
 def _step(frame: Step) -> wire.Step:
     # Members are often told of parts of the same mailing, one for each time of arrival.
-    mailings = {id(each.mailing): each.mailing for each in frame.deliveries}
+    mailings = {id(each.mailing): each.mailing for each in frame.arrived if isinstance(each, Delivery)}
     numbers = {identity: number for number, identity in enumerate(mailings)}
     return wire.Step(
         step=frame.step,
         time=frame.time,
         world=entries_to_wire({name: np.asarray(array, np.float64) for name, array in frame.world.items()}),
         contacts=_serialised(_contact, frame.contacts),
-        letters=_serialised(_letter, frame.letters),
         mailings=_serialised(_mailing, mailings.values()),
-        deliveries=[_delivery(each, numbers[id(each.mailing)]).SerializeToString() for each in frame.deliveries],
+        arrivals=_serialised(lambda each: _arrival(each, numbers), frame.arrived),
         started=frame.started,
     )
 
@@ -128,8 +127,7 @@ def _read_step(message: wire.Step) -> Step:
         message.time,
         _columns(message.world, np.float64),
         tuple(_read_contact(parsed(wire.Contact, data)) for data in message.contacts),
-        tuple(_read_letter(parsed(wire.Letter, data)) for data in message.letters),
-        tuple(_read_delivery(parsed(wire.Delivery, data), mailings) for data in message.deliveries),
+        tuple(_read_arrival(parsed(wire.Arrival, data), mailings) for data in message.arrivals),
         message.started,
     )
 
@@ -202,6 +200,7 @@ def _letter(letter: Message) -> wire.Letter:
         kind=letter.kind,
         sequence=letter.sequence,
         sent_time=letter.sent_time,
+        arrival_time=letter.arrival_time,
     )
 
 
@@ -215,6 +214,7 @@ def _read_letter(message: wire.Letter) -> Message:
         message.kind,
         message.sequence,
         message.sent_time,
+        message.arrival_time,
     )
 
 
@@ -239,6 +239,19 @@ def _read_mailing(message: wire.Mailing) -> Mailing:
     return Mailing(senders, columns, message.kind, receivers)
 
 
+def _arrival(arrived: Message | Delivery, mailings: Mapping[int, int]) -> wire.Arrival:
+    if isinstance(arrived, Message):
+        return wire.Arrival(letter=_letter(arrived))
+    return wire.Arrival(delivery=_delivery(arrived, mailings[id(arrived.mailing)]))
+
+
+def _read_arrival(message: wire.Arrival, mailings: Sequence[Mailing]) -> Message | Delivery:
+    kind = message.WhichOneof("content")
+    if kind is None:
+        raise FrameError("an arrival is empty, or of a kind that is not known")
+    return _read_letter(message.letter) if kind == "letter" else _read_delivery(message.delivery, mailings)
+
+
 def _delivery(delivery: Delivery, mailing: int) -> wire.Delivery:
     return wire.Delivery(
         mailing=mailing,
@@ -250,7 +263,7 @@ def _delivery(delivery: Delivery, mailing: int) -> wire.Delivery:
     )
 
 
-def _read_delivery(message: wire.Delivery, mailings: list[Mailing]) -> Delivery:
+def _read_delivery(message: wire.Delivery, mailings: Sequence[Mailing]) -> Delivery:
     if message.mailing >= len(mailings):
         raise FrameError(f"there is no mailing {message.mailing}: there are {len(mailings)}")
     mailing = mailings[message.mailing]

@@ -38,7 +38,9 @@ class Connection(ABC):
     Attributes:
         peer: Its number.
         conversation: What is said.
+        origin: The address that it is from, as far as that is known.
         came: Whether the run was told of it.
+        accepted: Whether the run takes the other end for one of those that it awaits.
         parting: Whether this end lets go of it: nothing is heard any more, but what waits is sent.
         gone: Whether it is over.
         full: Whether too many frames wait for the run's thread.
@@ -54,7 +56,8 @@ class Connection(ABC):
         self._port = port
         self.peer = port.number()
         self.conversation = port.conversation()
-        self.came = self.parting = self.gone = self.full = self.held = self.stalled = False
+        self.origin = ""
+        self.came = self.accepted = self.parting = self.gone = self.full = self.held = self.stalled = False
         self._limits = port.parameters.queue, FRAMES * port.parameters.maximum_frame
         self._waiting: deque[bytes] = deque()
         self._waiting_bytes = 0
@@ -129,9 +132,9 @@ class Connection(ABC):
             return
         self.pump()
 
-    def lost(self) -> None:
+    def lost(self, reason: str = "") -> None:
         """Take note that nothing carries this connection any more."""
-        reason = f"the connection to {self.conversation.other} was lost"
+        reason = reason or f"the connection to {self.conversation.other} was lost"
         # To a member it happens that the host goes before it has let it in; a host is told nothing by who only begins.
         unfinished = self._port.is_host and self.conversation.heard and not self.conversation.open
         self.refuse(Over(reason, "garbage" if unfinished else None))
@@ -216,6 +219,11 @@ class Connection(ABC):
     def untaken(self) -> tuple[int, int]:
         """How many frames wait for the run's thread, and how many bytes."""
         return self._given - self._taken, self._given_bytes - self._taken_bytes
+
+    @property
+    def spoke(self) -> bool:
+        """Whether it sent any frame."""
+        return self._given > 0
 
     def _behind(self, part: int) -> bool:
         """Whether as many frames wait for the run's thread as may, or one part of so many of them."""

@@ -77,20 +77,24 @@ class Conversation:
         taken: How many of ours the other end has taken, as far as it tells.
     """
 
-    def __init__(self, host: bool, key: bytes | None, maximum: int, timeout: float, now: float) -> None:
+    def __init__(
+        self, host: bool, key: bytes | None, maximum: int, timeout: float, hang_timeout: float, now: float
+    ) -> None:
         """Begin.
 
         Args:
             host: Whether this end is the host's.
             key: What both ends must know, or None.
             maximum: How long a frame may be [bytes].
-            timeout: For how long the other end may be silent [s].
+            timeout: For how long the other end may take to introduce itself [s]; a quarter of it is between two pings.
+            hang_timeout: For how long it may be silent afterwards [s].
             now: What the monotonic clock shows [s].
         """
         self._is_host = host
         self._key = key
         self._maximum = maximum
         self._timeout = timeout
+        self._hang_timeout = hang_timeout
         self._began = self._alive = now
         self._pinged = -math.inf
         flags = (_HAS_KEY if key is not None else 0) | (_IS_HOST if host else 0)
@@ -138,6 +142,9 @@ class Conversation:
     def tick(self, now: float) -> None:
         """Look at the clock, several times within the timeout.
 
+        That the other process is dead is for those to notice who carry the bytes: a process that is alive may have no
+        time to talk, such as one that computes with the interpreter's lock held.
+
         Raises:
             Over: The other end was silent for too long.
         """
@@ -146,8 +153,8 @@ class Conversation:
             raise Over(
                 f"{self.other} did not introduce itself within {self._timeout:g} s", "garbage" if unfinished else None
             )
-        if now - self._alive > self._timeout:
-            raise Over(f"no sign of life of {self.other} for {self._timeout:g} s")
+        if self.open and now - self._alive > self._hang_timeout:
+            raise Over(f"no sign of life of {self.other} for {self._hang_timeout:g} s")
         if self.open and now - self._pinged >= self._timeout / 4:
             self._ping(now)
 

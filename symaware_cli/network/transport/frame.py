@@ -14,6 +14,9 @@ from symaware_cli.core.message import Indices
 
 Array = NDArray[np.float64]
 
+#: How a farewell begins for which there is no room; who hears it may come again.
+CROWDED = "the host takes no more than"
+
 
 class FrameError(ValueError):
     """These bytes are no frame."""
@@ -75,8 +78,7 @@ class Step:
         time: Simulated time, in nanoseconds.
         world: All that `Environment.adopt` takes, by name.
         contacts: Those that began or ended.
-        letters: Single messages that arrived.
-        deliveries: Messages that arrived in columns.
+        arrived: Messages, singly or in columns.
         started: As in `Welcome`.
     """
 
@@ -84,8 +86,7 @@ class Step:
     time: int
     world: Mapping[str, Array]
     contacts: tuple[Contact, ...] = ()
-    letters: tuple[Message, ...] = ()
-    deliveries: tuple[Delivery, ...] = ()
+    arrived: tuple[Message | Delivery, ...] = ()
     started: float = float("nan")
 
 

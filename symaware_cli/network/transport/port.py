@@ -9,8 +9,8 @@ import random
 import threading
 import time
 from abc import abstractmethod
-from collections import deque
-from collections.abc import Awaitable, Callable, Coroutine, Mapping
+from collections import Counter, deque
+from collections.abc import Awaitable, Callable, Collection, Coroutine, Mapping
 from queue import Empty, SimpleQueue
 from types import MappingProxyType
 from typing import Any, get_args
@@ -19,6 +19,7 @@ from symaware_cli.core import Happening, Port, TransportError, TransportParamete
 from symaware_cli.core.transport import Rejection
 from symaware_cli.network.transport.connection import PARTING, Connection
 from symaware_cli.network.transport.conversation import Conversation, Over
+from symaware_cli.network.transport.frame import CROWDED
 
 #: The time before a member tries to connect again, at first [s].
 _FIRST_PAUSE = 0.05
@@ -54,6 +55,7 @@ class LoopPort(Port):
         self._outbox: deque[tuple[int, bytes | str]] = deque()
         self._flushing = False
         self._closed = False
+        self._reason = f"the {'host' if host else 'member'} ended the connection"
         self._strangers: dict[int, Connection] = {}
         self._peers: dict[int, Connection] = {}
         self._tasks: list[asyncio.Task[None]] = []
@@ -123,10 +125,15 @@ class LoopPort(Port):
         """Let go of a peer, in order."""
         self._hand_over(peer, reason)
 
-    def close(self) -> None:
+    def accept(self, peer: int) -> None:
+        """Keep a place for a peer."""
+        self.later(self._accept, peer)
+
+    def close(self, reason: str = "") -> None:
         """End the port's thread, and all that it keeps."""
         if self._closed:
             return
+        self._reason = reason or self._reason
         self.later(self._end.set)
         self._closed = True
         if self._thread.is_alive():
@@ -160,7 +167,8 @@ class LoopPort(Port):
     def conversation(self) -> Conversation:
         """Begin a conversation."""
         parameters = self.parameters
-        return Conversation(self.is_host, self._key, parameters.maximum_frame, parameters.timeout, time.monotonic())
+        limits = parameters.maximum_frame, parameters.timeout, parameters.hang_timeout
+        return Conversation(self.is_host, self._key, *limits, time.monotonic())
 
     @property
     def ending(self) -> bool:
@@ -172,26 +180,35 @@ class LoopPort(Port):
         self._loop.call_later(delay, call)
 
     def enter(self, connection: Connection) -> None:
-        """Take in a connection that has not said anything yet; where there are too many, the oldest of them goes."""
+        """Take in a connection that has not said anything yet; where there are too many, one of them goes."""
         if self.ending:
             connection.drop()
             return
         self._strangers[connection.peer] = connection
         if len(self._strangers) > self.parameters.members:
-            oldest = next(iter(self._strangers.values()))
-            oldest.refuse(Over(f"more than {self.parameters.members} connect at once", "crowded"))
-        connection.begin()
+            reason = Over(f"more than {self.parameters.members} connect at once", "crowded")
+            _first_to_go(self._strangers.values()).refuse(reason)
+        if not connection.gone:
+            connection.begin()
 
     def admit(self, connection: Connection) -> None:
-        """Let somebody in who is known now, if there is room."""
+        """Let somebody in who is known now, if there is room, or if one can go who is no member."""
         del self._strangers[connection.peer]
-        if len(self._peers) >= self.parameters.members:
+        present = [each for each in self._peers.values() if not each.parting]
+        if len(present) >= self.parameters.members:
             self.reject("crowded")
-            connection.part(f"the host takes no more than {self.parameters.members} members")
-            return
+            others = [each for each in present if not each.accepted]
+            leaving = _first_to_go(others) if others else connection
+            leaving.part(f"{CROWDED} {self.parameters.members} members")
+            if leaving is connection:
+                return
         self._peers[connection.peer] = connection
         connection.came = True
         self.deliver(Happening("came", connection.peer), connection)
+
+    def _accept(self, peer: int) -> None:
+        if peer in self._peers:
+            self._peers[peer].accepted = True
 
     def leave(self, connection: Connection) -> None:
         """Take note that a connection is over."""
@@ -258,7 +275,7 @@ class LoopPort(Port):
         await asyncio.gather(*self._tasks, return_exceptions=True)
         self._flush()
         for connection in (*self._strangers.values(), *self._peers.values()):
-            connection.part(f"{'the host' if self.is_host else 'the member'} ended the connection")
+            connection.part(self._reason)
         await self.shut()
 
     async def _tick(self) -> None:
@@ -283,3 +300,9 @@ class LoopPort(Port):
                 concerned[peer] = connection
         for connection in concerned.values():
             connection.dispatch()
+
+
+def _first_to_go(connections: Collection[Connection]) -> Connection:
+    """Who makes room: of the address from which most have come the one that came first, if it has said nothing yet."""
+    crowds = Counter(each.origin for each in connections)
+    return min(connections, key=lambda each: (each.spoke, -crowds[each.origin], each.peer))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import errno
 import socket
 from collections.abc import Sequence
 from contextlib import suppress
@@ -19,6 +20,9 @@ _LENGTH = 4
 
 #: So much may be handed to the operating system before it has sent what came before [bytes].
 _AHEAD = 2**20
+
+#: The errors by which an operating system tells that the other one does not answer.
+_SILENT = (errno.ETIMEDOUT, errno.EHOSTUNREACH, errno.ENETUNREACH)
 
 #: So many times as many sockets may be open as there may be members: of those who have not come yet, or are leaving.
 _OPEN = 4
@@ -119,6 +123,8 @@ class _TcpConnection(asyncio.Protocol, Connection):
         self._transport = cast("asyncio.Transport", transport)
         self._transport.set_write_buffer_limits(_AHEAD)
         self._transport.get_extra_info("socket").setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        _watch(self._transport.get_extra_info("socket"), self._port.parameters.timeout)
+        self.origin = str((transport.get_extra_info("peername") or ("",))[0])
         self._sockets.add(self)
         if transport.get_extra_info("sockname") == transport.get_extra_info("peername"):
             # Where nobody listens, a socket may be given the very port that it connects to.
@@ -144,7 +150,8 @@ class _TcpConnection(asyncio.Protocol, Connection):
             self._read_rest()
         self._sockets.discard(self)
         self._buffer.clear()
-        self.lost()
+        silent = isinstance(error, OSError) and error.errno in _SILENT
+        self.lost(f"the machine of {self.conversation.other} does not answer" if silent else "")
         if not self.closed.done():
             self.closed.set_result(None)
 
@@ -215,3 +222,28 @@ class _TcpConnection(asyncio.Protocol, Connection):
 
     def drop(self) -> None:
         self._transport.abort()
+
+
+def _watch(connected: socket.socket, timeout: float) -> None:
+    """Let the operating system break a connection whose other end does not answer any more.
+
+    What answers is the other operating system, whatever the process there does. It is asked for the clock all the time,
+    so that something is always on its way; where only silence can be watched, that is.
+
+    Args:
+        connected: The socket.
+        timeout: After which time [s]; the system's clocks are no finer than a second.
+    """
+    seconds = max(1, round(timeout))
+    idle = max(1, seconds // 2)
+    count = max(1, min(4, seconds - idle))
+    options = {
+        "TCP_KEEPIDLE" if hasattr(socket, "TCP_KEEPIDLE") else "TCP_KEEPALIVE": idle,
+        "TCP_KEEPINTVL": max(1, (seconds - idle) // count),
+        "TCP_KEEPCNT": count,
+        "TCP_USER_TIMEOUT": 1000 * seconds,
+    }
+    connected.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+    for name, value in options.items():
+        if hasattr(socket, name):
+            connected.setsockopt(socket.IPPROTO_TCP, getattr(socket, name), value)

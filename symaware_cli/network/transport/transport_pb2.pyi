@@ -58,24 +58,30 @@ class Refusal(_message.Message):
     def __init__(self, reason: _Optional[str] = ..., final: _Optional[bool] = ...) -> None: ...
 
 class Step(_message.Message):
-    __slots__ = ("step", "time", "world", "contacts", "letters", "mailings", "deliveries", "started")
+    __slots__ = ("step", "time", "world", "contacts", "mailings", "arrivals", "started")
     STEP_FIELD_NUMBER: _ClassVar[int]
     TIME_FIELD_NUMBER: _ClassVar[int]
     WORLD_FIELD_NUMBER: _ClassVar[int]
     CONTACTS_FIELD_NUMBER: _ClassVar[int]
-    LETTERS_FIELD_NUMBER: _ClassVar[int]
     MAILINGS_FIELD_NUMBER: _ClassVar[int]
-    DELIVERIES_FIELD_NUMBER: _ClassVar[int]
+    ARRIVALS_FIELD_NUMBER: _ClassVar[int]
     STARTED_FIELD_NUMBER: _ClassVar[int]
     step: int
     time: int
     world: _containers.RepeatedScalarFieldContainer[bytes]
     contacts: _containers.RepeatedScalarFieldContainer[bytes]
-    letters: _containers.RepeatedScalarFieldContainer[bytes]
     mailings: _containers.RepeatedScalarFieldContainer[bytes]
-    deliveries: _containers.RepeatedScalarFieldContainer[bytes]
+    arrivals: _containers.RepeatedScalarFieldContainer[bytes]
     started: float
-    def __init__(self, step: _Optional[int] = ..., time: _Optional[int] = ..., world: _Optional[_Iterable[bytes]] = ..., contacts: _Optional[_Iterable[bytes]] = ..., letters: _Optional[_Iterable[bytes]] = ..., mailings: _Optional[_Iterable[bytes]] = ..., deliveries: _Optional[_Iterable[bytes]] = ..., started: _Optional[float] = ...) -> None: ...
+    def __init__(self, step: _Optional[int] = ..., time: _Optional[int] = ..., world: _Optional[_Iterable[bytes]] = ..., contacts: _Optional[_Iterable[bytes]] = ..., mailings: _Optional[_Iterable[bytes]] = ..., arrivals: _Optional[_Iterable[bytes]] = ..., started: _Optional[float] = ...) -> None: ...
+
+class Arrival(_message.Message):
+    __slots__ = ("letter", "delivery")
+    LETTER_FIELD_NUMBER: _ClassVar[int]
+    DELIVERY_FIELD_NUMBER: _ClassVar[int]
+    letter: Letter
+    delivery: Delivery
+    def __init__(self, letter: _Optional[_Union[Letter, _Mapping]] = ..., delivery: _Optional[_Union[Delivery, _Mapping]] = ...) -> None: ...
 
 class Report(_message.Message):
     __slots__ = ("step", "inputs", "posts", "peak")
@@ -138,20 +144,22 @@ class Contact(_message.Message):
     def __init__(self, first: _Optional[str] = ..., second: _Optional[str] = ..., point: _Optional[_Iterable[float]] = ..., depth: _Optional[float] = ..., begins: _Optional[bool] = ..., impulse: _Optional[float] = ...) -> None: ...
 
 class Letter(_message.Message):
-    __slots__ = ("sender", "receiver", "payload", "kind", "sequence", "sent_time")
+    __slots__ = ("sender", "receiver", "payload", "kind", "sequence", "sent_time", "arrival_time")
     SENDER_FIELD_NUMBER: _ClassVar[int]
     RECEIVER_FIELD_NUMBER: _ClassVar[int]
     PAYLOAD_FIELD_NUMBER: _ClassVar[int]
     KIND_FIELD_NUMBER: _ClassVar[int]
     SEQUENCE_FIELD_NUMBER: _ClassVar[int]
     SENT_TIME_FIELD_NUMBER: _ClassVar[int]
+    ARRIVAL_TIME_FIELD_NUMBER: _ClassVar[int]
     sender: str
     receiver: str
     payload: _containers.RepeatedScalarFieldContainer[bytes]
     kind: str
     sequence: int
     sent_time: int
-    def __init__(self, sender: _Optional[str] = ..., receiver: _Optional[str] = ..., payload: _Optional[_Iterable[bytes]] = ..., kind: _Optional[str] = ..., sequence: _Optional[int] = ..., sent_time: _Optional[int] = ...) -> None: ...
+    arrival_time: int
+    def __init__(self, sender: _Optional[str] = ..., receiver: _Optional[str] = ..., payload: _Optional[_Iterable[bytes]] = ..., kind: _Optional[str] = ..., sequence: _Optional[int] = ..., sent_time: _Optional[int] = ..., arrival_time: _Optional[int] = ...) -> None: ...
 
 class Mailing(_message.Message):
     __slots__ = ("senders", "columns", "kind", "receivers")

@@ -73,8 +73,8 @@ class ZenohPort(LoopPort):
             "transport/unicast/open_timeout": milliseconds,
             "transport/unicast/accept_timeout": milliseconds,
             "transport/unicast/max_sessions": 2 * parameters.members,
-            # Longer than what counts as death here, so that it is this port that says why.
-            "transport/link/tx/lease": 2 * milliseconds,
+            # Zenoh's own threads keep it up, whatever the interpreter does; so it tells who is dead.
+            "transport/link/tx/lease": max(1000, milliseconds),
             "transport/link/rx/max_message_size": parameters.maximum_frame + 2**16,
             "transport/shared_memory/enabled": False,
             **changes,

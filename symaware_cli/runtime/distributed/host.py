@@ -7,7 +7,6 @@ import time
 from collections import Counter
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +35,18 @@ from symaware_cli.runtime.failure import RunError
 #: Wall time between two records of frames that were not taken [s].
 _TALLY_INTERVAL = 1.0
 
+#: For how long who came may say nothing that makes it a member [s].
+_SILENCE = 2.0
+
+#: What is said of a run, by the status with which it ended.
+_SAID = {"finished": "is over", "failed": "failed", "interrupted": "was interrupted"}
+
+#: So many things that happened at the port are taken before the run goes on, if it need not wait for more.
+_MOST_AT_ONCE = 4096
+
+#: So much of a reason that somebody else gave is told, in characters.
+_REASON = 200
+
 
 @dataclass(slots=True)
 class _Member:
@@ -48,8 +59,7 @@ class _Member:
         is_here: For everybody in the roster, whether it runs them.
         rank: The place of the first of them in the roster, by which members are served.
         reported: The last step that it reported on.
-        letters: What arrived for its agents and was not told yet.
-        deliveries: Likewise, in columns.
+        arrived: What arrived for its agents and was not told yet.
     """
 
     peer: int
@@ -58,8 +68,7 @@ class _Member:
     is_here: NDArray[np.bool_]
     rank: int
     reported: int
-    letters: list[Message] = field(default_factory=list)
-    deliveries: list[Delivery] = field(default_factory=list)
+    arrived: list[Message | Delivery] = field(default_factory=list)
 
 
 class Host(Company):
@@ -82,7 +91,10 @@ class Host(Company):
         #: For whose return the run waits, and how long.
         self._awaited: set[str] = set()
         self._return_due = 0.0
-        self._rejected: dict[Any, int] = {}
+        #: Who came and is no member, and until when each may say that it wants to be.
+        self._guests: dict[int, float] = {}
+        self._malformed, self._example = 0, ""
+        self._rejected: dict[str, int] = {}
         self._tally_due = 0.0
 
     def _meet(self) -> None:
@@ -127,10 +139,9 @@ class Host(Company):
         world, contacts = environment.capture(), tuple(environment.contacts())
         started = self._started
         for member in self._in_order:
-            letters, deliveries = tuple(member.letters), tuple(member.deliveries)
-            member.letters.clear()
-            member.deliveries.clear()
-            frame = Step(step, simulation.clock.now, world, contacts, letters, deliveries, started)
+            arrived = tuple(member.arrived)
+            member.arrived.clear()
+            frame = Step(step, simulation.clock.now, world, contacts, arrived, started)
             self._send(member.peer, frame)
 
     @property
@@ -143,12 +154,12 @@ class Host(Company):
         if isinstance(arrived, Message):
             for member in self._members.values():
                 if arrived.receiver in member.agents:
-                    member.letters.append(arrived)
+                    member.arrived.append(arrived)
             return
         for member in self._members.values():
             mine = member.is_here[arrived.receivers]
             if mine.any():
-                member.deliveries.append(chosen(arrived, mine))
+                member.arrived.append(chosen(arrived, mine))
 
     def acted(self) -> None:
         """Collect what everybody did, where that is known before the run goes on, or ends."""
@@ -165,8 +176,12 @@ class Host(Company):
 
     def _collect(self) -> None:
         """Take what has come; without a pace, wait until all members have reported, and who is lost is back."""
-        while (happening := self.port.receive(0.0)) is not None:
+        for _ in range(_MOST_AT_ONCE):
+            happening = self.port.receive(0.0)
+            if happening is None:
+                break
             self._take(happening)
+        self._send_off_silent()
         if self._run.pacer is None:
             while self._awaited or any(member.reported < self._run.done for member in self._members.values()):
                 happening = self._wait(self._return_due if self._awaited else None)
@@ -222,10 +237,12 @@ class Host(Company):
         """Take note of what happened at the port."""
         member = self._members.get(happening.peer)
         if happening.kind == "gone":
+            self._guests.pop(happening.peer, None)
             if member:
                 self._lose(member, happening.reason)
             return
         if happening.kind == "came":
+            self._guests[happening.peer] = time.monotonic() + _SILENCE
             return
         try:
             frame = decode(happening.frame)
@@ -242,11 +259,13 @@ class Host(Company):
             else:
                 raise FrameError(f"a member does not say {type(frame).__name__}")
         except FrameError as error:
-            self.port.cut(happening.peer, str(error))
-            text = f"what {member.name if member else 'a stranger'} said is not taken: {error}"
-            self._report(Notice("rejected", "run", "WARNING", text))
+            reason = str(error)[:_REASON]
+            self.port.cut(happening.peer, reason)
+            self._guests.pop(happening.peer, None)
+            self._malformed += 1
+            self._example = f"what {member.name if member else 'a stranger'} said is not taken: {reason}"
             if member:
-                self._lose(member, str(error))
+                self._lose(member, reason)
 
     def _greet(self, peer: int, hello: Hello) -> None:
         """Take a process in, or refuse it."""
@@ -254,8 +273,13 @@ class Host(Company):
         if refusal:
             self._send(peer, refusal)
             if refusal.final:
+                self._guests.pop(peer, None)
                 self.port.cut(peer, refusal.reason)
+            elif peer in self._guests:
+                self._guests[peer] = time.monotonic() + _SILENCE
             return
+        self._guests.pop(peer, None)
+        self.port.accept(peer)
         run, roster = self._run, self._simulation.environment.roster
         agents = tuple(sorted(hello.agents, key=roster.index))
         indices = [roster.index(id) for id in agents]
@@ -330,6 +354,24 @@ class Host(Company):
             self._run.observer.reported.pop(member.rank, None)
         member.reported = max(member.reported, report.step)
 
+    def _wait(self, deadline: float | None = None) -> Happening | None:
+        """Wait for what happens next, and send off meanwhile who does not say what it wants; see `Company`."""
+        while True:
+            self._send_off_silent()
+            soonest = min([each for each in (deadline, *self._guests.values()) if each is not None], default=None)
+            happening = super()._wait(soonest)
+            if happening is not None or (deadline is not None and time.monotonic() >= deadline):
+                return happening
+
+    def _send_off_silent(self) -> None:
+        """Let go of who came and does not say in time that it wants to be a member."""
+        now = time.monotonic()
+        for peer in [peer for peer, until in self._guests.items() if until <= now]:
+            del self._guests[peer]
+            self.port.cut(peer, f"it did not say within {_SILENCE:g} s what it wants")
+            self._malformed += 1
+            self._example = f"a stranger did not say within {_SILENCE:g} s what it wants"
+
     def _part(self, member: _Member, end: End) -> None:
         """A member says that it is over."""
         if end.status == "failed":
@@ -392,13 +434,16 @@ class Host(Company):
     def _tally(self) -> None:
         """Record how many frames were not taken, now and then."""
         rejected = {str(why): count for why, count in self.port.rejected.items() if count}
+        if self._malformed:
+            rejected["malformed"] = self._malformed
         now = time.monotonic()
         if rejected != self._rejected and now >= self._tally_due:
             self._tally_due = now + _TALLY_INTERVAL
             new = {why: count - self._rejected.get(why, 0) for why, count in sorted(rejected.items())}
             self._rejected = rejected
             said = ", ".join(f"{count} {why}" for why, count in new.items() if count)
-            text = f"frames were not taken: {said}"
+            text = f"frames were not taken: {said}" + (f"; {self._example}" if self._example else "")
+            self._example = ""
             self._report(Notice("rejected", "run", "WARNING", text, {"total": dict(sorted(rejected.items()))}))
 
     def end(self, status: str, reason: str, error: RunError | None) -> None:
@@ -413,7 +458,8 @@ class Host(Company):
         for member in self._in_order:
             with suppress(RunError):
                 self._send(member.peer, End(status, reason, error.source if error else ""))
-        self.port.close()
+        # Who is not a member yet can only be told why the connection ends.
+        self.port.close(f"the host's run {_SAID[status]}: {reason}")
 
 
 def _are_there(member: _Member, indices: Indices, numbers: Indices, count: int) -> bool:

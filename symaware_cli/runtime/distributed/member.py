@@ -12,6 +12,7 @@ from symaware_cli.core import Contact, Delivery, Event, Level, Mailing, Message
 from symaware_cli.core.transport import Port
 from symaware_cli.network.transport.codec import decode, encode
 from symaware_cli.network.transport.frame import (
+    CROWDED,
     End,
     Frame,
     FrameError,
@@ -57,8 +58,7 @@ class Member(Company):
         self._over: End | None = None
         self._posts: list[Post] = []
         self._contacts: list[Contact] = []
-        self._letters: list[Message] = []
-        self._deliveries: list[Delivery] = []
+        self._arrived: list[Message | Delivery] = []
         self._retry: float | None = None
         self._refusal = ""
 
@@ -105,9 +105,8 @@ class Member(Company):
     def arrived(self) -> None:
         """Read what the host carried here."""
         super().arrived()
-        letters, deliveries = self._letters, self._deliveries
-        self._letters, self._deliveries = [], []
-        self._simulation.exchange.arrive(letters, deliveries)
+        arrived, self._arrived = self._arrived, []
+        self._simulation.exchange.arrive(arrived)
 
     def acted(self) -> None:
         """Report what was done, where the host waits for it; in real time it shall know at once."""
@@ -185,6 +184,8 @@ class Member(Company):
                     waits = f"{text}; waits {self._absence:g} s for it"
                     self._fire(Notice("waiting", "run", "WARNING", waits), recorded=False)
                     problem = f"{text}, and did not come back within {self._absence:g} s"
+                elif self._world is None and happening.reason.startswith(CROWDED):
+                    self._refusal = happening.reason  # the port connects again; there may be room by then
                 elif self._world is None:
                     self._fail("run", f"the host at {self.port.address} does not take us in: {happening.reason}")
             else:
@@ -205,8 +206,7 @@ class Member(Company):
         if isinstance(frame, Step):
             self._world = frame
             self._contacts += frame.contacts
-            self._letters += frame.letters
-            self._deliveries += frame.deliveries
+            self._arrived += frame.arrived
         elif isinstance(frame, End):
             self._over = frame
         elif isinstance(frame, Notice):

@@ -8,7 +8,6 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core.rotation import about
 from symaware_cli.viewing.cast import Cast, Prop, Troupe
 from symaware_cli.viewing.detail import Detail
 from symaware_cli.viewing.excerpt import Excerpt
@@ -83,4 +82,4 @@ class Drawing(ABC):
         values = np.full((len(times), 1, 3), np.nan) if frames is None else frames.at(times)
         known = np.isfinite(values[..., -1:])
         headings = np.where(known[..., 0], values[..., -1], who.heading)
-        return np.where(known, who.positions(values), who.position), about((0.0, 0.0, 1.0), headings)
+        return np.where(known, who.positions(values), who.position), who.orientations(headings)

@@ -7,7 +7,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core.rotation import rotated
+from symaware_cli.geometry.rotation import rotated
 from symaware_cli.viewing.cast import Cast, Troupe
 from symaware_cli.viewing.detail import FEW, Detail
 from symaware_cli.viewing.drawing.base import Drawing

@@ -8,6 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from symaware_cli.geometry.bodies import Bodies
+from symaware_cli.geometry.proximity import Proximity
 from symaware_cli.recording.sensing import MEASUREMENT, sensors
 from symaware_cli.viewing.cast import Cast, Troupe
 from symaware_cli.viewing.detail import Detail
@@ -21,8 +23,6 @@ Array = NDArray[np.float64]
 _QUANTILES = (("median", 0.5), ("90 %", 0.9), ("maximum", 1.0))
 _SHADES = (AGENTS[3], AGENTS[2], RISK)
 _NEVER = np.empty(0, np.int64)
-#: Beyond so many bodies a tree finds the nearest two faster than all distances do.
-_TREE = 40
 
 
 class Risks(Drawing):
@@ -32,10 +32,10 @@ class Risks(Drawing):
         """Name the curves."""
         for troupe in self.cast.troupes.values():
             if self.detail.curves:
-                self.stage.series(f"curves/risk/{troupe.name}", troupe.agents, troupe.colours)
+                self.stage.series(f"curves/risk/{troupe.name}", troupe.agents, troupe.colours, keep="greatest")
             else:
                 names = [f"{troupe.name}: {name}" for name, _ in _QUANTILES]
-                self.stage.series(f"curves/risk/{troupe.name}", names, _SHADES)
+                self.stage.series(f"curves/risk/{troupe.name}", names, _SHADES, keep="greatest")
 
     def draw(self, excerpt: Excerpt) -> None:
         """Draw the risks."""
@@ -50,17 +50,20 @@ class Risks(Drawing):
 
 
 class Separation(Drawing):
-    """The smallest distance between the centres of any two agents, and the distance at which the largest two touch."""
+    """The least distance between the outlines of any two agents, and 0, where bodies touch."""
 
     def __init__(self, cast: Cast, detail: Detail, stage: Stage) -> None:
         super().__init__(cast, detail, stage)
-        radii = sorted((troupe.radius for troupe in cast.troupes.values() for _ in troupe.agents), reverse=True)
-        self._bound = sum(radii[:2]) if cast.agent_count > 1 else 0.0
+        troupes = cast.troupes.values()
+        shapes = [troupe.shape for troupe in troupes]
+        counts = [len(troupe.agents) for troupe in troupes]
+        self._bodies = Bodies([shape.pieces[0] if shape else None for shape in shapes], counts)
 
     def begin(self) -> None:
         """Name the curves."""
-        self.stage.series("curves/separation/smallest", ["smallest distance between agents [m]"], [AGENTS[3]])
-        self.stage.series("curves/separation/bound", [f"touching below {self._bound:.4g} m"], [CONTACT], 1.0)
+        name = "least between two outlines [m]"
+        self.stage.series("curves/separation/smallest", [name], [AGENTS[3]], keep="least")
+        self.stage.series("curves/separation/bound", ["touching"], [CONTACT], 1.0)
 
     def draw(self, excerpt: Excerpt) -> None:
         """Draw the distance."""
@@ -70,11 +73,27 @@ class Separation(Drawing):
         times = np.unique(np.concatenate([frames.times for frames in found.values() if frames] or [_NEVER]))
         if not len(times):
             return
-        places = [self.cast.troupes[name].positions(frames.at(times)) for name, frames in found.items() if frames]
-        smallest = _smallest(np.concatenate(places, axis=1))
+        shape = (len(times), self.cast.agent_count)
+        places, headings = np.full((*shape, 3), np.nan), np.zeros(shape)
+        first = 0
+        for name, troupe in self.cast.troupes.items():
+            some, frames = slice(first, first + len(troupe.agents)), found[name]
+            first = some.stop
+            if frames:
+                states = frames.at(times)
+                places[:, some] = troupe.positions(states)
+                turned = troupe.headings(states)
+                headings[:, some] = 0.0 if turned is None else turned
+        smallest = np.array([self._smallest(*each) for each in zip(places, headings, strict=True)])
         self.stage.scalars("curves/separation/smallest", times, smallest[:, None])
-        if self._bound:
-            self.stage.scalars("curves/separation/bound", times, np.full((len(times), 1), self._bound))
+        self.stage.scalars("curves/separation/bound", times, np.zeros((len(times), 1)))
+
+    def _smallest(self, places: Array, headings: Array) -> float:
+        """The least separation at an instant of those who are there; infinite where there are no two."""
+        present = np.flatnonzero(np.isfinite(places).all(axis=1))
+        bodies = self._bodies if len(present) == len(places) else self._bodies.some(present)
+        found = bodies.nearest(places[present], headings[present], Proximity())
+        return np.inf if found is None else found.gap
 
 
 class Awareness(Drawing):
@@ -89,19 +108,22 @@ class Awareness(Drawing):
         for agent in self.detail.focus:
             group, row = self.cast.place[agent]
             troupe = self.cast.troupes[group]
-            for field in ("state", "control"):
-                frames = excerpt.frames.get(f"/agents/{group}/{field}")
+            for field, topic in (("state", f"/agents/{group}/state"), ("control", f"/world/{group}/control")):
+                frames = excerpt.frames.get(topic)
                 if frames is not None:
-                    self._curve(agent, troupe, field, frames.times, frames.values[:, row])
+                    self._curve(agent, troupe, field, topic, frames.times, frames.values[:, row])
             for field in ("uncertainty", "risk"):
-                strips = excerpt.strips.get(f"/agents/{group}/{field}")
+                topic = f"/agents/{group}/{field}"
+                strips = excerpt.strips.get(topic)
                 if strips is not None and strips.values.shape[1]:
-                    self._curve(agent, troupe, field, strips.times, strips.firsts[:, row])
+                    self._curve(agent, troupe, field, topic, strips.times, strips.firsts[:, row])
             for sensor, topic in sensors(excerpt.frames, group, MEASUREMENT).items():
                 self._readings(agent, topic, sensor, excerpt.frames[topic], row)
 
-    def _curve(self, agent: str, troupe: Troupe, field: str, times: NDArray[np.int64], values: Array) -> None:
-        names, units = self._quantities(f"/agents/{troupe.name}/{field}", field, values.shape[1])
+    def _curve(
+        self, agent: str, troupe: Troupe, field: str, topic: str, times: NDArray[np.int64], values: Array
+    ) -> None:
+        names, units = self._quantities(topic, field, values.shape[1])
         if field == "uncertainty":
             names, units, values = _deviations(troupe, names, units, values)
         self._plot(f"curves/agents/{agent}/{field}", times, names, units, values)
@@ -126,7 +148,8 @@ class Awareness(Drawing):
         if path not in self._named:
             self._named.add(path)
             shown = [f"{name} [{unit}]" if unit not in ("", "1") else name for name, unit in _paired(names, units)]
-            self.stage.series(path, shown, [AGENTS[number % len(AGENTS)] for number in range(len(shown))])
+            colours = [AGENTS[number % len(AGENTS)] for number in range(len(shown))]
+            self.stage.series(path, shown, colours, keep="greatest" if path.endswith("/risk") else "both")
         self.stage.scalars(path, times, values)
 
 
@@ -162,23 +185,6 @@ def _deviations(
     if any(re.fullmatch(r".+\.\d+", name) for name in names):
         return [], [], values
     return names, units, values
-
-
-def _smallest(places: Array) -> Array:
-    """The smallest distance between any two of n points at each of k instants; (k, n, 3) to (k,)."""
-    count = places.shape[1]
-    if count <= _TREE:
-        first, second = np.triu_indices(count, 1)
-        distances = np.linalg.norm(places[:, first] - places[:, second], axis=-1)
-        nearest: Array = np.where(np.isnan(distances), np.inf, distances).min(axis=1)
-        return nearest
-    from scipy.spatial import cKDTree
-
-    smallest = np.empty(len(places))
-    for number, present in enumerate(places):
-        known = present[np.isfinite(present).all(axis=1)]
-        smallest[number] = np.asarray(cKDTree(known).query(known, k=2)[0])[:, 1].min() if len(known) > 1 else np.inf
-    return smallest
 
 
 def _quantiles(values: Array, shares: Sequence[float]) -> Array:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from symaware_cli.recording.text import read_json
 from symaware_cli.viewing.cast import Cast, Troupe, in_space
 from symaware_cli.viewing.detail import FEW, Detail
 from symaware_cli.viewing.drawing.base import Drawing
@@ -49,7 +49,7 @@ class Goals(Drawing):
             for place, (time, message) in enumerate(told):
                 rows = message.rows or range(len(message.values))
                 for row, value in zip(rows, message.values, strict=True):
-                    self._known[troupe.name][row] = known_ways(json.loads(value), len(troupe.position))
+                    self._known[troupe.name][row] = known_ways(read_json(value), len(troupe.position))
                 if place + 1 == len(told) or told[place + 1][0] > time:
                     self._draw(troupe, time)
 
@@ -77,7 +77,7 @@ def known_ways(knowledge: Any, dimension: int) -> list[Array]:
     for name in _NAMES:
         try:
             points = np.atleast_2d(np.array(knowledge.get(name, []), float))
-        except (ValueError, TypeError):
+        except (ValueError, TypeError, OverflowError):
             continue
         if points.ndim == 2 and points.shape[1] >= dimension and np.isfinite(points).all():
             ways.append(in_space(points[:, :dimension]))

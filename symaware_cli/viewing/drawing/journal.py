@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from collections import defaultdict
 from typing import Any
 
 from symaware_cli.recording import journal
+from symaware_cli.recording.text import read_json
 from symaware_cli.viewing.cast import Cast
 from symaware_cli.viewing.detail import Detail
 from symaware_cli.viewing.drawing.base import Drawing
@@ -61,7 +61,7 @@ class Knowledge(_Modes):
             for time, message in excerpt.entries.get(f"/agents/{troupe.name}/knowledge", ()):
                 for row, value in zip(message.rows or range(len(message.values)), message.values, strict=True):
                     if row in focus:
-                        changes += [(path, time, mode) for path, mode in self._changed(focus[row], json.loads(value))]
+                        changes += [(path, time, mode) for path, mode in self._changed(focus[row], read_json(value))]
         self._write(changes)
 
     def _changed(self, agent: str, knowledge: dict[str, Any]) -> list[tuple[str, str]]:

@@ -38,7 +38,7 @@ class Others(Drawing):
         for agent in detail.focus:
             group, row = cast.place[agent]
             self._focus.setdefault(group, []).append((agent, row))
-        self._readings = {group: Reading(cast, len(cast.troupes[group].position)) for group in self._focus}
+        self._readings = {group: Reading(len(cast.troupes[group].position)) for group in self._focus}
         looks = [self._looks(name) for name in cast.roster]
         #: Of each in the roster.
         self._colours = np.array([colour for colour, _ in looks], np.uint8).reshape(-1, 3)

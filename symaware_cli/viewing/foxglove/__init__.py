@@ -42,7 +42,7 @@ def export_foxglove(
             f"Foxglove needs the module `{error.name}`, which is not installed: pip install 'symaware-cli[export]'"
         ) from error
     with whole_file(path, log.path) as place, open(place, "wb") as file, Output(file) as output:
-        show = Show(cast, log.channels, output, log.start_time or 0)
+        show = Show(cast, log.topics, output, log.start_time or 0)
         for number, message in enumerate(log.messages(show.topics)):
             if on_progress and number % _PROGRESS == 0:
                 on_progress(message.time)

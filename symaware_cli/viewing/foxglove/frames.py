@@ -16,7 +16,6 @@ from symaware_cli.viewing.cast import Prop
 from symaware_cli.viewing.foxglove import entities
 from symaware_cli.viewing.foxglove.entities import WORLD
 from symaware_cli.viewing.foxglove.output import Output
-from symaware_cli.viewing.stage import turned
 
 Array = NDArray[np.float64]
 Take = Callable[[int, Any], None]
@@ -50,7 +49,7 @@ def movers(prop: Prop, channels: Mapping[str, ChannelInfo], output: Output) -> M
 
     def by_state(time: int, message: wire.Rows) -> None:
         values = message.values
-        transforms = transforms_of(time, [prop.name], prop.positions(values), turned(values[:, -1]))
+        transforms = transforms_of(time, [prop.name], prop.positions(values), prop.orientations(values[:, -1]))
         output.write(f"/tf/{prop.name}", time, transforms)
 
     return {"pose": by_pose} if f"/world/{prop.name}/pose" in channels else {"state": by_state}

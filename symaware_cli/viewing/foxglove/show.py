@@ -29,7 +29,6 @@ from symaware_cli.viewing.foxglove.frames import movers, transforms_of
 from symaware_cli.viewing.foxglove.output import Columns, Output
 from symaware_cli.viewing.foxglove.sensors import Camera, Lidar
 from symaware_cli.viewing.palette import CONTACT, GOAL, tinted
-from symaware_cli.viewing.stage import turned
 
 Array = NDArray[np.float64]
 Take = Callable[[int, Any], None]
@@ -116,9 +115,9 @@ class Show:
         still = [prop for prop in props if not prop.moves]
         if still:
             positions = np.stack([prop.position for prop in still])
-            headings = np.array([prop.heading for prop in still])
+            orientations = np.stack([prop.orientations(np.array(prop.heading)) for prop in still])
             names = [prop.name for prop in still]
-            self._output.write("/tf_static", start, transforms_of(start, names, positions, turned(headings)))
+            self._output.write("/tf_static", start, transforms_of(start, names, positions, orientations))
 
     def _models(self, name: str, bodies: Sequence[str], figure: Figure | None, start: int) -> Sequence[SceneEntity]:
         """What bodies of a group, or an entity, look like, if the log knows; from then on their joints move them."""
@@ -224,16 +223,17 @@ class _Troupe:
             f"/world/{troupe.name}/state": self._world,
             f"/world/{troupe.name}/pose": self._pose,
             f"{self._agents}/state": self._state,
-            f"{self._agents}/control": self._control,
+            f"{self._agents}/control": partial(self._numbers, f"{self._agents}/control"),
+            f"/world/{troupe.name}/control": partial(self._numbers, f"/world/{troupe.name}/control"),
             f"{self._agents}/risk": self._risk,
             f"{self._agents}/intent": self._intent,
             f"{self._agents}/uncertainty": self._uncertainty,
             f"{self._agents}/knowledge": self._knowledge,
         }
         for topic in sensors(channels, troupe.name, MEASUREMENT).values():
-            self.takers[topic] = partial(self._measurement, topic)
+            self.takers[topic] = partial(self._numbers, topic)
 
-    def _measurement(self, topic: str, time: int, message: wire.Rows) -> None:
+    def _numbers(self, topic: str, time: int, message: wire.Rows) -> None:
         self._plot(topic, time, self._update(topic, message.rows, message.values))
 
     def _world(self, time: int, message: wire.Rows) -> None:
@@ -255,13 +255,6 @@ class _Troupe:
         if f"/world/{self._troupe.name}/state" not in self._channels:
             # The truth was not recorded.
             self._move(time, self._believed)
-
-    def _control(self, time: int, message: wire.Control) -> None:
-        topic = f"{self._agents}/control"
-        both = np.concatenate([message.applied, message.requested], axis=1)
-        quantities = self._quantities(topic, message.applied.shape[1])
-        requested = [(f"{name}_requested", unit) for name, unit in quantities]
-        self._plot(topic, time, self._update(topic, message.rows, both), [*quantities, *requested])
 
     def _risk(self, time: int, message: wire.SeriesRows) -> None:
         values = self._firsts(f"{self._agents}/risk", time, message)

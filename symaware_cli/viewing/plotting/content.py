@@ -87,6 +87,7 @@ class Distances:
         chosen: The agents.
         props: The names of the obstacles.
         contacts: When contacts began [s].
+        sampled: The time between two records, where the world made steps in between [s]; None if each was recorded.
     """
 
     agents: Separation | None
@@ -94,6 +95,7 @@ class Distances:
     chosen: Chosen
     props: tuple[str, ...]
     contacts: tuple[float, ...]
+    sampled: float | None = None
 
     name = "separation"
 
@@ -110,7 +112,8 @@ class Distances:
 
     def facts(self) -> dict[str, Any]:
         """Return what there is to say in numbers."""
-        return {"panel": self.name, "agents": self._least(self.agents), "obstacles": self._least(self.obstacles)}
+        told = {"panel": self.name, "agents": self._least(self.agents), "obstacles": self._least(self.obstacles)}
+        return told if self.sampled is None else {**told, "recorded_every": self.sampled}
 
     def _least(self, separation: Separation | None) -> dict[str, Any] | None:
         if separation is None:
@@ -128,7 +131,10 @@ class Distances:
     def notes(self) -> list[str]:
         """Return what was left out."""
         every = max(each.every for each in (self.agents, self.obstacles) if each)
-        return [f"Separation is looked at in 1 of {every} instants."] if every > 1 else []
+        notes = [f"Separation is looked at in 1 of {every} instants."] if every > 1 else []
+        if self.sampled is not None:
+            notes.append(f"Recorded every {self.sampled:g} s only: between these, bodies may have been closer.")
+        return notes
 
 
 Panel = Trajectories | Distances | Curves
@@ -272,7 +278,16 @@ class _Reading:
         if agents is None and from_obstacles is None:
             return []
         times = tuple(seconds(contact.time) for contact in self._contacts)
-        return [Distances(agents, from_obstacles, self._chosen, tuple(self._cast.props), times)]
+        props = tuple(self._cast.props)
+        return [Distances(agents, from_obstacles, self._chosen, props, times, self._sampled(self._motion))]
+
+    def _sampled(self, motion: Motion) -> float | None:
+        """The usual time between two records where that is more than a step of the world [s]; None elsewhere."""
+        step = self._log.manifest.get("time_step")
+        if len(motion.times) < 3 or not step:
+            return None
+        usual = int(np.median(np.diff(motion.times)))
+        return seconds(usual) if usual > step else None
 
 
 #: What is shown of every log that has it.

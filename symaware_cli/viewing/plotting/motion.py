@@ -208,7 +208,7 @@ def goals(log: Log, chosen: Chosen, until: int) -> dict[str, Array]:
     found: dict[str, Array] = {}
     troupes = dict(zip(chosen.agents, chosen.troupe, strict=True))
     for name in chosen.rows:
-        if f"/agents/{name}/knowledge" not in log.channels:
+        if f"/agents/{name}/knowledge" not in log.topics:
             continue
         for entry in log.knowledge(name):
             if entry.time <= until and entry.agent in troupes:
@@ -233,7 +233,7 @@ def intents(log: Log, chosen: Chosen, at: int) -> dict[str, Array]:
     for name in chosen.rows:
         topic = f"/agents/{name}/intent"
         troupe = next(troupe for troupe in chosen.troupe if troupe.name == name)
-        if topic not in log.channels or log.channels[topic].metadata.get("columns", "").split(",")[:2] != ["x", "y"]:
+        if topic not in log.topics or log.topics[topic].metadata.get("columns", "").split(",")[:2] != ["x", "y"]:
             continue
         for message in log.messages(topic, end=at + 1):
             content = message.decode()
@@ -245,7 +245,7 @@ def intents(log: Log, chosen: Chosen, at: int) -> dict[str, Array]:
 
 def series_of(log: Log, name: str, field: str, topic: str) -> Series | None:
     """A series whose values are (k, n, columns) even for one agent; None where nothing was recorded."""
-    if topic not in log.channels:
+    if topic not in log.topics:
         return None
     series = log.series(name, field)
     if not len(series.times):

@@ -16,7 +16,7 @@ from matplotlib.ticker import MultipleLocator
 from numpy.typing import NDArray
 
 from symaware_cli.core import Shape
-from symaware_cli.core.geometry import Pieces
+from symaware_cli.geometry.pieces import Pieces
 from symaware_cli.viewing.outline import outlines, placed
 from symaware_cli.viewing.palette import CONTACT, GOAL, SCENERY, hexadecimal
 from symaware_cli.viewing.plotting.content import Trajectories

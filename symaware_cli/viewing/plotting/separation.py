@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.core import Shape
-from symaware_cli.core.geometry import Pieces, separation
+from symaware_cli.geometry.bodies import Bodies
+from symaware_cli.geometry.pieces import Pieces, separation
 from symaware_cli.viewing.plotting.motion import Motion, Obstacles
 
 Array = NDArray[np.float64]
@@ -55,7 +56,7 @@ def among(motion: Motion) -> Separation | None:
     if count < 2:
         return None
     steps, every = _instants(motion, count)
-    bodies = _Bodies(motion.shapes)
+    everybody = _Nearest(motion.shapes)
     rows = len(steps)
     least, centres, typical = np.full(rows, np.nan), np.full(rows, np.nan), np.full(rows, np.nan)
     pair = np.zeros((rows, 2), np.intp)
@@ -64,7 +65,7 @@ def among(motion: Motion) -> Separation | None:
         present = np.flatnonzero(~np.isnan(positions[:, 0]))
         if len(present) < 2:
             continue
-        gap, other = bodies.nearest(present, positions[present], motion.headings[step, present])
+        gap, other = everybody.of(present, positions[present], motion.headings[step, present])
         one = int(gap.argmin())
         pair[row] = present[one], present[other[one]]
         least[row], typical[row] = gap[one], np.median(gap)
@@ -83,7 +84,7 @@ def from_obstacles(motion: Motion, obstacles: Obstacles) -> Separation | None:
     owner = np.array([number for number, _ in listed], np.intp)
     pieces = Pieces.of(piece for _, piece in listed)
     steps, every = _instants(motion, agents * len(owner) // 16)
-    bodies = _Bodies(motion.shapes)
+    bodies = _Nearest(motion.shapes).bodies
     least, pair = np.full(len(steps), np.nan), np.zeros((len(steps), 2), np.intp)
     still = not any(obstacles.moves(number) for number in range(count))
     for row, step in enumerate(steps.tolist()):
@@ -94,15 +95,15 @@ def from_obstacles(motion: Motion, obstacles: Obstacles) -> Separation | None:
         present = np.flatnonzero(~np.isnan(points[:, 0]))
         if not len(present):
             continue
-        points, headings = points[present], motion.headings[step, present]
+        points, headings, everywhere = points[present], motion.headings[step], points
         outside = np.maximum(np.maximum(low - points[:, None], points[:, None] - high), 0.0)
         inside = np.maximum(np.minimum(points[:, None] - low, high - points[:, None]).min(axis=2), 0.0)
         # A body is at least as far from a piece as the ball around it is from the rectangle around the piece.
         bound = np.hypot(outside[..., 0], outside[..., 1]) - inside - bodies.radii[present, None]
         one, piece = (np.array([place]) for place in divmod(int(bound.argmin()), len(owner)))
-        first = bodies.flat(present, points, headings, one, piece, placed)
+        first = separation(bodies.placed(present[one], everywhere, headings), placed.take(piece)).distance
         one, piece = np.nonzero(bound <= first[0] + 1e-9)  # so that rounding leaves at least that pair
-        gaps = bodies.flat(present, points, headings, one, piece, placed)
+        gaps = separation(bodies.placed(present[one], everywhere, headings), placed.take(piece)).distance
         best = int(gaps.argmin())
         least[row], pair[row] = gaps[best], (present[one[best]], owner[piece[best]])
     if np.isnan(least).all():
@@ -111,22 +112,14 @@ def from_obstacles(motion: Motion, obstacles: Obstacles) -> Separation | None:
     return Separation(motion.times[steps], least, pair, nothing, nothing, every)
 
 
-class _Bodies:
-    """The outlines of agents.
-
-    Attributes:
-        radii: (n,) of the balls around them [m].
-    """
+class _Nearest:
+    """Who is nearest to each agent."""
 
     def __init__(self, shapes: Sequence[Shape | None]) -> None:
-        kinds = list(dict.fromkeys(shapes))
-        self._kind = np.array([kinds.index(shape) for shape in shapes], np.intp)
-        self._outlines = Pieces.of(shape.pieces[0] if shape else ([(0.0, 0.0)], 0.0) for shape in kinds)
-        self.radii = np.array([shape.radius if shape else 0.0 for shape in kinds])[self._kind]
-        self._cornered = np.array([bool(shape and not shape.circle) for shape in kinds])[self._kind]
-        self._alike = len(kinds) == 1 and not self._cornered.any()
+        self.bodies = Bodies([shape.pieces[0] if shape else None for shape in shapes])
+        self._alike = not self.bodies.any_cornered and len(set(self.bodies.radii.tolist())) == 1
 
-    def nearest(self, agents: Indices, positions: Array, headings: Array) -> tuple[Array, Indices]:
+    def of(self, agents: Indices, positions: Array, headings: Array) -> tuple[Array, Indices]:
         """Find who is nearest to each.
 
         Args:
@@ -139,13 +132,15 @@ class _Bodies:
         """
         from scipy.spatial import cKDTree
 
-        count, radii = len(agents), self.radii[agents]
+        count, radii = len(agents), self.bodies.radii[agents]
+        everybody, turned = np.zeros((len(self.bodies), 3)), np.zeros(len(self.bodies))
+        everybody[agents], turned[agents] = positions, headings
         tree, rows = cKDTree(positions), np.arange(count)
         asked = 2 if self._alike else min(count, 6)
         while True:
             apart, other = (np.asarray(found) for found in tree.query(positions, k=asked))
-            gaps = apart - radii[:, None] - radii[other]
-            self._look_at_corners(agents, positions, headings, other, gaps)
+            one = np.repeat(agents, asked)
+            gaps = self.bodies.gaps(one, agents[other.ravel()], apart.ravel(), everybody, turned).reshape(apart.shape)
             gaps[other == rows[:, None]] = np.inf
             best = gaps.argmin(axis=1)
             gap = gaps[rows, best]
@@ -153,23 +148,6 @@ class _Bodies:
             if asked == count or (gap <= apart[:, -1] - radii - radii.max()).all():
                 return gap, other[rows, best]
             asked = min(count, 2 * asked)
-
-    def _look_at_corners(self, agents: Indices, positions: Array, headings: Array, other: Indices, gaps: Array) -> None:
-        """Put right the separations, in place, of those that are not round."""
-        cornered = self._cornered[agents]
-        if not cornered.any():
-            return
-        one, place = np.nonzero(cornered[:, None] | cornered[other])
-        outlines = self._outlines.take(self._kind[agents]).placed(positions[:, :2], headings)
-        flat = separation(outlines.take(one), outlines.take(other[one, place])).distance
-        gaps[one, place] = np.maximum(flat, gaps[one, place])
-
-    def flat(
-        self, agents: Indices, points: Array, headings: Array, one: Indices, piece: Indices, pieces: Pieces
-    ) -> Array:
-        """The separation of rows ``one`` of agents from rows ``piece`` of pieces, as seen from above; (m,)."""
-        outlines = self._outlines.take(self._kind[agents[one]]).placed(points[one], headings[one])
-        return separation(outlines, pieces.take(piece)).distance
 
 
 def _instants(motion: Motion, work: int) -> tuple[Indices, int]:

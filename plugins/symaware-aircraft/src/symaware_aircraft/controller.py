@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import casadi
@@ -33,6 +33,8 @@ Weight = Annotated[float, Field(ge=0)]
 
 #: Where those are thought to be who are not known of, so that they are in nobody's way [m].
 _NOWHERE = 1e6
+#: Which part of the separation may be missing before it counts as violated: more than solvers err by.
+_TOLERANCE = 1e-5
 #: IPOPT as in the published runs: a barrier that is small from the beginning, and stays.
 _RECORDED_BARRIER = 1e-4
 
@@ -44,6 +46,7 @@ class _Turn(NamedTuple):
     solution: Solution
     fan: Array
     risk: float
+    nearest: float
 
 
 class ScenarioTreeMPC(Component):
@@ -53,15 +56,19 @@ class ScenarioTreeMPC(Component):
     how the other really turns during the next few steps: for that there is a scenario tree, in which the other turns
     as far as it can to either side or takes a third branch in each step, and then goes on as intended. All scenarios
     are rolled out from where the other is perceived to be; the one plan of this agent keeps the separation from all of
-    them. It begins with the previous plan, shifted by a step.
+    them. Its solver begins with the previous plan, shifted by a step. Where it finds nothing from there it begins
+    anew with other guesses: turning right, turning left, slowing down, both together, flying straight on.
 
     It sets the control input; the plan as intent; all scenarios as uncertainty, at the times of the plan; and as risk
-    the share of scenarios that come closer to the plan than the risk margin. Where all solvers fail within their
-    budgets it follows what is left of the previous plan, and `fell-back` tells of it.
+    the share of scenarios that come closer to the plan than the risk margin. Where all fails within the budgets it
+    follows what is left of the previous plan, and `fell-back` tells of it.
     """
 
     knowledge: ClassVar = {"target": "where to fly, as x [m], y [m] and heading [rad]"}
-    events: ClassVar = {"fell-back": "No solver found a plan within its budget; the shifted previous one is followed."}
+    events: ClassVar = {
+        "fell-back": "No solver found a plan within its budget; the shifted previous one is followed.",
+        "too-close": "Somebody to keep clear of is perceived nearer than the separation, in this step.",
+    }
 
     class Parameters(Parameters):
         """The program, the scenarios and the solver."""
@@ -112,12 +119,8 @@ class ScenarioTreeMPC(Component):
             description="`fatrop`, with IPOPT where it fails; `ipopt`; or `recorded`: IPOPT on the program without "
             "scaling and with the settings of the published runs.",
         )
-        iterations: int = Field(300, ge=1, description="The most iterations of a solver in a step.")
-        wall_time: float | None = Field(
-            None,
-            gt=0,
-            description="The most wall time of a solver in a step [s], for runs at the pace of real time only: with it "
-            "a run does not repeat. No limit if null.",
+        iterations: int = Field(
+            300, ge=1, le=100_000, description="The most iterations of a solver from one guess; there are up to eight."
         )
 
     def check(self, group: AgentGroup) -> None:
@@ -147,8 +150,19 @@ class ScenarioTreeMPC(Component):
         self._tree = _tree(self.parameters)
         problem = program(agent.group.model, self.parameters, self._step)
         self._solver = solver(problem, self.parameters)
+        (slowest, _), (fastest, turn) = problem.input_bounds
+        middle = (slowest + fastest) / 2
         #: What the first guess holds on to: straight on at the greatest speed.
-        self._straight = np.array([problem.input_bounds[1][0], 0.0])
+        self._straight = np.array([fastest, 0.0])
+        #: What others hold on to. Turns come first: a solver that begins straight ahead of somebody, or not moving,
+        #: has no reason to go to either side.
+        self._manoeuvres = [
+            np.array(each)
+            for each in (
+                *((fastest, -turn), (fastest, turn), (slowest, 0.0)),
+                *((middle, -turn), (middle, turn), (fastest, 0.0)),
+            )
+        ]
         #: What was decided in the turn before, and where its solver ended.
         self._plan: Plan | None = None
         self._iterate: Plan | None = None
@@ -163,9 +177,12 @@ class ScenarioTreeMPC(Component):
             rest = guess = self._solver.rollout(state, self._straight)
         else:
             rest, guess = self._plan.shifted(), self._iterate.shifted()
-        solution = self._solver.solve(state, values, previous_input=agent.control_input, guess=guess)
+        solution = self._solver.solve(
+            state, values, previous_input=agent.control_input, guess=guess, alternatives=self._alternatives(state, rest)
+        )
         plan = solution.plan if solution.solved else rest
-        return _Turn(plan, solution, fan, self._risk(plan, fan))
+        nearest = np.nanmin(np.hypot(*(fan[:, 0] - state[:2]).T), initial=np.inf)
+        return _Turn(plan, solution, fan, self._risk(plan, fan), float(nearest))
 
     def _update(self, value: _Turn) -> None:
         self._plan = value.plan
@@ -175,10 +192,10 @@ class ScenarioTreeMPC(Component):
         self._iterate = iterate if finite else value.plan
         awareness = self.agent.self_awareness
         self.agent.model.control_input = value.plan.inputs[0]
-        times = self.now + np.arange(len(value.plan.states)) * self.environment.time_step
+        times = self.computed_at + np.arange(len(value.plan.states)) * self.environment.time_step
         awareness.intent = TimeSeries.sampled(times, value.plan.states)
         awareness.uncertainty = TimeSeries.sampled(times, value.fan.swapaxes(0, 1).reshape(len(times), -1))
-        awareness.risk = TimeSeries({self.time: value.risk})
+        awareness.risk = TimeSeries.sampled([self.computed_at], [value.risk])
         if not value.solution.solved:
             self.emit(
                 "fell-back",
@@ -189,6 +206,17 @@ class ScenarioTreeMPC(Component):
                 iterations=value.solution.iterations,
                 infeasibility=value.solution.infeasibility,
             )
+
+        if self.parameters.avoid and value.nearest < self.parameters.separation * (1.0 - _TOLERANCE):
+            text = f"{value.nearest:.4g} m from somebody, {self.parameters.separation:.4g} m are to be kept"
+            self.emit("too-close", text, level=Level.WARNING, distance=value.nearest)
+
+    def _alternatives(self, state: Array, rest: Plan) -> Iterator[Plan]:
+        """Where else to begin: with the plan in force, if the solver ended elsewhere, then with manoeuvres."""
+        if self._plan is not None and self._iterate is not self._plan:
+            yield rest
+        for held in self._manoeuvres:
+            yield self._solver.rollout(state, held)
 
     def _fan(self) -> Array:
         """Where the nearest others are in each scenario, NaN for those not known of; shape (others * M, N + 1, 2)."""
@@ -252,10 +280,16 @@ def program(model: Model, parameters: ScenarioTreeMPC.Parameters, step: float) -
 
 def solver(problem: OptimalControlProblem, parameters: ScenarioTreeMPC.Parameters) -> Solver:
     """What solves the problem, as parameters of the controller say."""
-    budget: dict[str, Any] = {"iterations": parameters.iterations, "wall_time": parameters.wall_time}
     if parameters.solver == "recorded":
         target = {"ipopt": {"ipopt.mu_target": _RECORDED_BARRIER}}
-        return Solver(problem, ["ipopt"], tolerance=1e-8, barrier=_RECORDED_BARRIER, options=target, **budget)
+        return Solver(
+            problem,
+            ["ipopt"],
+            tolerance=1e-8,
+            barrier=_RECORDED_BARRIER,
+            options=target,
+            iterations=parameters.iterations,
+        )
     names = ["fatrop", "ipopt"] if parameters.solver == "fatrop" else ["ipopt"]
     # Measured on the case study: of barriers and scales of the cost these take the fewest iterations.
-    return Solver(problem, names, tolerance=1e-6, barrier=1e-2, cost_scale=1e-3, **budget)
+    return Solver(problem, names, tolerance=1e-6, barrier=1e-2, cost_scale=1e-3, iterations=parameters.iterations)

@@ -88,8 +88,12 @@ class DubinsPath:
             begin += length
         return poses
 
-    def turn_rates(self, speed: float, step: float, sampling: Sampling = "mean") -> Array:
+    def turn_rates(
+        self, speed: float, step: float, sampling: Sampling = "mean", *, begin: int = 0, count: int | None = None
+    ) -> Array:
         """The turn rate of each step for who flies the path at a constant speed [rad/s]; shape (K,).
+
+        However long the path is, no more is computed than is asked for.
 
         Args:
             speed: Along the path [m/s].
@@ -98,16 +102,20 @@ class DubinsPath:
                 step. ``recorded``: whole steps at the turn rate of a segment, as in the published runs of the case
                 study: round(t1) steps at that of the first one, one step at 0.24 of it, until round(t1) + round(t2) at
                 that of the second, and round(t3) + 1 at that of the third, where ti is how many steps segment i takes.
+            begin: The first step to tell of.
+            count: How many to tell of at most; all until the end of the path if None.
         """
         if sampling == "mean":
-            count = math.ceil(self.length / (speed * step) - 1e-9)
-            return np.diff(self.headings(speed * step * np.arange(count + 1))) / step
+            end = math.ceil(self.length / (speed * step) - 1e-9)
+            steps = np.arange(begin, _last(begin, count, end) + 1)
+            return np.diff(self.headings(speed * step * steps)) / step
         first, second, third = (speed / self.radius * _TURNS[letter] for letter in self.word)
         whole = [round(length / (speed * step)) for length in self.lengths]
-        rates = np.full(sum(whole) + 1, third)
-        rates[: whole[0] + whole[1]] = second
-        rates[: whole[0] + 1] = _RECORDED_REST * first
-        rates[: whole[0]] = first
+        steps = np.arange(begin, _last(begin, count, sum(whole) + 1))
+        rates = np.full(len(steps), third)
+        rates[steps < whole[0] + whole[1]] = second
+        rates[steps < whole[0] + 1] = _RECORDED_REST * first
+        rates[steps < whole[0]] = first
         return rates
 
     def intent(self, now: int, speed: float, step: float) -> TimeSeries:
@@ -121,6 +129,11 @@ class DubinsPath:
         instants = np.append(np.arange(0.0, self.length / speed - 1e-6, step), self.length / speed)
         times = [now + nanoseconds(instant) for instant in instants.tolist()]
         return TimeSeries.sampled(times, self.poses(speed * instants))
+
+
+def _last(begin: int, count: int | None, end: int) -> int:
+    """The step behind the last one to tell of."""
+    return max(begin, end if count is None else min(begin + count, end))
 
 
 def dubins_paths(start: ArrayLike, end: ArrayLike, radius: float) -> list[DubinsPath]:

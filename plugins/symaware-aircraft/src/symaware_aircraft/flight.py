@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from symaware_aircraft.dubins import Sampling, shortest_path
-from symaware_aircraft.prediction import POSE, check_aircraft, check_poses, rollout
+from symaware_aircraft.dubins import DubinsPath, Sampling, shortest_path
+from symaware_aircraft.prediction import POSE, as_pose, check_aircraft, check_poses, rollout
 from symaware_cli import (
     Agent,
     AgentGroup,
@@ -25,12 +25,24 @@ from symaware_cli import (
 
 Array = NDArray[np.float64]
 
+#: How many steps an intent reaches ahead at most.
+_FARTHEST = 10_000
+
+
+class _Flight(NamedTuple):
+    """A flight that was planned: a path since an instant [ns], to a waypoint."""
+
+    waypoint: Array
+    begun: int
+    path: DubinsPath
+
 
 class DubinsFlight(Controller):
     """Flies the shortest Dubins path to its waypoint at a constant speed, and straight on behind it.
 
-    The turn rates are planned once, from the state believed at the start, and flown without feedback; what
-    `turn_noise` and `turn_bias` add is not corrected. The intent is where the planned turn rates lead to from here.
+    The turn rates are planned once for each waypoint, from the state believed when the agent gets to know it, and flown
+    without feedback; what `turn_noise` and `turn_bias` add is not corrected. The intent is where the planned turn rates
+    lead to from here, for 10,000 steps at most.
     """
 
     knowledge: ClassVar = {"waypoint": "where to fly, as x [m], y [m] and heading [rad]"}
@@ -67,21 +79,33 @@ class DubinsFlight(Controller):
     ) -> None:
         """Plan the flight."""
         super().initialise_component(agent, initial_awareness_database, initial_knowledge_database)
-        parameters = self.parameters
         self._step = seconds(self.environment.time_step)
-        path = shortest_path(
-            agent.self_state, agent.self_knowledge["waypoint"], parameters.speed / parameters.turn_rate
-        )
-        self._turn_rates = path.turn_rates(parameters.speed, self._step, parameters.sampling)
-        self._begun = self.now
+        self._flight = self._planned(as_pose(agent.self_knowledge["waypoint"], "`waypoint`"))
 
-    def _compute(self) -> tuple[Array, TimeSeries]:
+    def _planned(self, waypoint: Array) -> _Flight:
+        """The flight to a waypoint from here, beginning now."""
         parameters = self.parameters
-        passed = (self.now - self._begun) // self.environment.time_step
-        planned = self._turn_rates[passed:] if passed < len(self._turn_rates) else np.zeros(1)
+        path = shortest_path(self.agent.self_state, waypoint, parameters.speed / parameters.turn_rate)
+        return _Flight(waypoint, self.now, path)
+
+    def _compute(self) -> tuple[Array, TimeSeries, _Flight]:
+        parameters, flight = self.parameters, self._flight
+        waypoint = as_pose(self.agent.self_knowledge["waypoint"], "`waypoint`")
+        if not np.array_equal(waypoint, flight.waypoint):
+            flight = self._planned(waypoint)
+        passed = (self.now - flight.begun) // self.environment.time_step
+        planned = flight.path.turn_rates(
+            parameters.speed, self._step, parameters.sampling, begin=passed, count=_FARTHEST
+        )
+        if not len(planned):
+            planned = np.zeros(1)
         turn_rate = planned[0] + parameters.turn_bias
         if parameters.turn_noise:
             turn_rate += self.random.uniform(-parameters.turn_noise, parameters.turn_noise)
         poses = rollout(self.agent.self_state, parameters.speed, planned[None], self._step)[0]
         times = self.now + np.arange(len(poses)) * self.environment.time_step
-        return np.array([parameters.speed, turn_rate]), TimeSeries.sampled(times, poses)
+        return np.array([parameters.speed, turn_rate]), TimeSeries.sampled(times, poses), flight
+
+    def _update(self, value: tuple[Array, TimeSeries, _Flight]) -> None:
+        control_input, intent, self._flight = value
+        super()._update((control_input, intent))

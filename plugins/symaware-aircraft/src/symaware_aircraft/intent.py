@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from symaware_aircraft.dubins import Sampling, shortest_path
-from symaware_aircraft.prediction import check_poses, rollout
+from symaware_aircraft.dubins import DubinsPath, Sampling, shortest_path
+from symaware_aircraft.prediction import as_pose, check_poses, rollout
 from symaware_cli import (
     Agent,
     AgentGroup,
@@ -60,11 +60,11 @@ class TellWaypoint(CommunicationSender):
 
 
 class _FlightPlan(NamedTuple):
-    """What somebody is thought to fly: turn rates [rad/s] of each step since an instant [ns], to a waypoint."""
+    """What somebody is thought to fly: a path since an instant [ns], to a waypoint."""
 
     waypoint: tuple[float, ...]
     begun: int
-    turn_rates: Array
+    path: DubinsPath
 
 
 class Intent(CommunicationReceiver):
@@ -77,7 +77,7 @@ class Intent(CommunicationReceiver):
     with the source ``straight``.
 
     It updates the awareness of others with their intent: poses, from where they are perceived to be now, one for each
-    step of the world. Put it behind a perception of whole states, such as `perception.omniscient`.
+    step of the world. Where a perception tells only how others move, they are taken to head where they go.
     """
 
     class Parameters(Parameters):
@@ -98,7 +98,7 @@ class Intent(CommunicationReceiver):
         """Waypoints that are known from the start are poses."""
         for knowledge in group.knowledge:
             for id, waypoint in _filed(knowledge).items():
-                _pose(waypoint, f"the waypoint of `{id}`")
+                as_pose(waypoint, f"the waypoint of `{id}`")
 
     def initialise_component(
         self,
@@ -119,17 +119,21 @@ class Intent(CommunicationReceiver):
         database = self.agent.awareness_database
         for id in [id for id in database if id != self.agent.id]:
             known, world = database.others.get(id), database.world
-            state = database[id].state if world is None or id not in world.roster else world.state(id)
-            intent = self._intent(id, _pose(state, f"what is perceived of `{id}`"))
-            if known is None:
-                database[id] = AwarenessVector(id, state, intent)
+            if world is not None and id in world.roster:
+                motion, pose = world.motion(id), as_pose(world.state(id), f"what is perceived of `{id}`")
             else:
-                database[id] = AwarenessVector(id, state, intent, known.uncertainty, known.risk)
+                motion = (database.perceived(id) or database[id]).state
+                pose = _course_of(motion)
+            intent = self._intent(id, pose)
+            if known is None:
+                database[id] = AwarenessVector(id, motion, intent)
+            else:
+                database[id] = AwarenessVector(id, motion, intent, known.uncertainty, known.risk)
 
     def _hear(self, message: Message) -> None:
         """Make a flight plan of what was told, unless nothing is new."""
         sender, waypoint = message.sender, message.payload["waypoint"]
-        told = _pose(waypoint, f"the waypoint that {sender} told")
+        told = as_pose(waypoint, f"the waypoint that {sender} told")
         plan = self._plans.get(sender)
         if plan is None or plan.waypoint != tuple(told.tolist()):
             self._plan(sender, told, message.payload["state"], message.sent_time)
@@ -139,8 +143,7 @@ class Intent(CommunicationReceiver):
     def _plan(self, id: str, waypoint: Array, state: Array, begun: int) -> _FlightPlan:
         parameters = self.parameters
         path = shortest_path(state, waypoint, parameters.speed / parameters.turn_rate)
-        turn_rates = path.turn_rates(parameters.speed, self._step, parameters.sampling)
-        plan = self._plans[id] = _FlightPlan(tuple(waypoint.tolist()), begun, turn_rates)
+        plan = self._plans[id] = _FlightPlan(tuple(waypoint.tolist()), begun, path)
         return plan
 
     def _intent(self, id: str, pose: Array) -> TimeSeries:
@@ -148,16 +151,25 @@ class Intent(CommunicationReceiver):
         parameters = self.parameters
         turn_rates = np.zeros(parameters.horizon)
         plan = self._plans.get(id)
-        if plan is None and parameters.source == "communication":
-            filed = _filed(self.agent.self_knowledge).get(id)
-            if filed is not None:
-                plan = self._plan(id, _pose(filed, f"the waypoint of `{id}`"), pose, self.now)
+        filed = _filed(self.agent.self_knowledge).get(id) if parameters.source == "communication" else None
+        if filed is not None:
+            waypoint = as_pose(filed, f"the waypoint of `{id}`")
+            if plan is None or plan.waypoint != tuple(waypoint.tolist()):
+                plan = self._plan(id, waypoint, pose, self.now)
         if plan is not None:
             passed = (self.now - plan.begun) // self.environment.time_step
-            ahead = plan.turn_rates[passed : passed + parameters.horizon]
+            ahead = plan.path.turn_rates(
+                parameters.speed, self._step, parameters.sampling, begin=passed, count=parameters.horizon
+            )
             turn_rates[: len(ahead)] = ahead
         poses = rollout(pose, parameters.speed, turn_rates[None], self._step)[0]
         return TimeSeries.sampled(self.now + np.arange(len(poses)) * self.environment.time_step, poses)
+
+
+def _course_of(motion: Array) -> Array:
+    """The pose of somebody who heads where it goes, from x [m], y [m], vx [m/s] and vy [m/s]."""
+    x, y, vx, vy = motion
+    return np.array([x, y, np.arctan2(vy, vx)])
 
 
 def _filed(knowledge: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -168,13 +180,3 @@ def _filed(knowledge: Mapping[str, Any]) -> Mapping[str, Any]:
     if not isinstance(waypoints, Mapping):
         raise ValueError("`waypoints` must be a mapping from ids to x [m], y [m] and heading [rad]")
     return waypoints
-
-
-def _pose(value: Any, what: str) -> Array:
-    try:
-        pose = np.asarray(value, float)
-    except (TypeError, ValueError):
-        pose = np.empty(0)
-    if pose.shape != (3,):
-        raise ValueError(f"{what} must be x [m], y [m] and heading [rad], not {value}")
-    return pose

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -76,6 +78,21 @@ def check_aircraft(group: AgentGroup) -> None:
             "the model must have the state x, y, heading and the control input speed, turn_rate, as dubins-aircraft "
             f"and unicycle have; this one has {', '.join(state)} and {', '.join(control_input)}"
         )
+
+
+def as_pose(value: Any, what: str) -> Array:
+    """What should be x [m], y [m] and heading [rad], as an array; shape (3,).
+
+    Raises:
+        ValueError: It is something else.
+    """
+    try:
+        pose = np.asarray(value, float)
+    except (TypeError, ValueError):
+        pose = np.empty(0)
+    if pose.shape != (3,):
+        raise ValueError(f"{what} must be x [m], y [m] and heading [rad], not {value}")
+    return pose
 
 
 def check_poses(group: AgentGroup, name: str) -> None:

@@ -8,6 +8,8 @@ from pydantic import Field
 
 from symaware_cli import Agent, AgentGroup, AwarenessDatabase, Controller, KnowledgeDatabase, Parameters, TimeSeries
 
+Array = NDArray[np.float64]
+
 
 class Patrol(Controller):
     """Goes from waypoint to waypoint at a constant speed, and begins again after the last one."""
@@ -41,18 +43,22 @@ class Patrol(Controller):
         self._waypoints = np.asarray(agent.self_knowledge["waypoints"], float)
         self._next = 0
 
-    def _compute(self) -> tuple[NDArray[np.float64], TimeSeries]:
+    def _compute(self) -> tuple[Array, TimeSeries, Array, int]:
+        waypoints = np.asarray(self.agent.self_knowledge["waypoints"], float)
+        # Somebody may have given it other waypoints since the last turn.
+        number = self._next if np.array_equal(waypoints, self._waypoints) else 0
         state = self.agent.self_state
         position = state[list(self.agent.model.position)]
-        waypoint = self._waypoints[self._next]
+        waypoint = waypoints[number]
         distance = float(np.hypot(*(waypoint - position)[:2]))
         velocity = self.parameters.speed * (waypoint - position) / max(distance, 1e-12)
         control_input = self.agent.model.follow_velocity(state[None], velocity[None])[0]
         intent = TimeSeries({self.time: position, self.time + max(distance, 1e-3) / self.parameters.speed: waypoint})
-        return control_input, intent
+        return control_input, intent, waypoints, number
 
-    def _update(self, value: tuple[NDArray[np.float64], TimeSeries]) -> None:
-        super()._update(value)
+    def _update(self, value: tuple[Array, TimeSeries, Array, int]) -> None:
+        control_input, intent, self._waypoints, self._next = value
+        super()._update((control_input, intent))
         position = self.agent.self_state[list(self.agent.model.position)]
         if np.linalg.norm(self._waypoints[self._next] - position) <= self.parameters.tolerance:
             self.emit("waypoint-reached", f"reached waypoint {self._next}", waypoint=self._next)

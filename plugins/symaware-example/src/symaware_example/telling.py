@@ -27,11 +27,15 @@ class Tell(CommunicationSender):
     def _compute(self) -> Iterable[Message]:
         if self.now < self._due:
             return ()
-        self._due = self.now + nanoseconds(self.parameters.period)
         me = self.agent.self_awareness
         others = (id for id in self.environment.roster.ids if id != me.id)
         belief = AwarenessVector(me.id, me.state, me.intent)
         return [Message(me.id, other, {"awareness": belief}, kind="position") for other in others]
+
+    def _update(self, value: Iterable[Message]) -> None:
+        super()._update(value)
+        if value:
+            self._due = self.now + nanoseconds(self.parameters.period)
 
 
 class Listen(CommunicationReceiver):

@@ -1,0 +1,57 @@
+"""Threads that plugins have left behind: the interpreter would wait for them for ever."""
+
+from __future__ import annotations
+
+import os
+import sys
+import threading
+import time
+from pathlib import Path
+
+from symaware_cli.core import Component, GroupComponent
+
+#: Wall time that threads are given to end after the work is done [s].
+_PATIENCE = 2.0
+
+
+def do_not_wait(status: str | int | None) -> None:
+    """End the process if there are threads that go on some time after all work is done, and say which.
+
+    Args:
+        status: With what the process is about to exit.
+    """
+    if _left():
+        threading.Thread(
+            target=_watch, args=(status if isinstance(status, int) else int(bool(status)),), daemon=True
+        ).start()
+
+
+def _left() -> list[threading.Thread]:
+    """The threads that the interpreter waits for, beside the main one."""
+    main = threading.main_thread()
+    return [each for each in threading.enumerate() if each is not main and each.is_alive() and not each.daemon]
+
+
+def _watch(status: int) -> None:
+    time.sleep(_PATIENCE)
+    names = [f"`{thread.name}`{_origin(thread)}" for thread in _left()]
+    if not names:
+        return
+    sys.stderr.write(f"symaware: threads that go on after the end are not waited for: {', '.join(names)}\n")
+    sys.stderr.flush()
+    sys.stdout.flush()
+    os._exit(status)
+
+
+def _origin(thread: threading.Thread) -> str:
+    """Which component a thread works for, or at least where it is."""
+    frame = sys._current_frames().get(thread.ident or 0)
+    place = ""
+    while frame is not None:
+        own = frame.f_locals.get("self")
+        if isinstance(own, Component | GroupComponent):
+            return f" of {own.path} ({own.use})"
+        if frame.f_code.co_filename != threading.__file__:
+            place = f" ({frame.f_code.co_name}, {Path(frame.f_code.co_filename).name}:{frame.f_lineno})"
+        frame = frame.f_back
+    return place

@@ -1,0 +1,316 @@
+"""Meetings: pairs of an agent's own body and another's, or a convex piece of an obstacle, as the agent believes."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symaware_cli.components.encounters import Encounters, bounding_radii, own_velocity
+from symaware_cli.components.risk.outlines import Side
+from symaware_cli.core import AgentGroup, GroupComponent, Quantity, Tracks
+from symaware_cli.geometry.bodies import Bodies
+from symaware_cli.geometry.minkowski import loosened
+from symaware_cli.geometry.pieces import Pieces
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+
+class Known:
+    """What is known of the bodies of all agents, by index, and how the agents of a group believe to stand.
+
+    Bodies are known to all: what agents doubt is where the others are, not how big.
+    """
+
+    def __init__(self, group: AgentGroup) -> None:
+        environment = group.surroundings.environment
+        groups = environment.groups
+        counts = [len(each) for each in groups]
+        shapes = [each.entity.shape for each in groups]
+        self.group = group
+        self.start = environment.roster.start(group.name)
+        self.radii = bounding_radii(environment)
+        self.bodies = Bodies([shape.pieces[0] if shape else None for shape in shapes], counts)
+        #: Of the balls that hold them in space.
+        self.outer: Array = np.repeat([shape.outer_radius if shape else 0.0 for shape in shapes], counts)
+        #: Who goes where it points, and looks the same from behind, should it go backwards.
+        ahead = [
+            each.model.goes_ahead and (shape is None or _symmetric(shape.pieces[0][0]))
+            for each, shape in zip(groups, shapes, strict=True)
+        ]
+        self.ahead: NDArray[np.bool_] = np.repeat(np.array(ahead, bool), counts)
+        self.turns: NDArray[np.bool_] = np.repeat([each.model.heading is not None for each in groups], counts)
+
+    def own_side(self, observers: Indices, covariance: Array | None) -> Side:
+        """The own bodies of some rows of the group.
+
+        Args:
+            observers: Which; shape (m,).
+            covariance: Of the state of each agent, (n, nx, nx), where there is one.
+        """
+        group, model = self.group, self.group.model
+        outlines, count = self.bodies.outlines(observers + self.start), len(observers)
+        if model.heading is None or not self.bodies.any_cornered:
+            return _known(outlines, np.zeros(count), np.zeros(count))
+        state = group.awareness.state
+        rates = model.turn_rate(state, model.limit(group.control_input))
+        deviations = np.zeros(count)
+        if covariance is not None:
+            variance = covariance[:, model.heading, model.heading]
+            deviations = np.sqrt(np.maximum(variance, 0.0)).take(observers)
+        headings = np.ascontiguousarray(state[:, model.heading]).take(observers)
+        return Side(outlines, headings, rates.take(observers), deviations, np.zeros(count, bool))
+
+    def other_side(self, tracks: Tracks, rows: Indices) -> Side:
+        """The bodies of others, of some rows of tracks."""
+        others, count = tracks.others.take(rows), len(rows)
+        outlines, world = self.bodies.outlines(others), self.group.awareness.world
+        if not self.bodies.any_cornered:
+            return _known(outlines, np.zeros(count), np.zeros(count))
+        if self.group.awareness.tracks is None and world is not None:
+            return _known(outlines, world.headings.take(others), world.turn_rates.take(others))
+        velocity = tracks.velocities.take(rows, 0)[:, :2]
+        speed = np.sqrt((velocity * velocity).sum(axis=1))
+        deviations = np.zeros(count)
+        if tracks.covariances is not None:
+            first = tracks.covariances.shape[1] // 2
+            block = tracks.covariances.take(rows, 0)[:, first : first + 2, first : first + 2]
+            deviations = np.sqrt(np.maximum(np.trace(block, axis1=1, axis2=2), 0.0))
+        ahead = self.ahead.take(others) & (speed > 0.0)
+        # Nobody says where they point, unless they go that way: a disc holds them whatever it is.
+        unknown = self.turns.take(others) & ~ahead
+        headings = np.where(ahead, np.arctan2(velocity[:, 1], velocity[:, 0]), 0.0)
+        deviations = np.where(ahead, deviations / np.where(speed > 0.0, speed, 1.0), 0.0)
+        held = loosened(outlines, np.where(unknown, np.pi, 0.0))
+        return Side(held, headings, np.zeros(count), deviations, np.ones(count, bool))
+
+
+def _known(outlines: Pieces, headings: Array, rates: Array) -> Side:
+    return Side(outlines, headings, rates, np.zeros(len(headings)), np.zeros(len(headings), bool))
+
+
+def _symmetric(core: Sequence[Sequence[float]]) -> bool:
+    """Whether a core is the same turned by half a turn."""
+    points = np.array(core, float)
+    behind = np.linalg.norm(points[:, None] + points[None], axis=2).min(axis=1)
+    return bool((behind <= 1e-9 * np.abs(points).max()).all())
+
+
+class Meetings(ABC):
+    """Pairs of bodies, those of each agent one after the other.
+
+    Attributes:
+        observers: The agent of each pair, as a row of the group, ascending; shape (m,).
+        apart: From the agent to the other [m]; shape (d, m).
+        closing: The velocity of the other less one's own [m/s]; shape (d, m).
+        radius: The sum of the radii of the balls (seen from above, the circles) that hold both [m]; shape (m,).
+        round: Where both fill these; shape (m,).
+        covariance: Of relative position and velocity, shape (m, 2d, 2d); None where nothing is uncertain.
+        heights: Where heights of obstacles are known: one's own and its rate, and the least and the greatest of those
+            at which both may overlap; shape (4, m). None elsewhere.
+    """
+
+    observers: Indices
+    apart: Array
+    closing: Array
+    radius: Array
+    round: NDArray[np.bool_]
+    covariance: Array | None
+    heights: Array | None = None
+
+    @abstractmethod
+    def sides(self, rows: Indices) -> tuple[Side, Side]:
+        """The own bodies and the others of some pairs."""
+
+    def own_heights(self, rows: Indices) -> Array:
+        """The covariance of one's own height and its rate; shape (m, 2, 2)."""
+        raise NotImplementedError
+
+    def over_all(self, reduction: np.ufunc, values: Array, nobody: Array) -> Array:
+        """Reduce the values of each agent's pairs, with what holds for it without any of them.
+
+        Args:
+            reduction: How, such as ``np.minimum``.
+            values: Shape (m,).
+            nobody: Shape (n,).
+        """
+        observers = self.observers
+        if not len(observers):
+            return nobody
+        starts = np.flatnonzero(np.concatenate([[True], observers[1:] != observers[:-1]]))
+        some, reduced = observers.take(starts), nobody.copy()
+        reduced[some] = reduction(nobody.take(some), reduction.reduceat(values, starts))
+        return reduced
+
+
+class WithOthers(Meetings):
+    """Each agent and each other that it is aware of within reach."""
+
+    def __init__(self, known: Known, reach: float, own: OwnDoubt) -> None:
+        encounters = Encounters(known.group, reach, known.radii, own_velocity(known.group))
+        self._known, self._own, self._tracks = known, own, encounters.tracks
+        others = encounters.tracks.others
+        self.observers = encounters.observers
+        self.apart, self.closing = encounters.apart, encounters.closing
+        self.radius, self.round = encounters.radius, np.ones(len(others), bool)
+        bodies, start = known.bodies, known.start
+        if len(self.apart) == 3 and (known.outer != known.radii).any():
+            self.radius = known.outer.take(self.observers + start) + known.outer.take(others)
+            self.round = self.radius == encounters.radius
+        if bodies.any_cornered:
+            self.round = self.round & ~(bodies.cornered.take(self.observers + start) | bodies.cornered.take(others))
+        self.covariance = own.with_others(encounters.tracks.covariances, self.observers, len(self.apart))
+
+    def sides(self, rows: Indices) -> tuple[Side, Side]:
+        """See `Meetings`."""
+        own = self._known.own_side(self.observers.take(rows), self._own.state)
+        return own, self._known.other_side(self._tracks, rows)
+
+
+class WithObstacles(Meetings):
+    """Each agent and each convex piece of an obstacle whose surface is within reach; agents know the obstacles."""
+
+    def __init__(self, known: Known, reach: float, own: OwnDoubt) -> None:
+        group = known.group
+        environment, model = group.surroundings.environment, group.model
+        scenery = environment.scenery
+        position, velocity = model.positions(group.awareness.state), own_velocity(group)
+        self._known, self._own = known, own
+        row, piece = scenery.candidates(position, reach)
+        course = scenery.course(scenery.owner.take(piece))
+        around = scenery.pieces.take(piece).placed(-course.positions, np.zeros(len(row)))
+        radius = np.sqrt((around.vertices**2).sum(axis=2)).max(axis=1, initial=0.0) + around.rounding
+        level = self._levels(known, position)
+        if level is not None:
+            # What it stands on, or passes below.
+            outer = known.outer[known.start]
+            beside = (course.heights[:, 1] > level[row]) & (course.heights[:, 0] < level[row] + outer)
+            row, piece, radius = row[beside], piece[beside], radius[beside]
+            course = type(course)(*(each[beside] for each in course))
+            around = around.take(np.flatnonzero(beside))
+        self._turn_rates, self._pieces, self.observers = course.turn_rates, around, row
+        self.apart = np.ascontiguousarray((course.positions - position[:, :2].take(row, 0)).T)
+        self.closing = np.ascontiguousarray((course.velocities - velocity[:, :2].take(row, 0)).T)
+        self.radius = radius + known.radii[known.start]
+        # A rounded point at its own position, and nothing else, is a disc.
+        disc = ~known.bodies.cornered[known.start] & (np.abs(around.vertices).max(axis=(1, 2), initial=0.0) == 0.0)
+        self.round = np.broadcast_to(disc, row.shape).copy()
+        self.covariance = own.with_others(None, row, 2)
+        if position.shape[1] == 3 and np.isfinite(course.heights).any():
+            self.heights = self._rise(course.heights, position[:, 2], velocity[:, 2], known.outer[known.start])
+
+    def _levels(self, known: Known, position: Array) -> Array | None:
+        """How high agents of a plane are in a world that knows the heights of its obstacles; None elsewhere."""
+        environment = known.group.surroundings.environment
+        if position.shape[1] == 3 or not environment.scenery.has_heights:
+            return None
+        return environment.body_positions(known.group.ids)[:, 2]
+
+    def _rise(self, heights: Array, level: Array, rate: Array, outer: float) -> Array:
+        """Own height and its rate, and the least and the greatest at which the two may overlap; (4, m)."""
+        row = self.observers
+        return np.stack([level.take(row), rate.take(row), heights[:, 0] - outer, heights[:, 1] + outer])
+
+    def sides(self, rows: Indices) -> tuple[Side, Side]:
+        """See `Meetings`."""
+        own = self._known.own_side(self.observers.take(rows), self._own.state)
+        return own, _known(self._pieces.take(rows), np.zeros(len(rows)), self._turn_rates.take(rows))
+
+    def own_heights(self, rows: Indices) -> Array:
+        """See `Meetings`."""
+        joint = self._own.joint
+        if joint is None:
+            return np.zeros((len(rows), 2, 2))
+        return joint[self.observers.take(rows)][:, [2, 5]][:, :, [2, 5]]
+
+
+class OwnDoubt:
+    """How sure the agents of a group are of themselves.
+
+    Attributes:
+        state: The covariance of each agent's state, shape (n, nx, nx); None where nobody says anything of it.
+        joint: The covariance of its position and velocity, shape (n, 2d, 2d). The velocity depends on the state, such
+            as on the heading, and errors of the state reach it that way.
+    """
+
+    def __init__(self, group: AgentGroup, counts: bool = True) -> None:
+        self.state = _state_covariance(group) if counts else None
+        self.joint: Array | None = None
+        if self.state is not None:
+            model, state = group.model, group.awareness.state
+            jacobian = model.jacobian(state, model.limit(group.control_input))
+            places = list(model.position)
+            picks = np.broadcast_to(np.eye(len(model.state))[places], (len(group), len(places), len(model.state)))
+            by_state = np.concatenate([picks, jacobian[:, places]], axis=1)
+            self.joint = by_state @ self.state @ np.swapaxes(by_state, 1, 2)
+
+    def with_others(self, believed: Array | None, observers: Indices, dimensions: int) -> Array | None:
+        """The covariance of relative positions and velocities: errors of both are taken as independent.
+
+        Args:
+            believed: Of those of the others, (m, 2d, 2d); None where these are known.
+            observers: The agent of each row; shape (m,).
+            dimensions: Of the rows, d; who moves in the plane stands at height 0.
+        """
+        if self.joint is None:
+            return believed
+        size, own = self.joint.shape[1] // 2, self.joint[observers]
+        kept = min(size, dimensions)
+        picks = [*range(kept), *range(size, size + kept)]
+        places = [*range(kept), *range(dimensions, dimensions + kept)]
+        covariance = np.zeros((len(observers), 2 * dimensions, 2 * dimensions))
+        if believed is not None:
+            covariance += believed
+        covariance[np.ix_(range(len(observers)), places, places)] += own[:, picks][:, :, picks]
+        return covariance
+
+
+def _state_covariance(group: AgentGroup) -> Array | None:
+    """The covariance of each agent's own state now, shape (n, nx, nx); None where nobody says anything of it.
+
+    Raises:
+        ValueError: The uncertainty is not such a matrix, row by row.
+    """
+    size = len(group.model.state)
+    shared = group.awareness.uncertainty.shared
+    if shared is not None:
+        first = shared[1][:, 0]
+    else:
+        # An estimator of single agents wrote these: as many Python objects already.
+        series = [group.awareness.uncertainty.row(row) for row in range(len(group))]
+        if not any(len(each) for each in series):
+            return None
+        first = np.array([each.values[0] if len(each) else np.zeros(size * size) for each in series])
+    if first.shape[1] != size * size:
+        raise ValueError(f"the uncertainty of `{group.name}` has {first.shape[1]} elements, not {size} x {size}")
+    return first.reshape(-1, size, size)
+
+
+class MeetingRisk(GroupComponent):
+    """A risk that each agent sees in its meetings with others and obstacles."""
+
+    sees_world = True
+    #: Whether it counts how sure agents are.
+    doubts = True
+
+    def series_quantities(self, group: AgentGroup) -> Mapping[str, Sequence[Quantity]]:
+        """The risk is one number without a unit."""
+        return {"risk": [Quantity("risk", "1")]}
+
+    def initialise_component(self, group: AgentGroup) -> None:
+        """Look up what bodies everybody has."""
+        super().initialise_component(group)
+        self._known = Known(group)
+
+    def _meetings(self) -> Iterator[Meetings]:
+        """Everybody, and everything, within the parameter ``reach`` [m]."""
+        own, reach = OwnDoubt(self._group, self.doubts), self.parameters.reach
+        yield WithOthers(self._known, reach, own)
+        if self.parameters.obstacles and len(self.environment.scenery):
+            yield WithObstacles(self._known, reach, own)
+
+    def _update(self, value: Array) -> None:
+        self._group.awareness.risk.set(self.computed_at, value)

@@ -1,0 +1,120 @@
+"""Whether what a model returns has the form that it declares: asked once, before anything runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symaware_cli.core.model import Model, columns
+
+Array = NDArray[np.float64]
+
+_RAISED = object()
+
+
+def faults_of(model: Model, state: Array | None = None, step: float = 0.1) -> Iterator[str]:
+    """Find what a model returns in another form than it is to.
+
+    NumPy would broadcast much of it, so that wrong elements of the state move and nobody is told.
+
+    Args:
+        model: Its `state`, `control_input` and indices are sound.
+        state: Where to try; shape (nx,). Zeros if left out.
+        step: Time step to try, for a model in continuous time [s].
+
+    Yields:
+        What is wrong, as a predicate such as "returns 2 elements from `derivative`, and the state has 3".
+    """
+    nx, nu, d = len(model.state), len(model.control_input), len(model.position)
+    # As many rows as nothing else has, so that nothing fits by chance.
+    count = max(nx, nu, d) + 2
+    states = np.tile(np.zeros(nx) if state is None else state, (count, 1))
+    bounds = yield from _bounds(model, nu)
+    inputs = np.tile(np.zeros(nu) if bounds is None else np.clip(0.0, *bounds), (count, 1))
+    step = model.time_step or step
+    x, u = columns(states), columns(inputs)
+    yield from _elements("derivative", lambda: model.derivative(x, u, np), nx, count, needed=True)
+    yield from _elements("successor", lambda: model.successor(x, u, step, np), nx, count)
+    if bounds is not None:
+        yield from _array("limit", lambda: model.limit(inputs), (count, nu))
+    yield from _array("positions", lambda: model.positions(states), (count, d))
+    yield from _array("velocity", lambda: model.velocity(states, inputs), (count, d))
+    yield from _array("jacobian", lambda: model.jacobian(states, inputs), (count, nx, nx))
+    yield from _array("noise_deviation", lambda: model.noise_deviation(step), (nx,), may_be_none=True)
+    yield from _array("noise_covariance", lambda: model.noise_covariance(step), (nx, nx), may_be_none=True)
+    yield from _array("follow_velocity", lambda: model.follow_velocity(states, np.zeros((count, d))), (count, nu))
+    yield from _array("slowed", lambda: model.slowed(states, inputs, np.full(count, 0.5)), (count, nu))
+
+
+def _bounds(model: Model, nu: int) -> Iterator[str] | Any:
+    """The bounds of the control input, each of shape (nu,); None where they are not sound."""
+    try:
+        low, high = (np.array(bound, float) for bound in model.input_bounds())
+    except Exception as error:
+        yield f"returns no two lists of numbers from `input_bounds`: {type(error).__name__}: {error}"
+        return None
+    for bound, which in ((low, "lower"), (high, "upper")):
+        if bound.shape != (nu,):
+            yield f"returns {_many(bound.shape)} as {which} `input_bounds`, and the control input has {nu}"
+            return None
+    if not (low <= high).all():
+        yield f"returns `input_bounds` that leave nothing between {low.tolist()} and {high.tolist()}"
+        return None
+    return low, high
+
+
+def _called(call: Callable[[], Any]) -> Any:
+    """What a method returns; `_RAISED` where it raises: it does so when it is used, too, and is told of there."""
+    try:
+        with np.errstate(all="ignore"):
+            return call()
+    except Exception:
+        return _RAISED
+
+
+def _elements(
+    name: str, call: Callable[[], Sequence[Any] | None], nx: int, count: int, needed: bool = False
+) -> Iterator[str]:
+    """Check a method that returns an expression for each element of the state."""
+    returned = _called(call)
+    if returned is _RAISED or (returned is None and not needed):
+        return
+    try:
+        given = len(returned)
+    except TypeError:
+        yield f"returns {type(returned).__name__} from `{name}`, and a sequence of {nx} elements is needed"
+        return
+    if given != nx:
+        yield f"returns {_many((given,))} from `{name}`, and the state has {nx}"
+        return
+    for element, quantity in zip(returned, range(nx), strict=True):
+        try:
+            array = np.asarray(element)
+        except ValueError:
+            array = np.empty(0, object)
+        if array.shape not in ((), (count,)) or array.dtype.kind not in "fiub":
+            form = f"shape {array.shape}" if array.dtype.kind in "fiub" else f"type {array.dtype}"
+            yield f"returns an element {quantity} of the {form} from `{name}`: one real number for each agent is needed"
+            return
+
+
+def _array(name: str, call: Callable[[], Any], shape: tuple[int, ...], may_be_none: bool = False) -> Iterator[str]:
+    """Check a method that returns an array."""
+    returned = _called(call)
+    if returned is _RAISED or (returned is None and may_be_none):
+        return
+    try:
+        array = np.asarray(returned)
+    except ValueError:
+        array = np.empty(0, object)
+    if array.dtype.kind not in "fiub":
+        yield f"returns no real numbers from `{name}`"
+    elif array.shape != shape:
+        yield f"returns an array of the shape {array.shape} from `{name}`, and {shape} is needed"
+
+
+def _many(shape: tuple[int, ...]) -> str:
+    return f"{shape[0]} element{'' if shape[0] == 1 else 's'}" if len(shape) == 1 else f"the shape {shape}"
