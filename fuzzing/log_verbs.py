@@ -21,9 +21,16 @@ VERBS: dict[str, Callable[[Path, Path], list[object]]] = {
     "merge": lambda log, folder: ["merge", log, "--output", folder / "merged.mcap"],
     "replay": lambda log, folder: ["replay", log, "--save", folder / "replay.rrd"],
     "plot": lambda log, folder: ["plot", log, "--output", folder / "plot.png", "--dpi", 20],
-    "export csv": lambda log, folder: ["export", log, "--to", "csv", "--output", folder / "tables"],
-    "export parquet": lambda log, folder: ["export", log, "--to", "parquet", "--output", folder / "tables"],
-    "export foxglove": lambda log, folder: ["export", log, "--to", "foxglove", "--output", folder / "foxglove.mcap"],
+    "export csv": lambda log, folder: ["export", log, "--format", "csv", "--output", folder / "tables"],
+    "export parquet": lambda log, folder: ["export", log, "--format", "parquet", "--output", folder / "tables"],
+    "export foxglove": lambda log, folder: [
+        "export",
+        log,
+        "--format",
+        "foxglove",
+        "--output",
+        folder / "foxglove.mcap",
+    ],
 }
 """What each verb that reads a log is called with: the log, and an empty folder to write into."""
 

@@ -1,0 +1,173 @@
+"""A log taken apart into its records, and put together again with everything that refers to something made anew."""
+
+from __future__ import annotations
+
+import copy
+import io
+import struct
+import zlib
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import zstandard
+from mcap.data_stream import RecordBuilder
+from mcap.reader import make_reader
+from mcap.records import Attachment, Channel, Chunk, DataEnd, Header, McapRecord, Metadata, MetadataIndex, Schema
+
+from symaware_cli.recording.schema import MAGIC
+from symaware_cli.recording.summary import Summary, indexed
+
+_MESSAGE = struct.Struct("<BQHIQQ")
+
+
+class Told(NamedTuple):
+    """A message as it stands in a log."""
+
+    channel: int
+    sequence: int
+    time: int
+    data: bytes
+
+
+@dataclass
+class Packing:
+    """How one chunk is written; None for what is true.
+
+    Attributes:
+        compression: What it says.
+        data: The compressed records.
+        size: How much it says that they unpack to [bytes].
+        crc: Their checksum.
+        start: The least time in it.
+        end: The greatest.
+    """
+
+    compression: str | None = None
+    data: bytes | None = None
+    size: int | None = None
+    crc: int | None = None
+    start: int | None = None
+    end: int | None = None
+
+
+@dataclass
+class Anatomy:
+    """The parts of a log.
+
+    Attributes:
+        header: Who wrote it.
+        schemas: In the order of the file.
+        channels: In the order of the file.
+        attachments: In the order of the file.
+        chunks: The messages of each.
+        metadata: In the order of the file.
+        packing: By number of the chunk, how it is written, where that is not as usual.
+        summary: Whether there is a summary.
+    """
+
+    header: Header
+    schemas: list[Schema] = field(default_factory=list)
+    channels: list[Channel] = field(default_factory=list)
+    attachments: list[Attachment] = field(default_factory=list)
+    chunks: list[list[Told]] = field(default_factory=list)
+    metadata: list[Metadata] = field(default_factory=list)
+    packing: dict[int, Packing] = field(default_factory=dict)
+    summary: bool = True
+
+    def copy(self) -> Anatomy:
+        """One that can be changed without this one."""
+        return copy.deepcopy(self)
+
+    def topic(self, channel: int) -> str:
+        """The topic of a channel by its number; empty if there is none."""
+        return next((each.topic for each in self.channels if each.id == channel), "")
+
+
+def take_apart(log: bytes, per_chunk: int = 60) -> Anatomy:
+    """Take a sound log of ours apart, without /timing, which differs from run to run, as do the ends of chunks.
+
+    Args:
+        log: It.
+        per_chunk: How many messages a chunk gets.
+    """
+    reader = make_reader(io.BytesIO(log))
+    summary = reader.get_summary()
+    assert summary is not None
+    anatomy = Anatomy(
+        reader.get_header(),
+        schemas=list(summary.schemas.values()),
+        channels=list(summary.channels.values()),
+        attachments=list(reader.iter_attachments()),
+        metadata=list(reader.iter_metadata()),
+    )
+    told = [
+        Told(message.channel_id, message.sequence, message.log_time, message.data)
+        for _, channel, message in reader.iter_messages()
+        if channel.topic != "/timing"
+    ]
+    told.sort(key=lambda each: (each.time, each.sequence))
+    anatomy.chunks = [told[place : place + per_chunk] for place in range(0, len(told), per_chunk)]
+    for attachment in anatomy.attachments:
+        attachment.create_time = attachment.log_time = 0
+    # What it took differs, too.
+    for record in anatomy.metadata:
+        record.metadata = {key: value for key, value in record.metadata.items() if "time" not in key}
+    return anatomy
+
+
+def put_together(anatomy: Anatomy) -> bytes:
+    """Write a log whose checksums, lengths and index are right, but for what `packing` says."""
+    out = bytearray(MAGIC + _serialised([anatomy.header, *anatomy.schemas, *anatomy.channels]))
+    summary = Summary(
+        schemas={str(number): schema for number, schema in enumerate(anatomy.schemas)},
+        channels=list(anatomy.channels),
+    )
+    for attachment in anatomy.attachments:
+        record = _serialised([attachment])
+        summary.add_attachment(attachment, len(out), len(record))
+        out += record
+    for number, messages in enumerate(anatomy.chunks):
+        packed = anatomy.packing.get(number, Packing())
+        records = bytearray()
+        positions: dict[int, list[int]] = {}
+        for each in messages:
+            positions.setdefault(each.channel, []).extend((each.time, len(records)))
+            length = _MESSAGE.size - 9 + len(each.data)
+            records += _MESSAGE.pack(5, length, each.channel, each.sequence, each.time, each.time) + each.data
+        times = [each.time for each in messages]
+        compression = packed.compression if packed.compression is not None else "zstd"
+        chunk = Chunk(
+            compression=compression,
+            data=packed.data if packed.data is not None else _packed(bytes(records), compression),
+            message_start_time=min(times, default=0) if packed.start is None else packed.start,
+            message_end_time=max(times, default=0) if packed.end is None else packed.end,
+            uncompressed_crc=zlib.crc32(records) if packed.crc is None else packed.crc,
+            uncompressed_size=len(records) if packed.size is None else packed.size,
+        )
+        content, index = indexed(chunk, len(out), positions)
+        out += content
+        summary.add_chunk(index, {channel: len(entries) // 2 for channel, entries in positions.items()})
+    for metadata in anatomy.metadata:
+        record = _serialised([metadata])
+        summary.metadata.append(MetadataIndex(len(out), len(record), metadata.name))
+        out += record
+    out += _serialised([DataEnd(data_section_crc=0)])
+    return bytes(out + summary.serialise(len(out))) if anatomy.summary else bytes(out)
+
+
+def _packed(records: bytes, compression: str) -> bytes:
+    if compression == "zstd":
+        return zstandard.ZstdCompressor(level=1).compress(records)
+    if compression == "lz4":
+        import lz4.frame  # type: ignore[import-untyped]
+
+        return bytes(lz4.frame.compress(records))
+    return records
+
+
+def _serialised(records: Iterable[McapRecord]) -> bytes:
+    builder = RecordBuilder()
+    for record in records:
+        record.write(builder)
+    return bytes(builder.end())  # type: ignore[no-untyped-call]
