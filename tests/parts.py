@@ -35,9 +35,6 @@ def of_rows(message: LogMessage, wanted: Sequence[int], count: int) -> bytes | N
     match content:
         case wire.Rows():
             return wire.encode_rows(content.values[places], rows)
-        case wire.Control():
-            requested, applied = content.requested[places], content.applied[places]
-            return wire.encode_control(requested, None if np.array_equal(applied, requested) else applied, rows)
         case wire.SeriesRows():
             series = list(content) or [(content.times, content.values)] * count
             chosen = [series[place] for place in places]

@@ -38,7 +38,9 @@ def write_sample(path: Path, *, steps: int = 40, flush_every: int = 5, end: str 
     world = writer.channel("/world/robot/state", "Rows", planar)
     state = writer.channel("/agents/robot/state", "Rows", planar)
     car = writer.channel("/agents/car/state", "Rows", planar)
-    control = writer.channel("/agents/robot/control", "Control", {"columns": "speed,turn", "units": "m/s,rad/s"})
+    inputs = {"columns": "speed,turn", "units": "m/s,rad/s"}
+    control = writer.channel("/agents/robot/control", "Rows", inputs)
+    applied = writer.channel("/world/robot/control", "Rows", inputs)
     risk = writer.channel("/agents/robot/risk", "SeriesRows", {"columns": "risk", "units": "1"})
     awareness = writer.channel("/agents/robot/awareness", "Awareness")
     knowledge = writer.channel("/agents/robot/knowledge", "Knowledge")
@@ -57,7 +59,8 @@ def write_sample(path: Path, *, steps: int = 40, flush_every: int = 5, end: str 
         writer.add(state, now, wire.encode_rows(truth) if step % 2 == 0 else wire.encode_rows(truth[[1]], [1]))
         writer.add(car, now, wire.encode_rows(random.normal(size=(1, 3))))
         requested = random.normal(size=(3, 2))
-        writer.add(control, now, wire.encode_control(requested, requested.clip(-1, 1)))
+        writer.add(control, now, wire.encode_rows(requested))
+        writer.add(applied, now, wire.encode_rows(requested.clip(-1, 1)))
         writer.add(risk, now, wire.encode_series([now, now + STEP], random.random((3, 2, 1))))
         writer.add(awareness, now, wire.WHOLE_WORLD)
         if step % 10 == 3:

@@ -1,9 +1,13 @@
 """Plugins for tests: the controller that the paper shows, and components that misbehave in every way we fear."""
 
+import contextlib
+import ctypes
+import itertools
 import os
 import random
 import signal
 import struct
+import threading
 import time
 from pathlib import Path
 from typing import ClassVar, Literal
@@ -11,7 +15,16 @@ from typing import ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from symaware_cli import Component, Controller, GroupComponent, Parameters, TimeSeries
+from symaware_cli import (
+    CommunicationReceiver,
+    Component,
+    Controller,
+    GroupCommunicationReceiver,
+    GroupComponent,
+    Parameters,
+    TimeSeries,
+    processor,
+)
 from symaware_cli.core import Message
 from symaware_cli.core.message import EVERYBODY
 from symaware_cli.environments.kinematic import KinematicEnvironment
@@ -19,11 +32,14 @@ from symaware_cli.network.transport.tcp import Tcp
 
 #: What tests/conftest.py registers, by entry-point name.
 COMPONENTS = {
+    "doubles.ear": "Ear",
+    "doubles.ears": "Ears",
     "doubles.paper": "MyController",
     "doubles.gaze": "Gaze",
     "doubles.fault": "Fault",
     "doubles.progress": "Progress",
     "doubles.sleeper": "Sleeper",
+    "doubles.holder": "Holder",
     "doubles.endless": "Endless",
     "doubles.stubborn": "Stubborn",
     "doubles.bulky": "Bulky",
@@ -31,6 +47,8 @@ COMPONENTS = {
     "doubles.risk": "Risk",
     "doubles.thinker": "Thinker",
     "doubles.odd": "Odd",
+    "doubles.unruly": "Unruly",
+    "doubles.kernels": "Kernels",
 }
 ENVIRONMENTS = {"doubles.faulty-world": "FaultyWorld", "doubles.lonely-world": "LonelyWorld"}
 TRANSPORTS = {"doubles.loud": "Loud"}
@@ -155,6 +173,20 @@ class Sleeper(Idle):
             time.sleep(self.parameters.duration)
 
 
+class Holder(Idle):
+    """Keeps the interpreter's lock for its first turn."""
+
+    class Parameters(Parameters):
+        """How long."""
+
+        duration: float = Field(3.0, description="Wall time of the turn [s].")
+
+    def _update(self, value):
+        if self.now == 0:
+            # Unlike CDLL, PyDLL does not let go of the lock while it calls.
+            ctypes.PyDLL(None).usleep(int(1e6 * self.parameters.duration))
+
+
 class Endless(Idle):
     """Never comes back from its second turn."""
 
@@ -189,7 +221,9 @@ class Chance(Idle):
     class Parameters(Parameters):
         """On what."""
 
-        source: Literal["address", "set", "time", "random", "numpy", "nothing"] = Field(description="On what.")
+        source: Literal["address", "set", "time", "random", "numpy", "processor", "nothing"] = Field(
+            description="On what."
+        )
 
     def _compute(self):
         match self.parameters.source:
@@ -203,6 +237,9 @@ class Chance(Idle):
                 return random.random()
             case "numpy":
                 return np.random.rand()  # noqa: NPY002 (the sin on purpose)
+            case "processor":
+                # Stands for a library that looks at the processor by itself.
+                return float(len(os.environ.get("GLIBC_TUNABLES", "")))
             case _:
                 return 0.0
 
@@ -274,6 +311,32 @@ class Odd(Component):
             self._agent.group.surroundings.exchange.send(message)
 
 
+class Ear(CommunicationReceiver):
+    """Tells what it heard, in order."""
+
+    def _update(self, value):
+        for each in value:
+            self.emit("heard", f"{each.arrival_time} {each.sender} {each.sequence}")
+
+
+class Ears(GroupCommunicationReceiver):
+    """Tells what all of its group heard, in order."""
+
+    kinds = ("state", "broadcast")
+
+    def _update(self, value):
+        ids = self.environment.roster.ids
+        for each in value:
+            if isinstance(each, Message):
+                row = self._group.ids.index(each.receiver)
+                self.emit_for(row, "heard", f"{each.arrival_time} {each.sender} {each.sequence}")
+                continue
+            columns = each.receivers, each.due, each.senders, each.sequences
+            for receiver, due, sender, sequence in zip(*(column.tolist() for column in columns), strict=True):
+                row = receiver - self.environment.roster.start(self._group.name)
+                self.emit_for(row, "heard", f"{due} {ids[sender]} {sequence}")
+
+
 class LonelyWorld(KinematicEnvironment):
     """A world that other processes cannot follow."""
 
@@ -286,6 +349,16 @@ class Loud(Tcp):
     def listen(self, host, port, key=None):
         Path("loud.txt").write_text(f"{host}:{port}")
         return super().listen(host, port, key)
+
+
+class Kernels(Component):
+    """Says what computes where it computes."""
+
+    def _compute(self):
+        return {name: value for name, value in processor.in_force().items() if name != "Processor"}
+
+    def _update(self, value):
+        self.emit("kernels", str(value))
 
 
 class Gaze(Controller):
@@ -341,3 +414,48 @@ class Thinker(Controller):
     def _update(self, value):
         super()._update(value)
         self._last = np.array(value[0])
+
+
+class Unruly(GroupComponent):
+    """Does to its process what no component should."""
+
+    class Parameters(Parameters):
+        """What, and when."""
+
+        how: Literal["exit", "interrupt", "leave", "thread", "print", "catch", "hold", "release"] = Field(
+            "exit", description="What it does."
+        )
+        at: float = Field(0.2, description="When [s].")
+
+    def _compute(self):
+        if self.now != round(self.parameters.at * 1e9):
+            return
+        match self.parameters.how:
+            case "exit":
+                os._exit(0)
+            case "interrupt":
+                raise KeyboardInterrupt("by a component")
+            case "leave":
+                raise SystemExit(0)
+            case "thread":
+                threading.Thread(target=self.linger, name="lingering").start()
+            case "print":
+                print("printed by a plugin")
+                ctypes.CDLL(None).puts(b"printed by a library")
+                os.write(1, b"written by a library\n")
+            case "catch":
+                while True:
+                    with contextlib.suppress(BaseException):
+                        time.sleep(0.001)
+            case "hold" | "release":
+                Path(os.environ["PROGRESS"]).with_suffix(".deaf").touch()
+                if self.parameters.how == "hold":  # native code that keeps the interpreter
+                    sum(itertools.repeat(1, 10**13))
+                else:
+                    np.broadcast_to(1.0, (10**13,)).sum()
+
+    def linger(self):
+        time.sleep(1000.0)
+
+    def _update(self, value):
+        pass

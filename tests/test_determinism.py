@@ -2,6 +2,8 @@
 
 import json
 import re
+import shutil
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -44,7 +46,7 @@ def test_a_run_that_does_not_finish_is_no_proof(tmp_path, doubles):
 
 
 # A set of strings is ordered by their hashes; an address is where the object happens to lie.
-@pytest.mark.parametrize("source", ["address", "set", "time", "random", "numpy"])
+@pytest.mark.parametrize("source", ["address", "set", "time", "random", "numpy", "processor"])
 def test_a_plugin_that_depends_on_chance_is_found_out_and_located(source, tmp_path, doubles):
     crowd = crowd_with(chance={"use": "doubles.chance", "with": {"source": source}})
     with pytest.raises(AssertionError) as caught:
@@ -143,9 +145,6 @@ def rows(message, ids, roster):
     chosen = [ids[row] for row in numbers] or ids
     if kind == "Rows":
         yield from ((id, value.tobytes()) for id, value in zip(chosen, content.values, strict=True))
-    elif kind == "Control":
-        for id, asked, applied in zip(chosen, content.requested, content.applied, strict=True):
-            yield id, (asked.tobytes(), applied.tobytes())
     elif kind == "SeriesRows":
         for id, (times, values) in zip(chosen, content, strict=True):
             yield id, (times.tobytes(), values.tobytes())
@@ -175,6 +174,32 @@ def test_the_order_of_agents_in_the_file_changes_nothing_about_any_of_them(recor
     agents = {id for id, _ in plain}
     assert agents == {"car", *(f"robot.{row}" for row in range(5)), *(f"far.{row}" for row in range(3))}
     assert {kind for _, kind in plain} >= {"world/state", "agents/state", "agents/intent", "agents/control"}
+
+
+def _of_several_groups():
+    for path in SCENARIOS:
+        content = path.read_text()
+        document = tomllib.loads(content) if path.suffix == ".toml" else yaml.safe_load(content)
+        if len(document.get("agents", {})) > 1:
+            yield path
+
+
+@pytest.mark.parametrize("scenario", list(_of_several_groups()), ids=lambda path: path.name)
+def test_the_order_of_groups_in_the_file_changes_no_byte_of_the_log(scenario, tmp_path):
+    """All channels are compared, the events and messages that the groups share among them."""
+    folder = tmp_path / "scenarios"
+    shutil.copytree(scenario.parent, folder)
+    document = yaml.safe_load(build(scenario).resolved)
+    document["run"]["duration"] = min(document["run"]["duration"], 4.0)
+    groups, digests = list(document["agents"]), set()
+    for number, order in enumerate([groups, groups[::-1], groups[1:] + groups[:1]]):
+        document["agents"] = {name: document["agents"][name] for name in order}
+        path = folder / f"order-{number}.yaml"
+        path.write_text(yaml.safe_dump(document, sort_keys=False))
+        log = tmp_path / f"{number}.mcap"
+        assert execute(build(path), log).status == "finished"
+        digests.add(tuple(digest(open_log(log)).channels.items()))
+    assert len(digests) == 1
 
 
 def test_the_order_of_keys_in_the_file_changes_nothing_about_any_agent(recorded):

@@ -1,7 +1,9 @@
 """The command as a whole: its version, its help, its completion, and what it says to nonsense."""
 
+import contextlib
+import json
 import os
-import statistics
+import pty
 import subprocess
 import sys
 from pathlib import Path
@@ -20,20 +22,6 @@ def test_the_version_is_the_packages(command):
         assert (done.returncode, done.stdout) == (0, f"symaware {symaware_cli.__version__}\n")
 
 
-def test_saying_the_version_costs_at_most_four_times_as_much_as_starting_python():
-    def cpu_time(*line):
-        process = subprocess.Popen([sys.executable, *line], stdout=subprocess.DEVNULL)
-        _, status, usage = os.wait4(process.pid, 0)
-        process.returncode = os.waitstatus_to_exitcode(status)
-        assert process.returncode == 0
-        return usage.ru_utime + usage.ru_stime
-
-    # In turn, so that both suffer alike from whatever else the machine does.
-    pairs = [(cpu_time(str(SCRIPT), "--version"), cpu_time("-c", "pass")) for _ in range(15)]
-    ratio = statistics.median(version for version, _ in pairs) / statistics.median(python for _, python in pairs)
-    assert ratio <= 4
-
-
 def test_help_names_every_verb_and_exit_status(command):
     done = command("--help")
     assert done.returncode == 0
@@ -43,11 +31,32 @@ def test_help_names_every_verb_and_exit_status(command):
     assert {command("run", option).stdout for option in ("-h", "--help")} == {command("run", "-h").stdout}
 
 
-def test_asking_for_help_does_not_import_what_is_heavy():
-    code = "import sys; sys.argv = ['symaware', '--help']\ntry:\n from symaware_cli.cli import main; main()\nfinally:\n"
-    code += " print([name for name in ('numpy', 'scipy', 'pydantic', 'mcap', 'yaml') if name in sys.modules])"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
-    assert done.stdout.splitlines()[-1] == "[]"
+LIGHT = ["numpy", "scipy", "pydantic", "mcap", "yaml", "symaware_cli.scenario"]
+LOG = ["mcap", "zstandard", "google.protobuf", "symaware_cli.recording.writer", "symaware_cli.recording.reader"]
+HEAVY = ["scipy", "asyncio", "rerun", "matplotlib", "casadi", "pymunk", "pybullet", "networkx", "rich"]
+
+
+@pytest.mark.parametrize(
+    ("line", "unneeded"),
+    [
+        (["--version"], [*LIGHT, "typer"]),
+        (["--help"], LIGHT),
+        (["validate", "hello.yaml"], [*HEAVY, *LOG, "symaware_cli.runtime.run", "symaware_cli.runtime.workers"]),
+        (["run", "hello.yaml", "--output", "hello.mcap"], [*HEAVY, "symaware_cli.recording.reader"]),
+    ],
+    ids=lambda value: value[0],
+)
+def test_a_verb_imports_nothing_heavy_that_it_does_not_need(line, unneeded, scenarios, tmp_path):
+    line = [str(scenarios / word) if word == "hello.yaml" else word for word in line]
+    code = (
+        f"import sys; sys.argv = ['symaware', *{line!r}]\ntry:\n from symaware_cli.cli import main; main()\nfinally:\n"
+    )
+    code += f" print('imported', [name for name in {unneeded!r} if name in sys.modules])"
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False, timeout=60
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[-1] == "imported []"
 
 
 @pytest.mark.parametrize(
@@ -129,3 +138,44 @@ def test_a_script_for_ones_own_shell_is_shown_on_demand(tmp_path):
         ["bash", "-c", f"{SCRIPT} --show-completion bash; true"], capture_output=True, text=True, timeout=60, check=True
     )
     assert "complete -o default -F" in done.stdout
+
+
+def on_a_terminal(environment, *arguments):
+    """What the command prints on a terminal of its own."""
+    terminal, its_end = pty.openpty()
+    settings = {**os.environ, "TERM": "xterm-256color", "NO_COLOR": "", **environment}
+    with subprocess.Popen([SCRIPT, *arguments], stdin=its_end, stdout=its_end, stderr=its_end, env=settings):
+        os.close(its_end)
+        output = b""
+        # Reading from a terminal that its last user has left is an error.
+        with contextlib.suppress(OSError):
+            while piece := os.read(terminal, 4096):
+                output += piece
+    os.close(terminal)
+    return output.decode()
+
+
+@pytest.mark.parametrize(
+    "words", ["--help", "rnu", "list", "show unicycle", "run missing.yaml", "run HELLO --no-record"]
+)
+def test_nothing_but_text_is_printed_where_that_is_wanted(words, scenarios):
+    line = words.replace("HELLO", str(scenarios / "hello.yaml")).split()
+    assert "\x1b" in on_a_terminal({}, *line)
+    for environment in ({"NO_COLOR": "1"}, {"TERM": "dumb"}):
+        plain = on_a_terminal(environment, *line)
+        assert plain
+        assert "\x1b" not in plain
+
+
+@pytest.mark.parametrize(
+    ("typed", "some"), [("", {"unicycle", "kinematic", "ring", "tcp", "control.mpc"}), ("uni", {"unicycle"})]
+)
+def test_show_completes_the_names_of_plugins(typed, some, command):
+    known = {plugin["name"] for plugin in json.loads(command("list", "--json").stdout)}
+    words = {"_SYMAWARE_COMPLETE": "complete_bash", "COMP_WORDS": f"symaware show {typed}", "COMP_CWORD": "2"}
+    done = subprocess.run(
+        [SCRIPT], env={**os.environ, **words}, capture_output=True, text=True, check=False, timeout=60
+    )
+    found = done.stdout.split()
+    assert some <= set(found)
+    assert found == sorted(name for name in known if name.startswith(typed))

@@ -8,11 +8,14 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
-from log_verbs import DRAWING, QUICK, VERBS, called
+from mcap.records import Attachment
 from mcap.writer import CompressionType, Writer
 from simulating import COMMAND
 from small_disk import on_a_small_disk
 
+from fuzzing.anatomy import put_together, take_apart
+from fuzzing.log_verbs import DRAWING, QUICK, VERBS, called
+from fuzzing.oddities import BILLION_LAUGHS, NAMES, document
 from symaware_cli import open_log
 from symaware_cli.recording.writer import LogWriter
 
@@ -148,10 +151,6 @@ def not_a_log(folder: Path, kind: str) -> Path:
             with LogWriter(path) as writer:
                 writer.attach("manifest.json", "application/json", b'{"format": 2}')
                 writer.finish({})
-        case "manifest":
-            with LogWriter(path) as writer:
-                writer.attach("manifest.json", "application/json", b'{"format": 1, "groups": {"robot": 1}}')
-                writer.finish({})
     return path
 
 
@@ -172,13 +171,58 @@ def not_a_log(folder: Path, kind: str) -> Path:
         ("noise", "is not a log: it does not begin like an MCAP"),
         ("zeros", "is not a log: it does not begin like an MCAP"),
         ("later", "was written by a newer SymAware: its format is 2, this one reads up to 1"),
-        ("manifest", "the manifest in"),
     ],
 )
 def test_what_is_no_log_of_ours_is_wrong_input(verb, kind, sentence, attempt, tmp_path):
     outcome = attempt(verb, not_a_log(tmp_path, kind))
     assert outcome.status == 2
     assert sentence in outcome.output + outcome.trouble
+
+
+NEEDING_A_MANIFEST = ("merge", "replay", "plot", "export csv", "export parquet", "export foxglove")
+
+
+@verbs
+def test_a_damaged_manifest_is_told_and_what_can_do_without_it_is_shown(verb, attempt, real, tmp_path):
+    anatomy = take_apart(real)
+    chance = random.Random(5)
+    for _ in range(20 if verb in QUICK else 3):
+        hostile = anatomy.copy()
+        (manifest,) = [each for each in hostile.attachments if each.name == "manifest.json"]
+        manifest.data = document(manifest.data, chance)
+        (tmp_path / "log.mcap").write_bytes(put_together(hostile))
+        outcome = attempt(verb, tmp_path / "log.mcap")
+        if open_log(tmp_path / "log.mcap").damage:
+            assert outcome.status == (2 if verb in NEEDING_A_MANIFEST else 3), outcome.trouble
+            assert verb not in NEEDING_A_MANIFEST or "the manifest in" in outcome.trouble
+
+
+@verbs
+@pytest.mark.parametrize("content", [b"[" * 100_000, b"{a: " * 50_000, BILLION_LAUGHS, b"\xff\0"])
+def test_attachments_that_nobody_should_read_harm_no_verb(verb, content, attempt, real, tmp_path):
+    hostile = take_apart(real)
+    for names in (["resolved.yaml", "versions.json", "scenario/hello.yaml"], ["geometry.json"]):
+        hostile.attachments = [each for each in hostile.attachments if each.name not in names]
+        hostile.attachments += [Attachment(0, 0, name, "", content) for name in names]
+        (tmp_path / "log.mcap").write_bytes(put_together(hostile))
+        outcome = attempt(verb, tmp_path / "log.mcap")
+        assert outcome.status == (2 if "geometry.json" in outcome.trouble else 0), outcome.trouble
+
+
+@pytest.mark.parametrize("verb", [*QUICK, "inspect --digest", "export csv", "run"])
+def test_attachments_may_be_called_anything(verb, real, tmp_path):
+    log, folder = tmp_path / "log.mcap", tmp_path / "written"
+    hostile = take_apart(real)
+    taken = {each.name for each in hostile.attachments} | {"geometry.json"}
+    for content in (b"", b"symaware: 1\n"):
+        hostile.attachments += [Attachment(0, 0, name, name, content) for name in NAMES if name not in taken]
+    log.write_bytes(put_together(hostile))
+    folder.mkdir()
+    line = ["run", log, "--quiet", "--no-record"] if verb == "run" else VERBS[verb](log, folder)
+    status, output, trouble = called(line)
+    assert (status, trouble) == (0, "")
+    assert all(line.isprintable() for line in output.splitlines())
+    assert sorted(os.listdir(tmp_path)) == ["log.mcap", "written"]
 
 
 @pytest.mark.parametrize("verb", ["inspect", "recover"])

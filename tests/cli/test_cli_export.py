@@ -37,7 +37,7 @@ def log(recorded, tmp_path):
 
 
 def test_it_tells_which_tables_it_wrote(log, command, tmp_path):
-    done = command("export", log, "--to", "parquet", "--output", "tables")
+    done = command("export", log, "--format", "parquet", "--output", "tables")
     assert (done.returncode, done.stderr) == (0, "")
     lines = done.stdout.splitlines()
     assert lines[0].startswith(f"{log}: ")
@@ -51,13 +51,13 @@ def test_it_tells_which_tables_it_wrote(log, command, tmp_path):
 
 def test_without_an_output_it_is_named_after_the_log(log, command, tmp_path):
     for target, name in (("csv", "hello-csv"), ("foxglove", "hello-foxglove.mcap")):
-        assert command("export", log, "--to", target).returncode == 0
+        assert command("export", log, "--format", target).returncode == 0
         assert (tmp_path / name).exists()
 
 
 def test_tables_fields_agents_and_times_can_be_chosen(log, command, tmp_path):
-    chosen = ("--fields", "state, world", "--agents", "robot.1", "--from", "0.5", "--until", "0.75")
-    assert command("export", log, "--to", "csv", *chosen).returncode == 0
+    chosen = ("--fields", "state, world", "--agents", "robot.1", "--from", "0.5", "--to", "0.75")
+    assert command("export", log, "--format", "csv", *chosen).returncode == 0
     with open(tmp_path / "hello-csv" / "state" / "robot.csv", newline="") as file:
         rows = list(csv.DictReader(file))
     assert [row["time"] for row in rows] == ["0.5", "0.55", "0.6", "0.65", "0.7", "0.75"]
@@ -66,17 +66,17 @@ def test_tables_fields_agents_and_times_can_be_chosen(log, command, tmp_path):
 
 
 def test_scripts_are_told_in_json(log, command):
-    report = json.loads(command("export", log, "--to", "csv", "--json").stdout)
+    report = json.loads(command("export", log, "--format", "csv", "--json").stdout)
     assert (report["output"], report["damage"]) == ("hello-csv", None)
     state = next(table for table in report["tables"] if table["file"] == "state/robot.csv")
     assert (state["rows"], state["columns"]) == (80, ["time", "agent", "x", "y", "heading"])
-    report = json.loads(command("export", log, "--to", "foxglove", "--json").stdout)
+    report = json.loads(command("export", log, "--format", "foxglove", "--json").stdout)
     assert report["topics"]["/tf/robot"] == 21
 
 
 def test_foxglove_gets_one_file(log, command, tmp_path):
     (tmp_path / "run.mcap").write_text("what was there before")
-    done = command("export", log, "--to", "foxglove", "--output", "run.mcap")
+    done = command("export", log, "--format", "foxglove", "--output", "run.mcap")
     assert (done.returncode, done.stderr) == (0, "")
     with open(tmp_path / "run.mcap", "rb") as file:
         schemas = {schema.name for schema in make_reader(file).get_summary().schemas.values()}
@@ -86,13 +86,13 @@ def test_foxglove_gets_one_file(log, command, tmp_path):
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (("--to", "csv", "--fields", "rsk"), "did you mean `risk`?"),
-        (("--to", "csv", "--agents", "robt.1"), "did you mean `robot.1`?"),
-        (("--to", "csv", "--from", "2", "--until", "1"), "--from 2 is later than --until 1"),
-        (("--to", "csv", "--from", "nan"), "--from takes a time in seconds"),
-        (("--to", "foxglove", "--agents", "robot.1"), "--agents goes with tables only"),
-        (("--to", "foxglove", "--output", "hello.mcap"), "it is what is read"),
-        (("--to", "csv", "--output", "."), "there is something already"),
+        (("--format", "csv", "--fields", "rsk"), "did you mean `risk`?"),
+        (("--format", "csv", "--agents", "robt.1"), "did you mean `robot.1`?"),
+        (("--format", "csv", "--from", "2", "--to", "1"), "--from 2 is later than --to 1"),
+        (("--format", "csv", "--from", "nan"), "--from takes a time in seconds"),
+        (("--format", "foxglove", "--agents", "robot.1"), "--agents goes with tables only"),
+        (("--format", "foxglove", "--output", "hello.mcap"), "it is what is read"),
+        (("--format", "csv", "--output", "."), "there is something already"),
     ],
 )
 def test_wrong_options_are_told_in_a_sentence_and_leave_nothing(log, command, tmp_path, options, said):
@@ -126,7 +126,7 @@ def test_what_is_no_log_of_ours_is_wrong_input(name, said, command, tmp_path):
         foreign.finish()
     before = sorted(path.name for path in tmp_path.iterdir())
     for target in TARGETS if name == "foreign" else ["csv"]:
-        done = command("export", f"{name}.mcap", "--to", target)
+        done = command("export", f"{name}.mcap", "--format", target)
         assert (done.returncode, done.stdout) == (2, "")
         assert said in done.stderr
         assert len(done.stderr.splitlines()) == 1
@@ -136,7 +136,7 @@ def test_what_is_no_log_of_ours_is_wrong_input(name, said, command, tmp_path):
 @pytest.mark.parametrize("target", ["csv", "foxglove"])
 def test_of_a_log_that_breaks_off_the_rest_is_exported_with_exit_status_3(log, command, target):
     log.write_bytes(log.read_bytes()[: log.stat().st_size // 2])
-    done = command("export", log, "--to", target, "--output", "out")
+    done = command("export", log, "--format", target, "--output", "out")
     assert done.returncode == 3
     assert "the end of the run is missing" in done.stderr
     assert "out" in done.stdout
@@ -145,7 +145,7 @@ def test_of_a_log_that_breaks_off_the_rest_is_exported_with_exit_status_3(log, c
 @pytest.mark.parametrize("target", TARGETS)
 def test_a_disk_that_is_full_is_told_in_a_sentence_and_nothing_is_left(log, command, target, tmp_path):
     done = command(
-        *("export", log, "--to", target, "--output", "out"),
+        *("export", log, "--format", target, "--output", "out"),
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, 10_000)),
     )
     assert (done.returncode, done.stdout) == (1, "")
@@ -163,7 +163,7 @@ def test_a_file_system_that_fills_up_is_told_in_a_sentence_and_nothing_is_left(l
     if made.returncode:
         pytest.skip("mounting a small file system takes rights that are not given here")
     try:
-        done = command("export", log, "--to", target, "--output", mounted / "out")
+        done = command("export", log, "--format", target, "--output", mounted / "out")
         assert (done.returncode, done.stderr) == (1, f"symaware: cannot write {mounted / 'out'}: the disk is full\n")
         assert list(mounted.iterdir()) == []
     finally:
@@ -172,7 +172,7 @@ def test_a_file_system_that_fills_up_is_told_in_a_sentence_and_nothing_is_left(l
 
 @pytest.mark.parametrize("target", ["csv", "foxglove"])
 def test_a_place_that_cannot_be_written_is_a_failure_of_the_machine(log, command, target):
-    done = command("export", log, "--to", target, "--output", "nowhere/out")
+    done = command("export", log, "--format", target, "--output", "nowhere/out")
     assert done.returncode == 1
     assert done.stderr == "symaware: cannot write nowhere/out: its folder does not exist\n"
 
@@ -184,7 +184,7 @@ def test_a_place_that_cannot_be_written_is_a_failure_of_the_machine(log, command
 def test_what_is_not_installed_is_named_with_what_installs_it(log, command, tmp_path, target, module, status):
     hide = f"import sys; sys.modules[{module!r}] = None; from symaware_cli.cli import main; main()"
     done = subprocess.run(
-        [COMMAND[0], "-P", "-c", hide, "export", str(log), "--to", target],
+        [COMMAND[0], "-P", "-c", hide, "export", str(log), "--format", target],
         capture_output=True,
         text=True,
         timeout=60,
@@ -201,7 +201,7 @@ def test_what_is_not_installed_is_named_with_what_installs_it(log, command, tmp_
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_an_export_that_is_ended_leaves_nothing(number, tmp_path):
     log = write_sample(tmp_path / "sample.mcap", steps=3000, flush_every=100)
-    line = [*COMMAND, "export", str(log), "--to", "csv", "--output", str(tmp_path / "out")]
+    line = [*COMMAND, "export", str(log), "--format", "csv", "--output", str(tmp_path / "out")]
     with subprocess.Popen(line, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         while process.poll() is None and len(list(tmp_path.iterdir())) < 2:
             time.sleep(0.005)

@@ -233,7 +233,7 @@ def test_a_damaged_entry_ends_the_list_with_a_sentence_and_the_array_stays_whole
         writer.finish({})
     done = inspect(writer.path, "--events", "--json", status=2)
     assert [event["name"] for event in json.loads(done.stdout)] == ["good"]
-    assert f"the entry on /events at 1 ns in {writer.path} is damaged" in done.stderr
+    assert f"the messages on /events in {writer.path} do not fit together: at 1 ns" in done.stderr
 
 
 def test_a_recovered_log_says_what_was_lost_and_is_sound(sample, inspect, tmp_path):

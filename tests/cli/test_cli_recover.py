@@ -43,14 +43,14 @@ def test_it_writes_a_sound_log_beside_the_broken_one_and_tells_what_was_lost(bro
     new = tmp_path / "broken.recovered.mcap"
     lines = done.stdout.splitlines()
     assert lines[0].startswith(f"{new}: ")
-    assert lines[1] == "  kept  168 messages, 0 to 1.2 s; 4 attachments"
+    assert lines[1] == "  kept  193 messages, 0 to 1.2 s; 4 attachments"
     assert lines[2] == (
         "  lost  the log breaks off after 1.2 s of simulated time and the end of the run is missing; "
         "100 bytes at the end of the file cannot be read"
     )
     found = open_log(new)
     assert found.verify() is None
-    assert (found.message_count, found.end_time) == (168, 24 * STEP)
+    assert (found.message_count, found.end_time) == (193, 24 * STEP)
     assert [m.data for m in found.messages()] == [m.data for m in open_log(broken).messages()]
 
 
@@ -73,7 +73,7 @@ def test_it_tells_scripts_the_same(broken, recover, tmp_path):
         "recovered": {
             "log": str(tmp_path / "new.mcap"),
             "size": (tmp_path / "new.mcap").stat().st_size,
-            "messages": 168,
+            "messages": 193,
             "chunks": 5,
             "attachments": 4,
             "start": 0.0,
@@ -88,7 +88,7 @@ def test_it_overwrites_nothing_that_it_was_not_told_to(broken, recover, tmp_path
         assert open_log(tmp_path / f"{name}.mcap").verify() is None
     (tmp_path / "mine.mcap").write_text("mine")
     recover(broken, "-o", tmp_path / "mine.mcap")
-    assert open_log(tmp_path / "mine.mcap").message_count == 168
+    assert open_log(tmp_path / "mine.mcap").message_count == 193
 
 
 def test_a_sound_log_is_told_to_be_sound_and_nothing_is_written(recover, tmp_path):

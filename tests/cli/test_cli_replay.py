@@ -106,6 +106,10 @@ def test_a_picture_is_taken_of_an_instant(hello, command):
         (["--save", "a.rrd", "--from", "-1"], "--from takes a time in seconds, not -1"),
         (["--save", "a.rrd", "--to", "nan"], "--to takes a time in seconds"),
         (["--screenshot", "a.png", "--at", "inf"], "--at takes a time in seconds"),
+        (["--screenshot", "a.png", "--at", "99"], "--at 99 is not in"),
+        (["--screenshot", "a.png", "--at", "3", "--from", "4"], "--at 3 is not in"),
+        (["--screenshot", "a.jpg"], "--screenshot writes a PNG; end the name of the file in .png, not a.jpg"),
+        (["--save", "a.rrd", "--at", "3"], "--at goes with --screenshot"),
         (["--screenshot", "a.png", "--size", "big"], "--size is two numbers of pixels"),
         (["--screenshot", "a.png", "--size", "100000x4"], "--size is two numbers of pixels"),
         (["--web", "--bind", "localhost"], "--bind is an IP address"),
@@ -146,7 +150,7 @@ def test_a_log_that_broke_off_at_once_is_told_so(hello, command):
 
 @pytest.mark.slow
 def test_a_log_cut_anywhere_is_shown_or_refused_in_a_sentence(tmp_path):
-    from log_verbs import called
+    from fuzzing.log_verbs import called
 
     data = write_small(tmp_path / "whole.mcap").read_bytes()
     cut, made = tmp_path / "cut.mcap", tmp_path / "cut.rrd"
@@ -296,11 +300,11 @@ def peak_memory(log, folder):
     """The most memory that a conversion held [bytes]."""
     code = f"""
 import resource
-from log_verbs import called
+from fuzzing.log_verbs import called
 assert called(["replay", {str(log)!r}, "--save", {str(folder / "made.rrd")!r}])[0] == 0
 print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)
 """
-    path = os.pathsep.join([str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH", "")])
+    path = os.pathsep.join([str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH", "")])
     environment = {**os.environ, "PYTHONPATH": path}
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=True)
     return int(done.stdout)

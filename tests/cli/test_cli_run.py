@@ -42,7 +42,7 @@ def test_a_run_ends_with_a_summary_and_a_log(command, scenario, tmp_path):
     assert (done.returncode, done.stderr) == (0, "")
     for said in (
         *("swap: finished after 2 s of simulated time", "4 agents, 40 steps, seed 5", "wall time", "real time"),
-        *("contacts", "m between the centres of robot.", "recorded", "swap.mcap"),
+        *("contacts", "m between the outlines of robot.", "recorded", "swap.mcap"),
     ):
         assert said in done.stdout
     assert sorted(os.listdir(tmp_path)) == ["swap.mcap", "swap.yaml"]
@@ -58,7 +58,7 @@ def test_the_summary_for_scripts_says_the_same(command, scenario):
     assert summary["log"] == "swap.mcap"
     assert summary["log_size"] > 0
     assert summary["contacts"] > 0
-    assert 0 <= summary["minimum_separation"]["value"] < 1.0
+    assert -1.0 <= summary["minimum_separation"]["value"] < 0.0
     assert summary["failure"] is None
 
 
@@ -137,8 +137,25 @@ def test_an_output_that_cannot_be_is_told_in_a_sentence(output, said, command, s
 def test_no_run_overwrites_its_own_scenario(output, command, scenario):
     done = command("run", "swap.yaml", "--output", output)
     assert done.returncode == 2
-    assert done.stderr == "symaware: swap.yaml is the scenario; the log needs a file of its own\n"
+    assert done.stderr == "symaware: swap.yaml is a file of the scenario; the log needs a file of its own\n"
     assert scenario.read_text() == SCENARIO
+
+
+def test_no_run_overwrites_any_file_that_it_read_by_whatever_name(command, scenario, tmp_path):
+    folder = scenario.parent
+    shape = "{circle: null, mesh: {file: m.obj, radius: 1}}"
+    (folder / "top.yaml").write_text(
+        f"extends: swap.yaml\nname: top\nagents: {{robot: {{entity: {{shape: {shape}}}}}}}\n"
+    )
+    (folder / "m.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\nf 1 3 4\nf 2 3 4\n")
+    (folder / "hard.mcap").hardlink_to(folder / "swap.yaml")
+    (folder / "soft.mcap").symlink_to(folder / "m.obj")
+    before = {path: path.read_bytes() for path in folder.iterdir() if path.is_file()}
+    for output in ("top.yaml", "swap.yaml", "m.obj", "hard.mcap", "soft.mcap"):
+        done = command("run", "top.yaml", "--output", output)
+        assert (done.returncode, done.stdout) == (2, ""), output
+        assert "is a file of the scenario" in done.stderr
+    assert before == {path: path.read_bytes() for path in folder.iterdir() if path.is_file()}
 
 
 @pytest.mark.parametrize("verb", ["run", "validate"])

@@ -3,19 +3,19 @@
 import numpy as np
 import pytest
 from simulating import STEP, Team
-from talking import Watch, made
+from talking import Setting, Watch, made
 
 from symaware_cli.components.communication.consensus import Consensus
-from symaware_cli.network.topology.still import Complete, Random, Ring, Star
+from symaware_cli.network.topology.still import Complete, Graph, Line, Random, Ring, Star, Tree
 from symaware_cli.runtime.faults import Freeze, Restart
 from symaware_cli.runtime.timing import Timing
 
 
-def consensus(topology, gain, steps, count=12, channel=None, **parameters):
+def consensus(topology, gain, steps, count=12, channel=None, weights="uniform", **parameters):
     """The values of all agents at each turn, and the eigenvalues of the Laplacian."""
     first = np.random.default_rng(5).uniform(0, 10, count)
     knowledge = [{"value": float(each)} for each in first]
-    agree = made(Consensus, gain=gain)
+    agree = made(Consensus, gain=gain, weights=weights)
     watch = Watch({"node": Team({"agree": agree}, count=count, knowledge=knowledge)}, topology, channel, **parameters)
     group = watch.groups["node"]
     watch.run(steps, lambda: [known["value"] for known in group.knowledge])
@@ -56,6 +56,21 @@ class TestConsensus:
         assert error[-1] < 1e-5
         assert len({event.source for event in watch.fired("agreed")}) == 12
 
+    @pytest.mark.parametrize("graph", [Ring, Complete])
+    def test_who_is_told_another_value_takes_all_others_to_the_new_mean(self, graph):
+        def tell(agent):
+            if agent.row == 2 and agent.surroundings.clock.now == 40 * STEP:
+                agent.self_knowledge["value"] = agent.self_knowledge["value"] + 10.0
+
+        knowledge = [{"value": float(row)} for row in range(5)]
+        teams = {
+            "node": Team(
+                {"tell": lambda: Setting(tell), "agree": made(Consensus, gain=0.15)}, count=5, knowledge=knowledge
+            )
+        }
+        watch = Watch(teams, graph).run(400)
+        assert np.allclose([known["value"] for known in watch.groups["node"].knowledge], 2.0 + 10.0 / 5, atol=1e-6)
+
     def test_vectors_are_agreed_on_element_by_element(self):
         knowledge = [{"value": [float(row), -2.0 * row]} for row in range(5)]
         watch = Watch({"node": Team({"agree": made(Consensus, gain=0.3)}, count=5, knowledge=knowledge)}, Ring)
@@ -79,11 +94,115 @@ class TestConsensus:
         assert np.allclose([known["value"] for known in watch.groups["node"].knowledge], expected, atol=1e-9)
 
 
-def watched(values, gain=0.3, topology=Complete, channel=None, timing=None, **parameters):
+def metropolis(laplacian):
+    """The matrix of Metropolis weights; each row and each column sums to 1."""
+    degrees, count = np.diag(laplacian), len(laplacian)
+    matrix = np.zeros((count, count))
+    for i in range(count):
+        for j in range(count):
+            if i != j and laplacian[i, j]:
+                matrix[i, j] = 1 / (1 + max(degrees[i], degrees[j]))
+        matrix[i, i] = 1 - matrix[i].sum()
+    return matrix
+
+
+IRREGULAR = [
+    (Star, {}),
+    (Line, {}),
+    (Tree, {"branches": 3}),
+    (Random, {"probability": 0.3, "connected": True}),
+    # A clique of four, a path of five from it, and a star of four at its end.
+    (
+        Graph,
+        {
+            "edges": [
+                *([f"node.{i}", f"node.{j}"] for j in range(4) for i in range(j)),
+                *([f"node.{i}", f"node.{i + 1}"] for i in range(3, 8)),
+                *(["node.8", f"node.{i}"] for i in range(9, 12)),
+            ]
+        },
+    ),
+]
+
+
+class TestMetropolisWeights:
+    @pytest.mark.parametrize("gain", [None, 0.4])
+    @pytest.mark.parametrize(("topology", "parameters"), IRREGULAR)
+    def test_values_follow_the_metropolis_matrix_turn_by_turn(self, topology, parameters, gain):
+        values, laplacian, watch = consensus(topology, gain, 500, weights="metropolis", **parameters)
+        assert len(set(np.diag(laplacian))) > 1
+        matrix = metropolis(laplacian)
+        assert np.allclose(matrix, matrix.T)
+        gain = 1.0 if gain is None else gain
+        expected = [values[0]]
+        for _ in values[1:]:
+            expected.append((1 - gain) * expected[-1] + gain * matrix @ expected[-1])
+        assert np.allclose(values, expected, rtol=0, atol=1e-11)
+        assert np.allclose(values.sum(axis=1), values[0].sum(), rtol=0, atol=1e-10)
+        assert not watch.fired("unstable")
+
+    @pytest.mark.parametrize(
+        ("gain", "channel"),
+        [(None, {"loss": 0.3}), (None, {"duplication": 0.3}), (0.3, {"delay": {"uniform": [0.0, 0.3]}, "loss": 0.2})],
+    )
+    @pytest.mark.parametrize(("topology", "parameters"), IRREGULAR)
+    def test_neither_losses_nor_delays_shift_the_mean(self, topology, parameters, gain, channel):
+        values, _, watch = consensus(topology, gain, 1200, channel=channel, weights="metropolis", **parameters)
+        # The slowest is the line, whose error shrinks by 1 - 0.3 * 0.0227 in each turn.
+        assert np.allclose(values[-1], values[0].mean(), rtol=0, atol=0.01 if gain else 1e-6)
+        assert values[-1].mean() == pytest.approx(values[0].mean(), abs=1e-4)
+        assert not watch.fired("unstable")
+
+    def test_a_gain_for_all_graphs_is_not_that_of_the_greatest_degree(self):
+        values, _, _ = consensus(Star, None, 200, weights="metropolis")
+        apart = np.abs(values[-1] - values[0].mean()).max()
+        assert apart < 1e-6
+        values, _, watch = consensus(Star, 1.0, 100)
+        assert np.abs(values[-1]).max() > 1e6
+        assert watch.fired("unstable")
+
+    @pytest.mark.parametrize("late", [1, 3])
+    @pytest.mark.parametrize("share", [0.93, 1.07])
+    def test_late_messages_limit_the_gain_by_the_sum_of_the_weights(self, late, share):
+        # On a ring each weight is 1/3, so that the greatest eigenvalue is 4/3.
+        gain = share * 1.5 * np.sin(np.pi / (4 * late + 2))
+        values, _, watch = consensus(Ring, gain, 600, channel={"delay": (late + 1) * STEP / 1e9}, weights="metropolis")
+        apart = np.abs(values - values[0].mean()).max(axis=1)
+        assert apart[-1] < 0.1 * apart[0] if share < 1 else apart[-1] > 10.0 * apart[0]
+        warned = watch.fired("unstable")
+        assert len(warned) == (share > 1)
+        if warned:
+            assert warned[0].data["limit"] == pytest.approx(gain / share)
+
+    @pytest.mark.parametrize("topology", [None, Star, Line])
+    def test_groups_know_the_degrees_of_their_own(self, topology):
+        values = {"cat": 1.0, "dog": 3.0, "emu": 8.0, "fox": 20.0}
+        watch = watched(values, None, topology, weights="metropolis")
+        watch.run(200, lambda: known(watch))
+        assert np.allclose(watch.frames[-1], 8.0, atol=1e-9)
+        # Where everybody reaches everybody, all weights are 1/4, and one turn is enough.
+        if topology is None:
+            assert np.allclose(watch.frames[1], 8.0, atol=1e-9)
+
+    @pytest.mark.parametrize("channel", [None, {"loss": 0.3}])
+    def test_who_begins_anew_after_agreeing_stays_with_the_mean(self, channel):
+        values = {"cat": 1.0, "dog": 3.0, "emu": 8.0, "fox": 20.0}
+        watch = watched(values, None, Star, channel, weights="metropolis")
+        watch.fault(Restart, "cat", "agree", 270).fault(Restart, "emu", "agree", 290)
+        watch.run(500, lambda: known(watch))
+        assert np.allclose(watch.frames[269:], 8.0, atol=1e-6)
+
+    def test_uniform_weights_need_a_gain(self):
+        with pytest.raises(ValueError, match="`gain` is missing"):
+            Consensus.Parameters()
+        assert made(Consensus, weights="metropolis")().gain == 1.0
+
+
+def watched(values, gain=0.3, topology=Complete, channel=None, timing=None, weights="uniform", **parameters):
     """Groups of one agent each, by name with what it knows."""
     teams = {
         name: Team(
-            {"agree": made(Consensus, gain=gain)},
+            {"agree": made(Consensus, gain=gain, weights=weights)},
             knowledge=[{"value": value}],
             timings={} if timing is None else {"agree": timing},
         )

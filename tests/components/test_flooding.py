@@ -62,9 +62,9 @@ class TestNews:
         [
             (1000.5, lambda known: known.update(value=float("1000.5")), 1),
             (float("nan"), lambda known: known.update(value=float("nan")), 1),
-            ([1, "x"], lambda known: known["value"].append(2), 40),
+            ([1, "x"], lambda known: known.update(value=[*known["value"], 2]), 40),
             ([1, "x"], lambda known: known.update(value=[1, "x"]), 1),
-            ([[1], {"a": [2]}], lambda known: known["value"][1]["a"].append(3), 40),
+            ([[1], {"a": [2]}], lambda known: known.update(value=[[1], {"a": [*known["value"][1]["a"], 3]}]), 40),
             (0, lambda known: known.update(value=np.array([1.0, np.nan])), 2),
             (0, lambda known: known.update(value=known["value"] + np.ones(2)), 40),
             (0, lambda known: known.update(value="text"), 2),

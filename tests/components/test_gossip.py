@@ -79,7 +79,7 @@ class TestGossip:
         def write(agent):
             known = agent.self_knowledge
             if agent.row == 0 and agent.surroundings.clock.now == 10 * STEP:
-                known["items"].append(2)
+                known["items"] = [*known["items"], 2]
             if agent.row == 0:
                 known["level"] = float("1000.5")
             return [0.0, 0.0]

@@ -261,7 +261,7 @@ class TestBroadcasts:
         scene = Scene(a=speaker(Broadcast), b=Team({"hear": Inbox}))
         scene.run(4)
         told = scene.groups["b"].agents[0].awareness_database.told["a"]
-        assert told.state.tolist() == pytest.approx([2 * 2.0 * STEP / 1e9, 0.0])
+        assert told.state.tolist() == pytest.approx([2 * 2.0 * STEP / 1e9, 0.0, 2.0, 0.0])
         assert told.uncertainty.times.tolist() == [2 * STEP]
 
 

@@ -8,7 +8,8 @@ from simulating import Team, simulation
 
 from symaware_cli import Entity, TimeSeries, Tracks
 from symaware_cli.components.perception import OmniscientPerception
-from symaware_cli.components.risk.collision import Collision, collision_probability
+from symaware_cli.components.risk.balls import collision_probability
+from symaware_cli.components.risk.collision import Collision
 from symaware_cli.components.risk.time_to_collision import TimeToCollision, time_to_collision
 from symaware_cli.models.integrator import SingleIntegrator
 from symaware_cli.models.unicycle import Unicycle
@@ -108,6 +109,15 @@ def test_the_margin_widens_the_bodies_and_the_reach_ends_the_view():
     places = [[0, 0], [5.05, 0]]
     assert risks({"robot": team(places, moving, horizon=5.0, margin=1.0)})["robot.0"] == pytest.approx(1 - 3 / 5)
     assert risks({"robot": team(places, moving, horizon=5.0, reach=4.9)})["robot.0"] == 0.0
+
+
+@pytest.mark.parametrize("clear", [0.3, 1.7])
+def test_the_margin_is_the_distance_that_counts_as_a_collision(clear):
+    """Of two that pass each other at a distance of so much between their outlines, for certain."""
+    places, moving = [[0, 0], [4.0, 1.0 + clear]], [[0.0, 0.0], [-2.0, 0.0]]
+    for margin, risk in ((0.0, 0.0), (clear - 0.1, 0.0), (clear + 0.1, 1.0)):
+        found = risks({"robot": team(places, moving, Collision, horizon=5.0, margin=margin)})
+        assert found == pytest.approx({"robot.0": risk, "robot.1": risk}, abs=1e-6)
 
 
 @pytest.mark.parametrize("risk", [TimeToCollision, Collision])
@@ -231,10 +241,11 @@ ROLLING = {"risk": lambda: Collision(Collision.Parameters(horizon=8.0))}
 NOTHING, METRE = np.zeros((4, 4)), np.diag([1.0, 1.0, 0.0, 0.0])
 
 
-def test_encounters_with_several_others_add_up_as_independent():
+def test_risks_of_several_encounters_add_up_to_one_at_most():
     one, both = believing([METRE, NOTHING]), believing([METRE, METRE])
     assert 0.05 < one[0] < 0.5
-    assert both[0] == pytest.approx(1 - (1 - one[0]) ** 2)
+    assert both[0] == pytest.approx(2 * one[0])
+    assert believing([METRE, METRE], margin=9.0)[0] == 1.0
     assert both[1:].tolist() == [0.0, 0.0]  # who believes in nobody fears nobody
 
 
@@ -243,8 +254,8 @@ def test_who_doubts_its_own_position_fears_as_much_as_who_doubts_the_others():
     assert believing([METRE, NOTHING])[0] == known
     shared = believing([0.4 * METRE, NOTHING], own=0.6 * np.eye(2))[0]
     # One's own doubt bears on the second encounter as well; alone, both have the same part in it.
-    either = 1 - np.sqrt(1 - believing([NOTHING, NOTHING], own=0.6 * np.eye(2))[0])
-    assert shared == pytest.approx(1 - (1 - known) * (1 - either))
+    either = 0.5 * believing([NOTHING, NOTHING], own=0.6 * np.eye(2))[0]
+    assert shared == pytest.approx(known + either)
 
 
 def test_who_doubts_its_heading_doubts_where_it_will_be():
@@ -264,27 +275,15 @@ def test_who_doubts_its_heading_doubts_where_it_will_be():
     assert 0.1 < risk(np.radians(5)) < 0.5
 
 
-def test_doubt_of_a_velocity_counts_up_to_the_closest_approach():
+def test_doubt_of_a_velocity_counts_and_never_too_little():
     sure, unsure = np.diag([0.01, 0.01, 0, 0]), np.diag([0.01, 0.01, 0.25, 0.25])
     arguments = {"velocity": (-1.0, 0.8), "horizon": 4.0}
-    # Closest after (2, 0) . (1, -0.8) / 1.64 = 1.22 s.
-    time = 2 / 1.64
-    later = np.diag([0.01 + 0.25 * time**2] * 2 + [0.0] * 2)
-    assert believing([sure, NOTHING], **arguments)[0] < believing([unsure, NOTHING], **arguments)[0]
-    assert believing([unsure, NOTHING], **arguments)[0] == pytest.approx(believing([later, NOTHING], **arguments)[0])
-
-
-def test_short_encounters_with_uncertain_velocities_agree_with_sampling_of_both():
-    apart, closing, radius, horizon = np.array([3.0, 0.8]), np.array([-2.0, 0.0]), 1.0, 4.0
-    square = np.diag([0.2, 0.2, 0.1, 0.1])
-    sampled = np.random.default_rng(4).multivariate_normal([*apart, *closing], square, size=1_000_000)
+    sampled = np.random.default_rng(4).multivariate_normal([2, 0, -1, 0.8], unsure, size=1_000_000)
     place, speed = sampled[:, :2], sampled[:, 2:]
-    time = np.clip(-np.einsum("ij,ij->i", place, speed) / np.einsum("ij,ij->i", speed, speed), 0, horizon)
-    nearest = place + time[:, None] * speed
-    expected = (np.hypot(*nearest.T) < radius).mean()
-    carried = square[:2, :2] + 1.5**2 * square[2:, 2:]
-    (probability,) = collision_probability(*one_encounter(apart, closing, radius), carried[None], horizon)
-    assert probability == pytest.approx(expected, abs=0.02)
+    time = np.clip(-np.einsum("ij,ij->i", place, speed) / np.einsum("ij,ij->i", speed, speed), 0, 4)
+    touching = (np.hypot(*(place + time[:, None] * speed).T) < 1.0).mean()
+    found = believing([unsure, NOTHING], **arguments)[0]
+    assert believing([sure, NOTHING], **arguments)[0] < touching < found < 1.5 * touching
 
 
 def test_an_uncertainty_that_is_no_covariance_of_the_state_is_refused():

@@ -131,7 +131,7 @@ def test_the_belief_of_oneself_is_that_of_the_textbook(name):
     components = sense(range=1.0, self_noise=deviation) | believe(initial_deviation=0.3)
     run = Run({"robot": Team(components, count=4, state=start.tolist(), model=model)})
     group, awareness = run.group["robot"], run.group["robot"].awareness
-    first = run.simulation.slots[1].components[0]._belief.state
+    first = run.simulation.slots[1].components[0]._own.at_present().state
     assert 0.01 < np.abs(first - start).max() < 1.5
     filters = [Textbook(mean, 0.09 * np.eye(nx)) for mean in first]
     noise = model.noise_covariance(SECONDS)
@@ -472,8 +472,8 @@ def test_nothing_is_held_on_to_for_longer_than_it_is_needed():
         run.turn()
         run.step()
     blind, late = (slot.components[-1] for slot in run.simulation.slots if slot.name == "believe")
-    assert len(blind._inputs) == 0
-    assert len(late._inputs) == 4
+    assert len(blind._own._inputs) == 0
+    assert len(late._own._inputs) == 4
 
 
 def test_turns_that_are_seldom_believe_the_same_of_oneself():
@@ -481,7 +481,7 @@ def test_turns_that_are_seldom_believe_the_same_of_oneself():
     model = drifting()
     run = Run({"often": Team(believe(initial_deviation=0.1), model=model), "seldom": Team(believe(), model=model)})
     often, seldom = (slot.components[0] for slot in run.simulation.slots)
-    seldom._belief = often._belief
+    seldom._own._belief = often._own._belief
     for number in range(13):
         often.compute_and_update()
         if number % 4 == 0:

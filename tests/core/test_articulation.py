@@ -8,7 +8,7 @@ from pydantic import ValidationError
 from scipy.spatial.transform import Rotation
 
 from symaware_cli.core.articulation import Articulation, Link, Visual
-from symaware_cli.core.rotation import about, attitude, composed, rotated
+from symaware_cli.geometry.rotation import about, attitude, composed, rotated
 
 ANGLE = st.floats(-3.0, 3.0)
 TRIPLE = st.tuples(ANGLE, ANGLE, ANGLE)

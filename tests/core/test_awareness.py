@@ -101,7 +101,7 @@ def test_the_database_knows_oneself_from_the_start_and_nobody_else(pair):
 def test_what_one_wrote_of_others_stands_in_ones_own_database_only(pair):
     (agent, other), _ = pair
     agent.awareness_database["robot.1"] = AwarenessVector("robot.1", [7.0, 7.0])
-    agent.awareness_database["ghost"] = AwarenessVector("ghost", [8.0, 8.0])
+    agent.awareness_database["ghost"] = AwarenessVector("ghost", [8.0, 8.0, 0.0, 0.0])
     assert sorted(agent.awareness_database) == ["ghost", "robot.0", "robot.1"]
     assert list(other.awareness_database) == ["robot.1"]
     assert other.self_state.tolist() == [1.0, 0.0]
@@ -114,9 +114,9 @@ def test_who_perceives_everything_sees_all_through_one_snapshot_and_its_own_note
     agent.group.awareness.world = world.snapshot()
     assert list(agent.awareness_database) == ["robot.0", "robot.1"]
     assert list(other.awareness_database) == ["robot.1", "robot.0"]
-    assert agent.awareness_database["robot.1"].state.tolist() == [1.0, 0.0]
-    agent.awareness_database["robot.1"] = AwarenessVector("robot.1", [7.0, 7.0])
-    assert agent.awareness_database["robot.1"].state.tolist() == [7.0, 7.0]
+    assert agent.awareness_database["robot.1"].state.tolist() == [1.0, 0.0, 0.0, 0.0]
+    agent.awareness_database["robot.1"] = AwarenessVector("robot.1", [7.0, 7.0, 1.0, 2.0])
+    assert agent.awareness_database["robot.1"].state.tolist() == [7.0, 7.0, 1.0, 2.0]
     with pytest.raises(KeyError):
         agent.awareness_database["ghost"]
 
@@ -132,5 +132,5 @@ def test_writing_ones_own_entry_writes_oneself(pair):
 def test_others_are_listed_in_an_order_that_does_not_depend_on_who_was_noticed_first(pair):
     (agent, _), _ = pair
     for id in ("z", "a", "m"):
-        agent.awareness_database[id] = AwarenessVector(id, [0.0])
+        agent.awareness_database[id] = AwarenessVector(id, [0.0, 0.0])
     assert list(agent.awareness_database) == ["robot.0", "a", "m", "z"]

@@ -164,3 +164,25 @@ def test_nobody_else_is_called_ground(who):
     assert caught.value.path == (("agents", "ground") if who == "group" else ("environment", "entities", "ground"))
     with world(obstacles, groups, ground=None):
         pass  # there is nothing to be taken for
+
+
+@pytest.mark.parametrize("pace", [0.05, 0.2, 1.0, 5.0])
+def test_balls_on_the_ground_lose_no_more_of_a_bounce_than_it_takes_for_stacks_to_rest(pace):
+    """1e-5 m in a physics step, or a hundredth."""
+    for share in (0.0, 1e-3, 0.1, 0.5):
+        gap = 0.1 + (8 + share) * pace * 0.005
+        obstacles = {
+            name: Obstacle(
+                shape={"circle": {"radius": 0.1}},
+                position=[side * gap, 0.0, 0.1],
+                velocity=[-side * pace, 0.0, 0.0],
+                mass=1.0,
+                elasticity=1.0,
+                friction=0.0,
+            )
+            for name, side in (("one", -1), ("other", 1))
+        }
+        with world(obstacles, time_step=0.05, substeps=10) as environment:
+            moved(environment, 0.2)
+            away = environment.pose("other").velocity[0] - environment.pose("one").velocity[0]
+        assert away == pytest.approx(2 * pace, rel=0.01, abs=2.1e-3)

@@ -178,6 +178,31 @@ def test_a_collision_keeps_momentum_and_what_elasticity_leaves_of_the_energy(kin
     assert began.point[0] == pytest.approx(0.4, abs=0.011)
 
 
+@pytest.mark.parametrize("shape", [{"circle": {"radius": 0.2}}, CRATE], ids=["balls", "boxes"])
+@pytest.mark.parametrize("elasticity", [0.5, 0.9, 1.0])
+def test_a_bounce_loses_what_its_elasticity_says_at_any_speed(kind, elasticity, shape):
+    for pace in (0.005, 0.01, 0.03, 0.1, 0.5, 2.0, 8.0, 20.0):
+        # Where in a physics step they meet, and so how deep the engine finds them in each other, must not matter.
+        for share in (0.0, 1e-6, 1e-3, 0.1, 0.5, 0.999):
+            gap = 0.2 + (4 + share) * pace * 0.005
+            obstacles = {
+                name: Obstacle(
+                    shape=shape,
+                    position=[side * gap, 0.0],
+                    velocity=[-side * pace, 0.0],
+                    mass=1.0,
+                    elasticity=part,
+                    friction=0.0,
+                )
+                for name, side, part in (("one", -1, 1.0), ("other", 1, elasticity))
+            }
+            recovery = {"recovery": 0.02} if kind is PyBulletEnvironment else {}
+            with world(kind, obstacles=obstacles, **recovery) as environment:
+                moved(environment, 0.2)
+                away = speed(environment, "other") - speed(environment, "one")
+            assert away == pytest.approx(elasticity * 2 * pace, rel=0.01), (pace, share)
+
+
 def test_a_bounce_within_a_time_step_is_a_contact_with_its_impulse(kind):
     obstacles = {
         "ball": ball(0.0, 10.0, mass=2.0, elasticity=1.0),

@@ -61,16 +61,18 @@ def test_states_are_those_of_the_log(noisy, tmp_path):
             np.testing.assert_array_equal(values, series.values)
 
 
-def test_control_inputs_stand_beside_what_was_asked_for(tmp_path):
+def test_control_inputs_are_told_as_applied_and_as_asked_for(tmp_path):
     log = open_log(write_sample(tmp_path / "sample.mcap"))
-    export_tables(log, tmp_path / "tables", PARQUET)
-    table = read(tmp_path / "tables" / "control" / "robot.parquet")
-    assert table.column_names[2:] == ["speed", "turn", "speed_requested", "turn_requested"]
-    for agent in ("robot.0", "robot.1", "robot.2"):
-        times, values = of(table, agent)
-        np.testing.assert_array_equal(times, log.series(agent, "control").times)
-        np.testing.assert_array_equal(values[:, :2], log.series(agent, "control").values)
-        np.testing.assert_array_equal(values[:, 2:], log.series(agent, "control_requested").values)
+    export_tables(log, tmp_path / "tables", PARQUET, Selection(fields=("control",)))
+    made = sorted(path.relative_to(tmp_path / "tables").as_posix() for path in (tmp_path / "tables").rglob("*.parquet"))
+    assert [each for each in made if "robot" in each] == ["control/robot.parquet", "control_requested/robot.parquet"]
+    for field in ("control", "control_requested"):
+        table = read(tmp_path / "tables" / field / "robot.parquet")
+        assert table.column_names[2:] == ["speed", "turn"]
+        for agent in ("robot.0", "robot.1", "robot.2"):
+            times, values = of(table, agent)
+            np.testing.assert_array_equal(times, log.series(agent, field).times)
+            np.testing.assert_array_equal(values, log.series(agent, field).values)
 
 
 def test_every_point_of_a_time_series_has_a_row(noisy, table):
@@ -347,12 +349,15 @@ def test_a_state_may_have_an_element_called_time(write, table):
 
 
 def test_the_name_of_a_group_leads_nowhere_else(write, tmp_path):
-    log = write(
-        "state", "Rows", [(0, wire.encode_rows([[1.0]], [0]))], {"columns": "x", "units": "m"}, group="../../up"
-    )
-    export_tables(open_log(log), tmp_path / "tables", CSV)
-    assert [path.name for path in (tmp_path / "tables" / "state").iterdir()] == ["..%2F..%2Fup.csv"]
+    def named(group):
+        content = [(0, wire.encode_rows([[1.0]], [0]))]
+        return open_log(write("state", "Rows", content, {"columns": "x", "units": "m"}, group=group))
+
+    export_tables(named("..\\C: %2F"), tmp_path / "tables", CSV)
+    assert [path.name for path in (tmp_path / "tables" / "state").iterdir()] == ["..%5CC%3A%20%252F.csv"]
     assert {path.name for path in tmp_path.iterdir()} == {"log.mcap", "tables"}
+    with pytest.raises(LogError, match="is damaged"):
+        export_tables(named("../../up"), tmp_path / "more", CSV)
 
 
 @pytest.mark.parametrize(
@@ -377,7 +382,10 @@ def test_the_name_of_a_group_leads_nowhere_else(write, tmp_path):
 def test_a_message_that_does_not_fit_is_told_with_its_topic(write, tmp_path, field, kind, data):
     content = data if isinstance(data, bytes) else data.SerializeToString()
     log = write(field, kind, [(0, content)], {"columns": "x", "units": "m"})
-    with pytest.raises(LogError, match=f"the messages on /agents/robot/{field} in .* do not fit together"):
+    with pytest.raises(
+        LogError,
+        match=rf"the messages on /agents/robot/{field} .*(do not fit together|\(symaware.v1.Event\).* are not ours)",
+    ):
         export_tables(open_log(log), tmp_path / "tables", CSV)
     assert [path.name for path in tmp_path.iterdir()] == ["log.mcap"]
 

@@ -52,14 +52,23 @@ def delays(**parameters):
         ({"normal": [0.05, 0.1]}, stats.truncnorm(-0.5, np.inf, 0.05, 0.1)),
         ({"lognormal": [0.1, 0.5]}, stats.lognorm(0.5, scale=0.1)),
         ({"exponential": 0.05}, stats.expon(scale=0.05)),
+        ({"constant": 0.02, "exponential": 0.05}, stats.expon(0.02, 0.05)),
+        ({"constant": 0.02, "normal": [0.05, 0.1]}, stats.truncnorm(-0.5, np.inf, 0.07, 0.1)),
     ],
-    ids=["uniform", "normal", "truncated normal", "lognormal", "exponential"],
+    ids=["uniform", "normal", "truncated normal", "lognormal", "exponential", "shifted", "shifted truncated"],
 )
 def test_delays_have_the_distribution_that_was_asked_for(delay, distribution):
     drawn = delays(delay=delay)
     assert (drawn >= 0).all()
     # Kolmogorov and Smirnov; the seed is fixed, so this never fails by chance.
     assert stats.kstest(drawn, distribution.cdf).pvalue > 1e-3
+
+
+@pytest.mark.parametrize("delay", [{"exponential": 0.05}, {"uniform": [0.1, 0.3]}, {"lognormal": [0.1, 0.5]}])
+def test_a_constant_is_what_every_message_takes_besides(delay):
+    shifted = delays(delay={"constant": 0.25, **delay})
+    np.testing.assert_allclose(shifted, delays(delay=delay) + 0.25, rtol=0, atol=1e-9)
+    assert shifted.min() >= 0.25
 
 
 def test_so_have_the_delays_along_one_link():
@@ -183,6 +192,59 @@ def test_over_the_slowest_of_links_nothing_ever_arrives(drop):
     post.until(1_000_000_000, 10_000_000, 10_000_000)
     assert post.exchange.in_flight == 5
     assert post.exchange.next_time > 10**18
+
+
+@given(
+    st.lists(st.tuples(st.integers(0, 400_000_000), st.integers(32, 400)), min_size=1, max_size=40), st.integers(1, 5)
+)
+def test_a_queue_of_messages_holds_so_many_whatever_their_size(posts, length):
+    link = Link(bandwidth=1000.0, queue_length=length)
+    now, inside = 0, []
+    for gap, size in posts:
+        now += gap
+        inside = [leaving for leaving in inside if leaving > now]
+        fates = link.carry(now, size)
+        assert (fates.reason[0] == QUEUE_FULL) == (len(inside) >= length)
+        if len(inside) < length:
+            inside.append(int(fates.due[0]))
+
+
+def test_links_count_for_themselves_and_a_queue_may_count_bytes_too():
+    link = Link(3, bandwidth=1000.0, queue_length=2, queue=250.0)
+    reasons = [link.carry(0, size).reason.tolist() for size in (100, 100, 40)]
+    assert reasons == [[0] * 3, [0] * 3, [QUEUE_FULL] * 3]  # of three messages one is too many
+    link = Link(3, bandwidth=1000.0, queue_length=3, queue=250.0)
+    reasons = [link.carry(0, size).reason.tolist() for size in (100, 100, 100)]
+    assert reasons == [[0] * 3, [0] * 3, [QUEUE_FULL] * 3]  # of 300 bytes fifty are too many
+    assert link.carry(100_000_001, 100).reason.tolist() == [0] * 3
+
+
+def test_the_line_of_a_queue_of_messages_drops_its_oldest():
+    line = Line(parameters(bandwidth=1000.0, queue_length=3))
+    line.join(0, 100, "first")
+    line.advance(0)
+    assert [line.join(0, 100, each) for each in ("second", "third", "fourth", "fifth")] == [
+        [],
+        [],
+        ["second"],
+        ["third"],
+    ]
+    assert [parcel for parcel, _ in line.advance(10**9)] == ["fourth", "fifth"]
+    line = Line(parameters(bandwidth=1000.0, queue_length=1))
+    line.join(0, 100, "first")
+    line.advance(0)
+    assert line.join(50_000_000, 100, "second") == ["second"], "what is on its way into the link cannot be dropped"
+
+
+def test_a_queue_of_messages_holds_for_heads_and_tails_of_a_whole_network():
+    for drop, heard in (("tail", [0.0, 1.0]), ("head", [0.0, 3.0])):
+        channel = {"bandwidth": 1000.0, "queue_length": 2, "drop": drop}
+        post = Post(laid(Complete, world(2)), channel, time_step=10_000_000)
+        for number in range(4):
+            post.send("robot.0", "robot.1", number=float(number), filling="x" * 92)
+        post.until(1_000_000_000, 10_000_000, 10_000_000)
+        assert [message.payload["number"] for message, _ in post.stage("delivered")] == heard
+        assert [reason for _, reason in post.stage("dropped")] == ["queue-full"] * 2
 
 
 def test_a_queue_counts_bytes_also_when_a_link_is_narrowed_under_what_waits():

@@ -135,6 +135,46 @@ def test_a_solution_as_a_guess_is_found_again_with_less_work(seed):
     assert again.iterations <= first.iterations
 
 
+def test_where_the_first_solver_fails_from_the_guess_it_tries_the_alternatives_in_order():
+    # Twenty iterations are too few from a plan that turns on the spot, and enough from a solution.
+    solver, (state, values) = detour(iterations=20), task(2)
+    idle = solver.rollout(state, [0.0, 1.0])
+    good = DETOUR.solve(state, values).plan
+    failed = solver.solve(state, values, guess=idle)
+    assert not failed.solved
+    made = []
+
+    def alternatives(plans):
+        for plan in plans:
+            made.append(plan)
+            yield plan
+
+    found = solver.solve(state, values, guess=idle, alternatives=alternatives([idle, good, good]))
+    alone = detour(solvers=("fatrop",), iterations=20).solve(state, values, guess=good)
+    assert (found.solved, found.solver, found.status) == (True, "fatrop", "solved")
+    np.testing.assert_array_equal(found.plan.inputs, alone.plan.inputs)
+    assert made == [idle, good], "no more are made than are needed"
+    # Nothing but the first solver was needed: twice in vain from where there is no way, then from the solution.
+    assert found.iterations <= 2 * 21 + alone.iterations
+
+
+def test_alternatives_are_not_made_where_the_guess_will_do_and_where_they_fail_too_the_guess_counts():
+    state, values = task(2)
+    good = DETOUR.solve(state, values)
+
+    def none():
+        raise AssertionError("nobody needs it")
+        yield
+
+    again = DETOUR.solve(state, values, guess=good.plan, alternatives=none())
+    np.testing.assert_array_equal(again.plan.inputs, DETOUR.solve(state, values, guess=good.plan).plan.inputs)
+    short, idle = detour(iterations=3), DETOUR.rollout(state, [0.0, 1.0])
+    failed, other = short.solve(state, values), short.solve(state, values, alternatives=[idle])
+    assert not other.solved
+    assert (other.solver, other.status) == (failed.solver, failed.status)
+    np.testing.assert_array_equal(other.plan.inputs, failed.plan.inputs)
+
+
 def test_a_warm_start_saves_iterations_along_the_way():
     state, values = task(5)
     cold = warm = 0
@@ -230,13 +270,6 @@ def test_the_next_solver_is_tried_where_one_fails():
     assert chain.solver == "ipopt"
     assert np.array_equal(chain.plan.states, alone.plan.states)
     assert chain.iterations > alone.iterations
-
-
-def test_no_further_solver_is_tried_when_the_time_is_up():
-    state, values = task(1)
-    solution = detour(iterations=2, wall_time=1e-9).solve(state, values)
-    assert solution.solver == "fatrop"
-    assert detour(solvers=("ipopt",), wall_time=1e-9).solve(state, values).status == "out of time"
 
 
 @both

@@ -16,11 +16,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from log_verbs import called
 from mcap.writer import Writer
 from parts import contents, split, write_part
 from sample_log import MANIFEST, STEP, write_sample
 
+from fuzzing.log_verbs import called
 from symaware_cli.exporting.conversion import export_tables
 from symaware_cli.exporting.text import CSV
 from symaware_cli.recording import symaware_v1_pb2 as v1
@@ -153,7 +153,7 @@ def test_all_verbs_take_the_merged_log(crossing, tmp_path):
         ["inspect", path],
         ["inspect", path, "--series", "robot:state"],
         ["recover", path],
-        ["export", path, "--to", "foxglove", "--output", tmp_path / "foxglove.mcap"],
+        ["export", path, "--format", "foxglove", "--output", tmp_path / "foxglove.mcap"],
         ["replay", path, "--save", tmp_path / "replay.rrd"],
         ["plot", path, "--output", tmp_path / "plot.png", "--dpi", 20],
         ["run", path, "--quiet", "--output", tmp_path / "again.mcap"],
@@ -476,7 +476,7 @@ def test_a_manifest_that_does_not_say_whose_part_it_is_is_refused(tmp_path, part
         writer.attach("manifest.json", "", json.dumps({**MANIFEST, "part": part}).encode())
         writer.finish({})
     said = refused([tmp_path / "a.mcap"], tmp_path)
-    assert said == "the manifest in a.mcap is damaged: it does not say whose part this is"
+    assert said == "the manifest in a.mcap is damaged: leave it out"
 
 
 def test_what_is_no_log_of_ours_is_refused(parts, tmp_path):
@@ -487,7 +487,7 @@ def test_what_is_no_log_of_ours_is_refused(parts, tmp_path):
         writer.finish()
     assert refused([*parts, foreign], tmp_path) == "foreign.mcap was not written by SymAware: leave it out"
     LogWriter(early).abort()
-    assert refused([*parts, early], tmp_path) == "early.mcap broke off before it says whose part it is: leave it out"
+    assert refused([*parts, early], tmp_path) == "early.mcap broke off before it says who takes part: leave it out"
     assert refused([*parts, tmp_path / "none.mcap"], tmp_path) == "there is no file none.mcap"
 
 

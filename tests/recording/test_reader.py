@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mcap.writer import CompressionType, Writer
+from sample_log import MANIFEST
 
 from symaware_cli.recording import symaware_v1_pb2 as v1
 from symaware_cli.recording import wire
@@ -78,7 +79,8 @@ def test_every_message_of_ours_decodes(sample):
         "/world/robot/state": wire.Rows,
         "/agents/robot/state": wire.Rows,
         "/agents/car/state": wire.Rows,
-        "/agents/robot/control": wire.Control,
+        "/agents/robot/control": wire.Rows,
+        "/world/robot/control": wire.Rows,
         "/agents/robot/risk": wire.SeriesRows,
         "/agents/robot/awareness": wire.Awareness,
         "/agents/robot/knowledge": v1.Knowledge,
@@ -115,13 +117,6 @@ def test_an_agent_has_a_series_of_the_instants_at_which_it_was_recorded(write):
     log = open_log(write("state", "Rows", entries))
     assert [log.series(f"robot.{row}", "state").times.tolist() for row in range(3)] == [[5, 9], [0, 9], [5, 9]]
     assert log.series("robot.2", "state").values.tolist() == [[4.0], [9.0]]
-
-
-def test_control_is_what_was_applied_and_control_requested_what_was_asked_for(write):
-    entries = [(0, wire.encode_control([[5.0]], [[1.0]], [0])), (1, wire.encode_control([[0.5]], None, [0]))]
-    log = open_log(write("control", "Control", entries))
-    assert log.series("robot.0", "control").values.tolist() == [[1.0], [0.5]]
-    assert log.series("robot.0", "control_requested").values.tolist() == [[5.0], [0.5]]
 
 
 def test_of_a_time_series_its_first_point_is_taken(write):
@@ -380,11 +375,62 @@ def test_a_log_of_a_newer_format_is_refused(tmp_path):
         open_log(path)
 
 
-@pytest.mark.parametrize("content", [b"", b"\xff", b"[]", b"{}", b'{"format": "1"}', b'{"format": 1, "groups": [1]}'])
-def test_a_manifest_that_is_none_is_refused(tmp_path, content):
-    path = manifest_only(tmp_path / "log.mcap", content)
+NO_MANIFESTS = {
+    "empty": b"",
+    "no text": b"\xff",
+    "list": b"[]",
+    "no format": b"{}",
+    "text as format": b'{"format": "1"}',
+    "deep": b'{"format": 1, "groups": ' + b"[" * 100_000,
+    "closed deep": b'{"format": 1, "later": ' + b"[" * 500 + b"]" * 500 + b"}",
+    "long number": b'{"format": 1, "seed": ' + b"9" * 4000 + b"}",
+    **{
+        content: f'{{"format": 1, {content}}}'.encode()
+        for content in (
+            '"groups": [1]',
+            '"groups": {"robot": 1}',
+            '"groups": {"robot": {"agents": "ab"}}',
+            '"groups": {"robot": {"agents": ["a", "a"]}}',
+            '"groups": {"a": {"agents": ["x"]}, "b": {"agents": ["x"]}}',
+            '"groups": {"a/b": {}}',
+            '"groups": {"robot": {"agents": ["new\\nline"]}}',
+            '"groups": {"robot": {"model": {"state": [["x", "m"]], "position": [0, 1]}}}',
+            '"groups": {"robot": {"model": {"state": [["x"]]}}}',
+            '"groups": {"robot": {"model": {"state": [["x", "m"]], "heading": -1}}}',
+            '"groups": {"robot": {"entity": {"shape": {"circle": {"radius": -1}}}}}',
+            '"groups": {"robot": {"entity": {"mass": NaN}}}',
+            '"entities": []',
+            '"entities": {"wall": {"position": [1]}}',
+            '"entities": {"wall": {"heading": 1e999}}',
+            '"roster": ["a", 1]',
+            '"roster": ["a", "a"]',
+            '"groups": {"robot": {"agents": ["a"]}}, "roster": ["a", "b"]',
+            '"time_step": 0.5',
+            '"steps": -1',
+            '"steps": 99999999999999999999',
+            '"seed": []',
+            '"name": 1',
+            '"part": {}',
+        )
+    },
+}
+
+
+@pytest.mark.parametrize("kind", NO_MANIFESTS)
+def test_a_manifest_that_is_none_is_left_out_as_damaged(tmp_path, kind):
+    log = open_log(manifest_only(tmp_path / "log.mcap", NO_MANIFESTS[kind]))
+    assert (log.manifest, log.foreign, log.agents) == ({}, False, {})
+    assert log.damage.lost
+    assert str(log.damage) == "1 damaged attachment left out"
     with pytest.raises(LogError, match=r"the manifest in .* is damaged"):
-        open_log(path)
+        log.require_manifest()
+
+
+def test_a_manifest_may_say_what_this_version_does_not_know(tmp_path):
+    content = {**MANIFEST, "weather": "fair", "entities": {"wall": {"colour": "red"}}}
+    log = open_log(manifest_only(tmp_path / "log.mcap", json.dumps(content).encode()))
+    assert log.manifest == content
+    assert log.damage is None
 
 
 def test_files_that_are_no_logs_are_refused_in_a_sentence(tmp_path):

@@ -59,21 +59,6 @@ def test_rows_are_written_byte_for_byte_as_the_generated_class_writes_them(data,
     assert decoded.rows is None if not rows else decoded.rows.tolist() == rows
 
 
-@given(st.data(), tables(), layouts)
-def test_control_is_written_byte_for_byte_as_the_generated_class_writes_it(data, requested, layout):
-    rows = data.draw(row_indices(len(requested)))
-    applied = data.draw(st.none() | hnp.arrays(np.float64, requested.shape, elements=finite))
-    written = wire.encode_control(
-        laid_out(requested, layout), None if applied is None else laid_out(applied, layout), rows
-    )
-    expected = v1.Control(columns=requested.shape[1], rows=rows or [], requested=requested.ravel())
-    expected.applied.extend([] if applied is None else applied.ravel())
-    assert written == expected.SerializeToString()
-    decoded = wire.decode_control(written)
-    assert np.array_equal(decoded.requested, requested)
-    assert np.array_equal(decoded.applied, requested if applied is None else applied)
-
-
 times = st.integers(-(2**63), 2**63 - 1)
 
 
@@ -166,15 +151,13 @@ def test_a_message_in_another_layout_is_read_with_the_generated_class():
     assert wire.decode_rows(later).rows.tolist() == [3]
     series = v1.SeriesRows(lengths=[1], times=[1]).SerializeToString() + v1.SeriesRows(times=[2]).SerializeToString()
     assert wire.decode_series(series).times.tolist() == [1, 2]
-    control = v1.Control(columns=1, requested=[1]).SerializeToString() + v1.Control(requested=[2]).SerializeToString()
-    assert wire.decode_control(control).applied.tolist() == [[1], [2]]
     known = v1.Awareness(entities=[1]).SerializeToString() + v1.Awareness(entities=[2]).SerializeToString()
     assert wire.decode_awareness(known).entities.tolist() == [1, 2]
 
 
 @given(st.binary(max_size=60))
 def test_noise_is_refused_with_a_value_error_or_a_decode_error(noise):
-    for decode in (wire.decode_rows, wire.decode_control, wire.decode_series, wire.decode_awareness):
+    for decode in (wire.decode_rows, wire.decode_series, wire.decode_awareness):
         with contextlib.suppress(ValueError, DecodeError):
             decode(noise)
 
@@ -184,7 +167,6 @@ def test_noise_is_refused_with_a_value_error_or_a_decode_error(noise):
     [
         lambda: wire.encode_rows([1.0, 2.0]),
         lambda: wire.encode_rows([[1.0]], [1, 2]),
-        lambda: wire.encode_control([[1.0]], [[1.0, 2.0]]),
         lambda: wire.encode_series([0, 1], [[[1.0]]]),
         lambda: wire.encode_series([0], [[1.0]], [2]),
         lambda: wire.encode_awareness([2], [1], [1], [1.0]),

@@ -1,5 +1,6 @@
 """The asynchronous mode: who takes a turn when, what is seen, and what waits for what."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,7 @@ from symaware_cli import (
 )
 from symaware_cli.recording.digest import digest
 from symaware_cli.runtime.expression import Expression
+from symaware_cli.runtime.faults import Agents, Fault, Stop
 from symaware_cli.runtime.terms import Terms
 from symaware_cli.runtime.timing import Duration, Timing, Trigger
 from symaware_cli.scenario.build import build
@@ -182,7 +184,7 @@ def test_between_two_steps_the_world_is_seen_as_of_the_last_one_and_moves_under_
 def test_what_is_written_between_two_steps_is_recorded_at_its_instant(tmp_path):
     team = Team({"drive": Drives}, timings={"drive": Timing(period=20 * MILLISECOND)})
     simulate({"a": team}, 2, tmp_path / "run.mcap", ASYNCHRONOUS)
-    series = open_log(tmp_path / "run.mcap").series("a", "control")
+    series = open_log(tmp_path / "run.mcap").series("a", "control_requested")
     assert series.times.tolist() == [time * MILLISECOND for time in (0, 20, 40, 60, 80)]
     world = open_log(tmp_path / "run.mcap").series("a", "world")
     assert world.times.tolist() == [0, STEP, 2 * STEP]
@@ -255,6 +257,19 @@ def test_a_drawn_latency_is_seeded_and_never_negative(duration):
     assert len(set(taken)) > 10
     if duration.kind == "uniform":
         assert 10 <= min(taken) <= max(taken) <= 40
+
+
+def test_latencies_are_the_same_with_and_without_jitter():
+    """Each is drawn from a stream of its own."""
+    latency = Duration("uniform", 0.01, 0.04)
+    taken = []
+    for jitter in (0, 40 * MILLISECOND):
+        timing = Timing(period=100 * MILLISECOND, jitter=jitter, latency=latency)
+        found, _ = latent(timing, steps=40)
+        taken.append([landed - begun for begun, landed in found])
+    assert taken[1][:15] == pytest.approx(taken[0][:15])
+    begun = [begun % 100 / 40 for begun, _ in latent(replace(timing, latency=Duration()), steps=40)[0]]
+    assert not np.allclose(begun[:15], (np.array(taken[0][:15]) - 10) / 30, atol=1e-3)
 
 
 # Triggers and conditions
@@ -369,6 +384,35 @@ def test_a_condition_leaves_turns_out(terms):
     )
     simulate({"a": team}, 10, terms=terms)
     assert [time / MILLISECOND for time, _ in turns] == [100, 150, 200, 250]
+
+
+@pytest.mark.parametrize("terms", [Terms(), ASYNCHRONOUS], ids=["synchronous", "asynchronous"])
+def test_the_condition_of_a_group_holds_if_it_holds_for_any_of_its_agents_that_take_part(terms):
+    turns = []
+
+    class Notes(GroupComponent):
+        def _compute(self):
+            turns.append(self.now // STEP)
+
+        def _update(self, value):
+            pass
+
+    class Both(Drives):
+        def _compute(self):
+            return np.repeat(super()._compute(), 2, axis=0)
+
+    team = Team(
+        {"drive": Both, "see": Sees, "it": Notes},
+        count=2,
+        state=[[0.0, 0.0], [10.0, 0.0]],
+        timings={"it": Timing(condition=Expression("x > 10.21 or (x < 0.11 and time > 0)", {"x", "time"}))},
+    )
+    ready = simulation({"a": team})
+    gone = Fault("gone", "", "run", Stop([Agents(ready.groups[0], [1])]), at=7 * STEP)
+    summary = execute(ready, 12, terms=replace(terms, faults=[gone]))
+    assert summary.status == "finished", summary.failure
+    # The first is short of .11 m until step 2, the second beyond 10.21 m from step 4 on, and out of the run from 7 on.
+    assert turns == [1, 2, 4, 5, 6]
 
 
 class Sees(GroupComponent):

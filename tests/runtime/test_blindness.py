@@ -1,13 +1,17 @@
 """Agents whose perception fails, among others whose perception goes on."""
 
+import numpy as np
+import pytest
 from simulating import STEP, Team, simulation
 
 from symaware_cli.components.communication.inbox import Inbox
 from symaware_cli.components.communication.state import StateSender
 from symaware_cli.components.perception import OmniscientPerception
-from symaware_cli.runtime.faults import Blind, Components, Fault
+from symaware_cli.components.perception_range import RangePerception
+from symaware_cli.runtime.faults import Blind, Components, Error, Fault
 from symaware_cli.runtime.run import run
 from symaware_cli.runtime.terms import Terms
+from symaware_cli.runtime.timing import Timing
 
 
 def known(components, **others):
@@ -31,6 +35,36 @@ def test_who_is_not_blinded_sees_where_the_others_are_now():
     aware, positions = known({})
     assert aware == [*[[1]] * 5, *[[]] * 10, *[[1]] * 5]
     assert positions == sorted(set(positions))
+
+
+def test_what_was_seen_before_is_gone_at_once_also_where_the_sensor_has_no_turn():
+    ready = simulation({"pair": Team({"see": OmniscientPerception}, 2, timings={"see": Timing(period=10 * STEP)})})
+    group, found = ready.groups[0], []
+    ready.events.subscribe("iterated", lambda event: found.append(len(group.others(100.0).others)))
+    fault = Fault("fog", "fog", "run", Blind([Components(ready.slots[0], [0])]), 5 * STEP, lasting=2 * STEP)
+    summary = run(ready, 12, terms=Terms(faults=[fault]))
+    assert summary.status == "finished", summary.failure
+    assert found == [2, 2, 2, 2, 2, 1, 1, 1, 1, 1, 2, 2]
+
+
+@pytest.mark.parametrize("blind", [True, False])
+def test_what_sensors_measure_wrongly_estimators_are_given_wrongly(blind):
+    """The observation, which they correct their beliefs with, is that of the sensor with its fault."""
+    parameters = RangePerception.Parameters(range=9.0)
+    ready = simulation({"pair": Team({"see": lambda: RangePerception(parameters)}, 2)})
+    group, slot, found = ready.groups[0], ready.slots[0], []
+
+    def look(event):
+        observation = group.awareness.observation
+        wrong = observation.state - ready.environment.state(group)
+        found.append((wrong.tolist(), len(observation.tracks)))
+
+    ready.events.subscribe("iterated", look)
+    ones = [Components(slot, [1])]
+    effect = Blind(ones) if blind else Error(ones, np.array([0.0, 0.5]), np.zeros(2))
+    run(ready, 6, terms=Terms(faults=[Fault("bad", "bad", "run", effect, 2 * STEP, lasting=2 * STEP)]))
+    sound, faulty = ([[0, 0], [0, 0]], 2), (([[0, 0], [0, 0]], 1) if blind else ([[0, 0], [0, 0.5]], 2))
+    assert found[:6] == [sound, sound, faulty, faulty, sound, sound]
 
 
 def test_who_is_blinded_still_knows_what_it_is_told():

@@ -2,10 +2,11 @@
 
 import copy
 import hashlib
+import itertools
 import signal
 import socket
 import time
-from collections import Counter
+from collections import Counter, defaultdict
 from contextlib import suppress
 
 import numpy as np
@@ -136,7 +137,7 @@ def test_the_host_records_the_world_as_one_process_does_to_the_byte(crossings):
     def world(log):
         return [each for each in messages(log) if each[0].startswith("/world/")]
 
-    assert len(world(whole)) == 61
+    assert len(world(whole)) == 121
     assert world(whole) == world(open_log(runs[0].log("host")))
 
 
@@ -180,6 +181,39 @@ def test_python_components_messages_and_faults_are_the_same_too(spread, doubles,
     assert stages["DELIVERED"] > 100
     assert stages["DROPPED"] > 10
     assert {source for _, _, source in events(merged, "thought")} == {f"agents.robot.{row}.think" for row in range(4)}
+
+
+def heard(log):
+    """What each component heard, in order: when it arrived, whose it was, and its number."""
+    ears = defaultdict(list)
+    for each in log.events():
+        if each.name == "heard":
+            time, sender, number = each.text.split()
+            ears[each.source].append((int(time), sender, int(number)))
+    return ears
+
+
+@pytest.mark.parametrize("mode", ["synchronous", "asynchronous"])
+def test_single_messages_and_mailings_are_heard_oldest_first_in_every_process(spread, doubles, tmp_path, mode):
+    document = copy.deepcopy(TALK)
+    document["run"]["mode"] = mode
+    document["topology"] |= {"use": "complete", "with": {}}
+    del document["faults"]
+    for name, use in {"car": "doubles.ear", "robot": "doubles.ears", "walker": "doubles.ear"}.items():
+        document["agents"][name]["components"] |= {"hear": {"use": use, "period": 0.35}}
+    run = spread(document)
+    run.host("--only", "car.1,walker.[02]")
+    run.member("west", "car.0,robot.[02],walker.1")
+    run.member("east", "car.2,robot.1,robot.3")
+    run.finish()
+    whole, merged = heard(alone(tmp_path, run.scenario)), heard(run.merged())
+    assert len(whole) == len(merged) == 10
+    for each in (*whole.values(), *merged.values()):
+        assert each == sorted(each)
+        # Of broadcasts, which are sent singly, and of states, which are not, some come between the others.
+        kinds = [sender.startswith("car") for _, sender, _ in each]
+        assert sum(before != after for before, after in itertools.pairwise(kinds)) > 10
+    assert mode == "asynchronous" or merged == whole
 
 
 @pytest.mark.slow
@@ -522,7 +556,9 @@ def test_in_real_time_all_keep_the_clock_of_the_host(spread, doubles, tmp_path, 
 @pytest.mark.slow
 def test_a_member_that_stands_still_for_too_long_comes_back_by_itself(spread, doubles, tmp_path, monkeypatch):
     monkeypatch.setenv("PROGRESS", str(tmp_path / "progress"))
-    run = spread(paced(distance=10.0, timeout=1.0, on_failure="isolate"))
+    document = paced(distance=10.0, timeout=1.0, on_failure="isolate")
+    document["transport"]["with"]["hang_timeout"] = 1.0
+    run = spread(document)
     host, west = run.host("--only", "ticker,robot.1"), run.member("west", "robot.0")
     west.wait_for("west takes part")
     west.send(signal.SIGSTOP)
@@ -539,7 +575,8 @@ def test_a_member_that_stands_still_for_too_long_comes_back_by_itself(spread, do
 
 @pytest.mark.slow
 def test_a_host_that_stands_still_for_too_long_finds_its_members_again(goals):
-    run, host, west, east = goals(wait=0.02, timeout=1.0, distance=6.0, on_failure="isolate")
+    hang = ("--set", "transport.with.hang_timeout=1.0")
+    run, host, west, east = goals(*hang, wait=0.02, timeout=1.0, distance=6.0, on_failure="isolate")
     host.send(signal.SIGSTOP)
     for each in (west, east):
         each.wait_for("waits 5 s for it")

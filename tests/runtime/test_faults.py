@@ -12,6 +12,7 @@ from simulating import STEP, Team, execute, simulate, simulation
 
 from symaware_cli import Component, Entity, GroupComponent, open_log
 from symaware_cli.environments.kinematic import KinematicEnvironment
+from symaware_cli.runtime.terms import Terms
 
 BODY = Entity.model_validate({"shape": {"circle": {"radius": 0.8}}})
 
@@ -155,7 +156,7 @@ def test_a_group_component_that_raises_is_blamed_with_its_group(tmp_path):
     assert failure(tmp_path / "run.mcap").source == "agents.robot.bad"
 
 
-@pytest.mark.parametrize("what", ["step", "state", "snapshot", "contacts"])
+@pytest.mark.parametrize("what", ["step", "state", "snapshot", "contacts", "applied_input"])
 @pytest.mark.parametrize("count", [2, 70])
 def test_a_world_that_raises_is_blamed_wherever_it_does(what, count, tmp_path):
     class Breaks(KinematicEnvironment):
@@ -178,6 +179,10 @@ def test_a_world_that_raises_is_blamed_wherever_it_does(what, count, tmp_path):
         def contacts(self):
             self._break("contacts")
             return super().contacts()
+
+        def applied_input(self, group):
+            self._break("applied_input")
+            return super().applied_input(group)
 
     summary = simulate({"robot": Team(count=count)}, steps=8, log=tmp_path / "run.mcap", environment=Breaks())
     event = failure(tmp_path / "run.mcap")
@@ -215,7 +220,7 @@ def test_a_state_that_grows_beyond_all_bounds_is_told_as_such(count, tmp_path):
 
     with np.errstate(all="ignore"):
         simulate({"robot": Team({"bad": Explodes}, count=count, entity=BODY)}, steps=100, log=tmp_path / "run.mcap")
-    assert "the state of robot.0 is not finite" in failure(tmp_path / "run.mcap").data["problem"]
+    assert "the state of robot.0 has run away, beyond 1e+15" in failure(tmp_path / "run.mcap").data["problem"]
 
 
 def raising(error):
@@ -240,6 +245,8 @@ class UnprintableError(Exception):
         (ValueError("two\nlines\x00"), "ValueError: two lines"),
         (ExceptionGroup("several", [ValueError("one"), KeyError("two")]), "ExceptionGroup: several"),
         (GeneratorExit(), "GeneratorExit"),
+        (KeyboardInterrupt(), "KeyboardInterrupt"),
+        (BaseException("odd"), "BaseException: odd"),
         (MemoryError(), "MemoryError"),
     ],
     ids=lambda value: value if isinstance(value, str) else "",
@@ -259,6 +266,84 @@ def test_endless_recursion_is_a_fault_like_any_other(tmp_path):
 
     simulate({"robot": Team({"bad": Recurses})}, log=tmp_path / "run.mcap")
     assert "RecursionError" in failure(tmp_path / "run.mcap").data["problem"]
+
+
+BASES = [KeyboardInterrupt, SystemExit, GeneratorExit, type("OwnError", (BaseException,), {})]
+
+
+PLACES = ("_compute", "_update", "initialise_component", "subscriber", "group", "_async_compute", "close")
+RAISED = [
+    (mode, kind, where)
+    for mode in ("synchronous", "asynchronous")
+    for kind in BASES
+    # Nobody awaits anything in the synchronous mode, and GeneratorExit is how coroutines are given up.
+    for where in (PLACES[:5] if mode == "synchronous" else PLACES[:6] if kind is GeneratorExit else PLACES)
+]
+
+
+@pytest.mark.parametrize(("mode", "kind", "where"), RAISED)
+def test_whatever_a_component_raises_wherever_is_its_own_failure(mode, kind, where, tmp_path):
+    """Only a signal interrupts a run."""
+
+    class Bad(Plain):
+        def initialise_component(self, *arguments):
+            super().initialise_component(*arguments)
+            if where == "initialise_component":
+                raise kind
+            if where == "subscriber":
+                self.subscribe("tick", self._on_tick)
+
+        def _on_tick(self, event):
+            raise kind
+
+        def _compute(self):
+            if where == "_compute":
+                raise kind
+
+        def _update(self, value):
+            if where == "_update":
+                raise kind
+            self.emit("tick")
+
+    class Awaits(Bad):
+        async def _async_compute(self):
+            if where == "_async_compute":
+                raise kind
+            try:
+                await self.sleep(1000.0)
+            finally:
+                raise kind
+
+    class Group(GroupComponent):
+        def _compute(self):
+            raise kind
+
+        def _update(self, value):
+            pass
+
+    bad = {"group": Group, "_async_compute": Awaits, "close": Awaits}.get(where, Bad)
+    summary = simulate({"robot": Team({"bad": bad})}, log=tmp_path / "run.mcap", terms=Terms(mode=mode))
+    if where == "close":  # the run is over by then
+        assert summary.status == "finished"
+        events = [event for event in open_log(tmp_path / "run.mcap").events() if event.name == "failed"]
+        assert [event.source for event in events] == ["agents.robot.bad"]
+        assert kind.__name__ in events[0].text
+        return
+    assert summary.status == "failed"
+    event = failure(tmp_path / "run.mcap")
+    assert event.source == "agents.robot.bad"
+    assert kind.__name__ in event.data["problem"]
+
+
+@pytest.mark.parametrize("kind", BASES)
+def test_whatever_a_world_raises_is_its_own_failure(kind, tmp_path):
+    class Breaks(KinematicEnvironment):
+        def step(self):
+            raise kind
+
+    summary = simulate({"robot": Team()}, log=tmp_path / "run.mcap", environment=Breaks())
+    assert summary.status == "failed"
+    assert failure(tmp_path / "run.mcap").source == "environment"
 
 
 @pytest.mark.parametrize("name", ["started", "initialised", "iterating", "stepped", "contact", "finished", "*"])

@@ -17,7 +17,14 @@ def ran(tmp_path):
     """Run four robots that go to their goals, with faults; the log."""
 
     def run(
-        faults, mode="synchronous", see="perception.omniscient", duration=3.0, more=None, topology=None, **component
+        faults,
+        mode="synchronous",
+        see="perception.omniscient",
+        duration=3.0,
+        more=None,
+        topology=None,
+        recording=None,
+        **component,
     ):
         steer = {"use": "control.go-to-goal", "with": {"speed": 1.0, "tolerance": 0.1}, **component}
         document = {
@@ -41,6 +48,7 @@ def ran(tmp_path):
             },
             "faults": faults,
             **({"topology": topology} if topology else {}),
+            "recording": recording or {},
         }
         path = tmp_path / "faults.yaml"
         path.write_text(yaml.safe_dump(document, sort_keys=False))
@@ -150,7 +158,7 @@ def test_noise_is_seeded_by_the_fault_and_the_agent(mode, ran):
 @MODES
 def test_a_slow_component_lands_late(mode, ran):
     log = ran({"busy": {"at": 1.0, "for": 1.0, "slow": {"of": "robot.steer", "latency": 0.2}}}, mode)
-    control = log.series("robot.0", "control")
+    control = log.series("robot.0", "control_requested")
     during = control.times[(control.times > 1.0e9) & (control.times <= 2.0e9)]
     assert during[:2].tolist() == [1_200_000_000, 1_400_000_000]
     assert any(event.name == "overrun" for event in log.events())
@@ -233,3 +241,39 @@ def test_delayed_messages_come_later_by_what_the_fault_says(mode, topology, ran)
     assert max(usual) <= STEP
     assert during <= {200_000_000, 200_000_000 + STEP}
     assert {late - sent for sent, _, late, _ in stages(log, "robot.0") if sent < 10**9} == usual
+
+
+@MODES
+@pytest.mark.parametrize(
+    ("effect", "concerned"),
+    [
+        ({"freeze": "robot.2.see"}, [2]),
+        ({"freeze": "robot.[13].see"}, [1, 3]),
+        ({"freeze": "robot.see"}, [0, 1, 2, 3]),
+        ({"blind": "*.see"}, [0, 1, 2, 3]),
+        ({"push": {"of": "robot.1", "by": [0.0, 0.1]}}, [1]),
+        ({"push": {"of": "robot.[02]", "by": [0.0, 0.1]}}, [0, 2]),
+        ({"push": {"of": "robot", "by": [0.0, 0.1]}}, [0, 1, 2, 3]),
+        ({"cut": {"between": ["robot.0", "robot.1"]}}, []),
+    ],
+    ids=str,
+)
+@pytest.mark.parametrize("of", [None, "agents.*", "see", "exchange"])
+def test_a_fault_may_trigger_those_whom_it_happens_to(effect, concerned, of, mode, ran, doubles):
+    trigger = {"event": "fault"} if of is None else {"event": "fault", "of": of}
+    steer = {"use": "doubles.paper", "trigger": trigger}
+    lasts = {} if "push" in effect else {"for": 0.5}
+    log = ran({"it": {"at": 1.0, **lasts, **effect}}, mode, more={"react": steer}, recording={"events": "all"})
+    turns = set()
+    for message in log.messages("/events/recurring"):
+        said = message.decode()
+        found = zip(said.name, said.source, strict=True)
+        turns.update(said.sources[source] for name, source in found if said.names[name] == "computed")
+    turns = {each for each in turns if each.endswith(".react")}
+    if of == "agents.*":  # whoever's it is, it triggers everybody
+        concerned = [0, 1, 2, 3] if concerned else []
+    elif of == "see" and "push" in effect:
+        concerned = []
+    elif of == "exchange":
+        concerned = [] if concerned else [0, 1, 2, 3]
+    assert turns == {f"agents.robot.{row}.react" for row in concerned}

@@ -26,10 +26,10 @@ class GroupIdle(GroupComponent):
 def test_every_component_knows_its_path():
     ready = simulation({"robot": Team({"own": Idle, "shared": GroupIdle}, count=2), "car": Team({"own": Idle})})
     assert [component.path for slot in ready.slots for component in slot.components] == [
+        "agents.car.own",
         "agents.robot.0.own",
         "agents.robot.1.own",
         "agents.robot.shared",
-        "agents.car.own",
     ]
     assert {component.use for slot in ready.slots for component in slot.components} == {"test.own", "test.shared"}
 
@@ -80,7 +80,7 @@ def test_the_summary_counts_agents_steps_and_contacts():
     summary = simulate({"robot": team}, steps=4, obstacles={"wall": wall})
     assert (summary.agents, summary.steps, summary.simulated_time, summary.status) == (4, 4, 0.2, "finished")
     assert summary.contacts == 2
-    assert summary.minimum_separation.value == pytest.approx(1.0)
+    assert summary.minimum_separation.value == pytest.approx(1.0 - 2 * 0.6), "from outline to outline"
     assert summary.minimum_separation.who == ("robot.0", "robot.1")
 
 

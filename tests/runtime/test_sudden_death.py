@@ -7,10 +7,10 @@ import subprocess
 import time
 
 import pytest
-from log_verbs import VERBS, called
 from simulating import COMMAND
 from symaware_doubles import Progress
 
+from fuzzing.log_verbs import VERBS, called
 from symaware_cli import open_log
 from symaware_cli.recording.digest import digest
 

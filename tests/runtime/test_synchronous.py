@@ -28,7 +28,7 @@ def test_components_run_in_declared_order_and_each_for_every_agent():
             pass
 
     simulate({"robot": Team({"one": Notes, "two": Notes}, count=2), "car": Team({"one": Notes})}, steps=2)
-    order = ["robot.0.one", "robot.1.one", "robot.0.two", "robot.1.two", "car.one"]
+    order = ["car.one", "robot.0.one", "robot.1.one", "robot.0.two", "robot.1.two"]
     assert turns == [(step * STEP, f"agents.{path}") for step in range(2) for path in order]
 
 
@@ -74,8 +74,9 @@ class Gathers(CommunicationReceiver):
     """Remembers all it heard, in order; what it does depends on that order."""
 
     def _update(self, value):
-        heard = self._agent.self_knowledge.setdefault("heard", [])
-        heard.append([(message.sender, message.sent_time, message.payload["state"].tolist()) for message in value])
+        known = self._agent.self_knowledge
+        heard = [(message.sender, message.sent_time, message.payload["state"].tolist()) for message in value]
+        known["heard"] = [*known.get("heard", ()), heard]
 
 
 class Follows(Controller):

@@ -15,6 +15,7 @@ from symaware_cli import open_log
 from symaware_cli.recording.digest import digest
 from symaware_cli.scenario.build import build
 from symaware_cli.scenario.execution import execute
+from symaware_cli.scenario.problem import ScenarioError
 
 ROBOT = {
     "count": 5,
@@ -218,3 +219,65 @@ def test_an_interrupt_ends_the_workers_and_finishes_the_log(doubles, tmp_path, m
     while any(alive(pid) for pid in workers):
         assert time.monotonic() < end
         time.sleep(0.02)
+
+
+LOOKING = {
+    "uncertainty.gaussian": {"belief": {"use": "uncertainty.gaussian"}},
+    "risk.collision": {"risk": {"use": "risk.collision", "with": {"reach": 9.0}}},
+    "risk.time-to-collision": {"risk": {"use": "risk.time-to-collision", "with": {"reach": 9.0}}},
+    "control.velocity-obstacle": {"steer": {"use": "control.velocity-obstacle", "with": {"speed": 1.0}}},
+    "control.mpc": {"steer": {"use": "control.mpc", "with": {"speed": 1.0, "steps": 6, "horizon": 1.5}}},
+    "perception.range": {"see": {"use": "perception.range", "with": {"range": 9.0, "position_noise": 0.1}}},
+    "perception.lidar": {"scan": {"use": "perception.lidar", "with": {"range": 9.0, "rays": 12}}},
+}
+
+
+@pytest.mark.parametrize("environment", ["kinematic", "pymunk", "pybullet"])
+@pytest.mark.parametrize("use", sorted(LOOKING))
+def test_what_looks_at_the_world_gives_the_same_bytes_in_workers(use, environment, ran):
+    """The process follows the world, with all that moves in it."""
+    logs = []
+    for where in ("here", "process"):
+        components = {
+            "see": {"use": "perception.range", "with": {"range": 9.0, "self_noise": 0.02, "position_noise": 0.05}},
+            "belief": {"use": "uncertainty.gaussian"},
+            "steer": {"use": "control.go-to-goal"},
+        }
+        for name, component in LOOKING[use].items():
+            components[name] = {**component, "run_in": where, "period": 0.1}
+        robot = {
+            "count": 3,
+            "model": {"use": "unicycle"},
+            "entity": {"shape": {"circle": {"radius": 0.3}}},
+            "state": [[0, 0, 0], [4, 1, 3], [2, -3, 1.5]],
+            "knowledge": {"goal": [[4, 1], [0, 0], [2, 3]]},
+            "components": components,
+        }
+        other = {
+            "model": {"use": "single-integrator"},
+            "state": [2, 4],
+            "entity": {"shape": {"circle": {"radius": 0.5}}},
+        }
+        entities = {
+            "wall": {"shape": {"box": {"length": 0.2, "width": 2.0}}, "position": [2.0, 2.0]},
+            "cart": {"shape": {"circle": {"radius": 0.3}}, "path": {"times": [0, 4], "positions": [[0, 3], [4, 3]]}},
+        }
+        content = document(mode="synchronous", duration=1.0)
+        content["environment"] = {"use": environment, "with": {"time_step": 0.1}, "entities": entities}
+        content["agents"] = {"robot": robot, "alone": other}
+        summary, log = ran(content, where)
+        assert summary.status == "finished", summary.failure
+        logs.append(channels(log))
+    assert logs[0] == logs[1]
+    assert len(logs[0]) > 8
+
+
+def test_who_looks_at_a_world_that_cannot_be_followed_stays_at_home(doubles, tmp_path):
+    content = document()
+    content["environment"] = {"use": "doubles.lonely-world"}
+    content["agents"]["robot"]["components"] = {"see": {"use": "perception.self", "run_in": "process"}}
+    (tmp_path / "lonely.yaml").write_text(yaml.safe_dump(content))
+    with pytest.raises(ScenarioError) as raised:
+        build(tmp_path / "lonely.yaml")
+    (problem,) = raised.value.problems
+    assert "no other process can follow `doubles.lonely-world`" in problem.message

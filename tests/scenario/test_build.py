@@ -72,7 +72,7 @@ def test_two_agents_never_share_a_mutable_parameter_or_knowledge(building: Build
         for knowledge, component in zip(built.simulation.groups[0].knowledge, slot.components, strict=True)
     ]
     seen = [{id(value) for value in owner} for owner in owners]
-    assert all(len(owner) >= 10 for owner in seen)
+    assert all(len(owner) >= 6 for owner in seen)
     assert not seen[0] & seen[1]
     assert not seen[0] & seen[2]
     assert not seen[1] & seen[2]
@@ -121,7 +121,7 @@ def test_the_resolved_document_builds_the_same_scenario(tmp_path: Path, sound: A
         "label": "${parameters.word}",
         "plain": "$${parameters.nothing}",
         "texts": ["1e3", "0o17", "yes", "null", "~", "", "1_000", ".5", "0x1F", "2020-01-01", "<<", "a: b", "#", "-"],
-        "numbers": [1e3, 1e-9, 1e22, 15, -0.0, 9007199254740993],
+        "numbers": [1e3, 1e-9, 1e-22, 15, -0.0, 9007199254740993],
         "map": {"1e3": 1, "true": 2, "nested": [[1, 2], [3]]},
         "unicode": "zwölf 目標 🙂",
     }

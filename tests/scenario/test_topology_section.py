@@ -243,6 +243,8 @@ def test_a_topology_that_fails_is_named(use, failure, tmp_path):
         ({"bandwidth": 300.0}, [{"sender": "car", "channel": {"queue": 100.0, "drop": "head"}}], {}),
         ({"queue": 100.0}, [{"receiver": "car", "channel": {"bandwidth": 300.0}}], {}),
         ({"drop": "head"}, [{"sender": "car", "channel": {"bandwidth": 300.0, "queue": 100.0}}], {}),
+        ({"bandwidth": 300.0, "queue_length": 1}, [], {}),
+        ({"queue_length": 1, "drop": "head"}, [], {"mud": {"at": 1.0, "degrade": {"bandwidth": 300.0}}}),
         ({"queue": 100.0}, [], {"mud": {"at": 1.0, "degrade": {"bandwidth": 300.0}}}),
         ({"queue": 100.0, "drop": "head"}, [], {"mud": {"at": 1.0, "degrade": {"bandwidth": 300.0}}}),
     ],

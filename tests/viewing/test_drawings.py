@@ -1,12 +1,16 @@
 """What stands in a recording, beside what stands in the log."""
 
+import itertools
 import json
 
 import numpy as np
 import pytest
+import rerun as rr
+from outlines import distance, placed
 from plot_logs import AIRCRAFT, YARD, log_of
 from rerun_files import STEP, Script, group, saved
 
+from symaware_cli import Shape
 from symaware_cli.recording import symaware_v1_pb2 as v1
 from symaware_cli.recording import wire
 from symaware_cli.viewing.palette import AGENTS, RISK, SCENERY
@@ -73,14 +77,29 @@ def test_curves_are_what_the_log_says_with_names_and_units(yard):
     np.testing.assert_array_equal(recording.values("/curves/risk/cart", "Scalars:scalars"), risks)
 
 
-def test_separation_is_the_smallest_distance_between_any_two(yard):
+def test_separation_is_the_least_between_any_two_outlines(yard):
     log, recording = yard
     carts, guard = log.series("cart", "world"), log.series("guard", "world")
-    places = np.concatenate([carts.values[..., :2], guard.values[:, None, :2]], axis=1)
-    first, second = np.triu_indices(3, 1)
-    distances = np.linalg.norm(places[:, first] - places[:, second], axis=-1).min(axis=1)
+    shapes = [Shape.model_validate(log.manifest["groups"][name]["entity"]["shape"]) for name in ("cart", "guard")]
     shown = np.array(recording.values("/curves/separation/smallest", "Scalars:scalars"))[:, 0]
-    np.testing.assert_allclose(shown, distances)
+    for step in range(0, len(shown), 7):
+        bodies = [placed(shapes[0], state[:2], state[2])[0] for state in carts.values[step]]
+        heading = guard.values[step][2] if len(guard.values[step]) > 2 else 0.0
+        bodies.append(placed(shapes[1], guard.values[step][:2], heading)[0])
+        assert shown[step] == pytest.approx(min(distance(*pair) for pair in itertools.combinations(bodies, 2)))
+
+
+def test_where_curves_are_thinned_extremes_stay(yard):
+    _, recording = yard
+    kept = {
+        "/curves/risk/cart": "Max",
+        "/curves/separation/smallest": "Min",
+        "/curves/agents/cart.0/risk": "Max",
+        "/curves/agents/cart.0/state": "MinMax",
+    }
+    policies = rr.components.AggregationPolicy
+    for path, policy in kept.items():
+        assert recording.static(path, "SeriesLines:aggregation_policy") == [getattr(policies, policy).value], path
 
 
 def test_intents_run_ahead_of_their_agents_and_fade(yard):
@@ -162,7 +181,7 @@ def test_rows_that_appear_late_are_nowhere_before(tmp_path):
     assert np.isnan(shown[0, :, 0]).tolist() == [True, False, True]
     assert shown[2, :, 0].tolist() == [0, 1, 2]
     separation = np.array(recording.values("/curves/separation/smallest", "Scalars:scalars"))[:, 0]
-    np.testing.assert_allclose(separation, [np.nan, np.sqrt(2), np.sqrt(2)])
+    np.testing.assert_allclose(separation, [np.nan, np.sqrt(2) - 1, np.sqrt(2) - 1])
 
 
 def test_samples_are_drawn_as_a_fan(tmp_path):

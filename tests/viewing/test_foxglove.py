@@ -206,9 +206,11 @@ def test_numbers_can_be_plotted_by_name_and_agent(crossing, shown):
             np.testing.assert_array_equal(
                 np.column_stack([message.x, message.y, message.heading]), series.values[place]
             )
-    _, control = shown["/agents/robot/control"][5]
-    np.testing.assert_array_equal(control.turn_rate, log.series("robot", "control").values[5, :, 1])
-    np.testing.assert_array_equal(control.turn_rate_requested, log.series("robot", "control_requested").values[5, :, 1])
+    for field, topic in (("control", "/world/robot/control"), ("control_requested", "/agents/robot/control")):
+        time, message = shown[topic][5]
+        series = log.series("robot", field)
+        assert time == series.times[5]
+        np.testing.assert_array_equal(message.turn_rate, series.values[5, :, 1])
     _, risk = shown["/agents/robot/risk"][5]
     np.testing.assert_array_equal(risk.risk, log.series("robot", "risk").values[5, :, 0])
 
@@ -344,7 +346,7 @@ def test_where_the_truth_was_not_recorded_bodies_follow_the_belief(write, tmp_pa
 def test_a_message_that_does_not_fit_is_told_with_its_place(write, tmp_path):
     states = wire.encode_rows([[1.0, 2.0, 0.0]], [7])
     log = open_log(write((5, "/world/robot/state", "Rows", states)))
-    with pytest.raises(LogError, match="the message on /world/robot/state at 5 ns"):
+    with pytest.raises(LogError, match=r"the messages on /world/robot/state in .* do not fit together: at 5 ns"):
         export_foxglove(log, tmp_path / "out.mcap")
     assert [path.name for path in tmp_path.iterdir()] == ["hand.mcap"]
 

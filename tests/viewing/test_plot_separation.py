@@ -6,9 +6,10 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from outlines import distance, placed, random_shape
-from plot_logs import AIRCRAFT, YARD, log_of
+from plot_logs import AIRCRAFT, SCENARIOS, YARD, log_of
+from rerun_files import saved
 
-from symaware_cli import Circle, Polygon, Shape, Wall
+from symaware_cli import Circle, Polygon, Shape, Wall, open_log
 from symaware_cli.viewing.cast import Prop, cast_of
 from symaware_cli.viewing.plotting import separation as closeness
 from symaware_cli.viewing.plotting.content import Distances, gather
@@ -144,15 +145,36 @@ def test_bodies_overlap_exactly_while_the_world_reports_a_contact(tmp_path):
     assert "cart.0" in distances.who(distances.agents)
 
 
-def test_the_least_distance_of_centres_is_that_of_the_summary(tmp_path):
-    from symaware_cli.scenario.execution import execute, open_scenario
+@pytest.mark.parametrize("shape", ["circle: {radius: 0.3}", "box: {length: 0.9, width: 0.3}"])
+def test_summary_plot_and_replay_tell_the_same_least_separation(tmp_path, shape):
+    from symaware_cli.scenario.build import build
+    from symaware_cli.scenario.execution import execute
 
-    log = log_of(tmp_path, "hello.yaml")
-    summary = execute(open_scenario(tmp_path / log.path.name), None)
-    least = separation(log).facts()["agents"]
-    assert least["between_centres"] == pytest.approx(summary.minimum_separation.value, rel=1e-12)
-    assert least["time"] == summary.minimum_separation.time
-    assert least["minimum"] == pytest.approx(least["between_centres"] - 0.6)
+    text = (SCENARIOS / "hello.yaml").read_text()
+    assert "circle: {radius: 0.3}" in text
+    (tmp_path / "a.yaml").write_text(text.replace("circle: {radius: 0.3}", shape))
+    summary = execute(build(tmp_path / "a.yaml"), tmp_path / "a.mcap").minimum_separation
+    log = open_log(tmp_path / "a.mcap")
+    distances = separation(log)
+    least = distances.facts()["agents"]
+    assert least["minimum"] == pytest.approx(summary.value, abs=1e-12)
+    assert (least["time"], tuple(least["who"])) == (summary.time, summary.who)
+    assert distances.sampled is None
+    drawn = saved(log, tmp_path).values("/curves/separation/smallest", "Scalars:scalars")
+    np.testing.assert_allclose(np.array(drawn)[:, 0], distances.agents.least, atol=1e-12)
+
+
+def test_a_plot_of_a_sampled_log_says_so(tmp_path):
+    from symaware_cli.scenario.build import build
+    from symaware_cli.scenario.execution import execute
+
+    text = (SCENARIOS / "hello.yaml").read_text() + "\nrecording: {interval: 0.5}\n"
+    (tmp_path / "a.yaml").write_text(text)
+    execute(build(tmp_path / "a.yaml"), tmp_path / "a.mcap")
+    distances = separation(open_log(tmp_path / "a.mcap"))
+    assert distances.sampled == 0.5
+    assert distances.facts()["recorded_every"] == 0.5
+    assert "Recorded every 0.5 s only: between these, bodies may have been closer." in distances.notes()
 
 
 def test_aircraft_pass_over_each_other(tmp_path):

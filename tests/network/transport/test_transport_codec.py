@@ -102,13 +102,13 @@ def deliveries(draw: st.DrawFn, mailing: Mailing) -> Delivery:
 @st.composite
 def steps(draw: st.DrawFn) -> Step:
     told = draw(st.lists(mailings(), max_size=2))
-    arrived = [draw(deliveries(each)) for each in told for _ in range(draw(st.integers(1, 2)))]
+    columns = [draw(deliveries(each)) for each in told for _ in range(draw(st.integers(1, 2)))]
+    arrived = draw(st.permutations([*columns, *draw(st.lists(LETTERS, max_size=2))]))
     return Step(
         draw(COUNTS),
         draw(TIMES),
         draw(st.dictionaries(TEXTS, DOUBLES, max_size=3)),
         draw(st.lists(CONTACTS, max_size=2).map(tuple)),
-        draw(st.lists(LETTERS, max_size=2).map(tuple)),
         tuple(arrived),
         draw(NUMBERS),
     )
@@ -198,11 +198,11 @@ def _decoded_or_refused(data: bytes) -> None:
 def test_deliveries_of_one_mailing_send_it_once_and_share_it_again() -> None:
     mailing = Mailing(np.array([1, 4]), {"state": np.zeros((2, 1000))})
     each = Delivery(mailing, np.array([0]), np.array([3]), np.array([7]), 5, np.array([6]))
-    data = encode(Step(0, 0, {}, deliveries=(each, each, each)))
+    data = encode(Step(0, 0, {}, arrived=(each, each, each)))
     assert len(data) < 1.1 * mailing.columns["state"].nbytes
     frame = decode(data)
     assert isinstance(frame, Step)
-    assert len({id(delivery.mailing) for delivery in frame.deliveries}) == 1
+    assert len({id(delivery.mailing) for delivery in frame.arrived}) == 1
 
 
 def test_arrays_of_either_byte_order_are_sent_as_the_same_numbers() -> None:
@@ -285,6 +285,10 @@ def _delivery(**changes: Any) -> bytes:
     return wire.Delivery(**{**parts, **changes}).SerializeToString()
 
 
+def _arrival(delivery: bytes) -> bytes:
+    return wire.Arrival(delivery=wire.Delivery.FromString(delivery)).SerializeToString()
+
+
 def _input(**changes: Any) -> bytes:
     parts = {"group": "a", "rows": _whole(0), "inputs": _array([1, 1], bytes(8))}
     return wire.Input(**{**parts, **changes}).SerializeToString()
@@ -306,18 +310,22 @@ BAD = {
     "an entry that is none": {"world": [b"\xff\xff"]},
     "text that is no UTF-8": {"contacts": [b"\x0a\x01\xff\x12\x01a"]},
     "a contact with nobody": {"contacts": [wire.Contact(first="a").SerializeToString()]},
-    "a letter to nobody": {"letters": [wire.Letter(sender="a").SerializeToString()]},
+    "a letter to nobody": {"arrivals": [wire.Arrival(letter=wire.Letter(sender="a")).SerializeToString()]},
     "a mailing without senders": {"mailings": [wire.Mailing().SerializeToString()]},
     "senders that descend": {"mailings": [_mailing(senders=_whole(2, 1))]},
     "a sender twice": {"mailings": [_mailing(senders=_whole(1, 1))]},
     "a negative sender": {"mailings": [_mailing(senders=_whole(-1, 1))]},
     "a column that does not fit": {"mailings": [_mailing(columns=[_entry("a", _array([3], bytes(24)))])]},
     "receivers that do not fit": {"mailings": [_mailing(receivers=_whole(1))]},
-    "a delivery of nothing": {"deliveries": [_delivery()]},
-    "a row too many": {"mailings": [_mailing()], "deliveries": [_delivery(rows=_whole(2))]},
-    "a delivery without rows": {"mailings": [_mailing()], "deliveries": [_delivery(rows=None)]},
-    "times that do not fit": {"mailings": [_mailing()], "deliveries": [_delivery(due=_whole(1, 2))]},
-    "numbers that are fractions": {"mailings": [_mailing()], "deliveries": [_delivery(due=_array([1], bytes(8)))]},
+    "an arrival of nothing": {"arrivals": [b""]},
+    "a delivery of nothing": {"arrivals": [_arrival(_delivery())]},
+    "a row too many": {"mailings": [_mailing()], "arrivals": [_arrival(_delivery(rows=_whole(2)))]},
+    "a delivery without rows": {"mailings": [_mailing()], "arrivals": [_arrival(_delivery(rows=None))]},
+    "times that do not fit": {"mailings": [_mailing()], "arrivals": [_arrival(_delivery(due=_whole(1, 2)))]},
+    "numbers that are fractions": {
+        "mailings": [_mailing()],
+        "arrivals": [_arrival(_delivery(due=_array([1], bytes(8))))],
+    },
     "inputs that do not fit": wire.Report(inputs=[_input(rows=_whole(0, 1))]),
     "inputs that are flat": wire.Report(inputs=[_input(inputs=_array([1], bytes(8)))]),
     "a group twice": wire.Report(inputs=[_input(), _input()]),
@@ -372,8 +380,8 @@ print((peak() - before) / len(frame))
     [
         ("step", "2200", "refused"),  # contacts of nobody
         ("step", "22060a0161120162", "taken"),  # contacts as short as can be
-        ("step", "2a00", "refused"),  # letters to nobody
-        ("step", "2a060a0161120162", "taken"),  # letters as short as can be
+        ("step", "3200", "refused"),  # arrivals of nothing
+        ("step", "32080a060a0161120162", "taken"),  # letters as short as can be
         ("notice", "2a00", "refused"),  # entries without a value
         ("hello", "2200", "taken"),  # agents without a name
     ],

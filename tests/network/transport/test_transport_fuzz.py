@@ -22,7 +22,7 @@ Attack = Callable[[random.Random, bytes | None], list[bytes]]
 
 
 def _preamble(key: bytes | None) -> bytes:
-    return Conversation(False, key, 2**20, 2.0, 0.0).preamble
+    return Conversation(False, key, 2**20, 2.0, 60.0, 0.0).preamble
 
 
 def _noise(dice: random.Random, key: bytes | None) -> list[bytes]:
@@ -42,7 +42,7 @@ def _future(dice: random.Random, key: bytes | None) -> list[bytes]:
 
 
 def _mirror(dice: random.Random, key: bytes | None) -> list[bytes]:
-    return [Conversation(True, key, 2**20, 2.0, 0.0).preamble]
+    return [Conversation(True, key, 2**20, 2.0, 60.0, 0.0).preamble]
 
 
 def _wrong_key(dice: random.Random, key: bytes | None) -> list[bytes]:
@@ -227,7 +227,7 @@ class Member:
     def __init__(self, port: Port, key: bytes | None) -> None:
         self._socket = socket.create_connection(("127.0.0.1", number(port)))
         self._stream = self._socket.makefile("rb")
-        self._conversation = Conversation(False, key, 2**20, 2.0, time.monotonic())
+        self._conversation = Conversation(False, key, 2**20, 2.0, 60.0, time.monotonic())
         self.say(self._conversation.preamble)
         self._conversation.hear(self._stream.read(PREAMBLE), time.monotonic())
         while True:

@@ -137,3 +137,13 @@ class BrokenSetup(Untimed):
     def initialise(self, groups: Any, obstacles: Any, seed: int) -> None:
         """Fail."""
         raise OSError("no display")
+
+
+class Short(Stateless):
+    """A model whose rates of change are fewer than its states."""
+
+    state = (Quantity("x", "m"), Quantity("y", "m"), Quantity("heading", "rad"))
+    control_input = (Quantity("speed", "m/s"),)
+
+    def derivative(self, state: Any, control_input: Any, math: Any) -> Any:
+        return [control_input[0], control_input[0]]

@@ -1,0 +1,1 @@
+"""Fuzzing targets that show each kind of finding."""

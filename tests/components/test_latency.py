@@ -1,0 +1,278 @@
+"""What a component computes lands later by its latency and is otherwise the same; and to compute changes nothing."""
+
+from collections import deque
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import Enum
+from functools import partial
+from typing import Any
+
+import numpy as np
+import pytest
+from simulating import STEP, Team, execute, simulation
+
+from symaware_cli import Entity, Environment, GroupComponent, Model
+from symaware_cli.components.perception import OmniscientPerception
+from symaware_cli.core import Agent, AgentGroup, Parameters, Snapshot, Subscription, Surroundings, Tracks
+from symaware_cli.core.random import RowGenerators
+from symaware_cli.environments.kinematic import KinematicEnvironment
+from symaware_cli.models.bicycle import Bicycle
+from symaware_cli.models.integrator import SingleIntegrator
+from symaware_cli.models.quadrotor import Quadrotor
+from symaware_cli.models.unicycle import Unicycle
+from symaware_cli.runtime.timing import STEADY, Duration, Timing
+from symaware_cli.scenario.catalogue import Catalogue
+
+#: Steps between two turns, and what their latency is; less, so that no turn is put off.
+PERIOD, LATENCY, STEPS = 4, 2, 26
+
+DISC = Entity.model_validate({"shape": {"circle": {"radius": 0.3}}})
+
+
+def bullet() -> Environment:
+    pytest.importorskip("pybullet", reason="PyBullet is an extra")
+    from symaware_cli.environments.spatial import PyBulletEnvironment
+
+    return PyBulletEnvironment(PyBulletEnvironment.Parameters(time_step=STEP / 1e9))
+
+
+def kinematic() -> Environment:
+    return KinematicEnvironment(KinematicEnvironment.Parameters(time_step=STEP / 1e9))
+
+
+@dataclass
+class Case:
+    """What a component needs, and what it writes into what others can see of its agents."""
+
+    writes: Sequence[str]
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    knowledge: Mapping[str, Any] = field(default_factory=dict)
+    before: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    others: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    model: Model = field(default_factory=Unicycle)
+    world: Any = kinematic
+
+
+LINE = [[0, 0], [3, 0], [3, 3]]
+SEES = {"perception.range": {"range": 9.0}}
+ACTS = ["control", "intent"]
+CASES = {
+    "perception.self": Case(["state"]),
+    "perception.omniscient": Case(["state", "world"]),
+    "perception.range": Case(["observation", "seen", "state"], {"range": 9.0, "delay": 0.15, "position_noise": 0.1}),
+    "perception.camera": Case(["readings"], {"width": 8, "height": 6, "delay": 0.3}, world=bullet),
+    "perception.contact": Case(["readings"], {"noise": 0.1, "delay": 0.3}),
+    "perception.imu": Case(["readings"], {"acceleration_noise": 0.1, "acceleration_bias": 0.1}),
+    "perception.lidar": Case(["readings"], {"rays": 8, "noise": 0.1, "delay": 0.3}),
+    "uncertainty.gaussian": Case(
+        ["seen", "state", "uncertainty"],
+        before={"perception.range": {"range": 9.0, "delay": 0.15, "position_noise": 0.1, "self_noise": 0.1}},
+    ),
+    "risk.time-to-collision": Case(["risk"]),
+    "risk.collision": Case(["risk"]),
+    "control.go-to-goal": Case(ACTS, knowledge={"goal": [3, 3]}),
+    "control.velocity-obstacle": Case(ACTS, knowledge={"goal": [3, 3]}),
+    "control.waypoints": Case(ACTS, knowledge={"waypoints": LINE}),
+    "control.pure-pursuit": Case(ACTS, knowledge={"waypoints": LINE}, model=Bicycle()),
+    "control.follow": Case(ACTS, {"leader": "other"}, {"offset": [-1, 0]}),
+    "control.mpc": Case(
+        ACTS, {"horizon": 1.6, "steps": 8, "neighbours": 0, "obstacles": 0}, {"goal": [3, 3]}, model=SingleIntegrator()
+    ),
+    "control.quadrotor-velocity": Case(ACTS, knowledge={"velocity": [1, 0, 0]}, model=Quadrotor()),
+    "control.risk-aware": Case(["control"], before={"risk.time-to-collision": {"horizon": 9.0}}),
+    "communication.state": Case([]),
+    "communication.broadcast": Case([]),
+    "communication.gossip": Case([], knowledge={"rumour": 1}),
+    "communication.flooding": Case([], {"names": ["x"]}, {"x": 1}),
+    "communication.consensus": Case([], {"name": "x", "gain": 0.2}, {"x": 1.0}),
+    "communication.request": Case([], {"whom": ["other"], "names": ["x"]}, others={"communication.request": {}}),
+    "communication.inbox": Case(["told"], others={"communication.state": {}}),
+}
+
+
+class Drive(GroupComponent):
+    """Moves the agents in a way of its own, whatever anybody wants, so that the world is the same in all runs."""
+
+    def _compute(self):
+        inputs = np.zeros(self._group.control_input.shape)
+        inputs[:, 0] = 0.7 + 0.3 * np.sin(3.0 * self.time + np.arange(len(inputs)))
+        inputs[:, 1] = 0.4 * np.cos(2.0 * self.time)
+        return inputs
+
+    def _update(self, value):
+        self._group.control_input = value
+
+
+class Probe(GroupComponent):
+    """Takes note of all that others can see of the agents."""
+
+    def __init__(self, notes):
+        super().__init__()
+        self.notes = notes
+
+    def _compute(self):
+        return None
+
+    def _update(self, value):
+        self.notes.append(visible(self._group))
+
+
+def visible(group):
+    awareness = group.awareness
+    parts = {"state": awareness.state, "control": group.control_input, "knowledge": [dict(k) for k in group.knowledge]}
+    for name in ("intent", "uncertainty", "risk"):
+        column = getattr(awareness, name)
+        parts[name] = [(column.row(row).times, column.row(row).values) for row in range(len(group))]
+    world, observation = awareness.world, awareness.observation
+    parts["world"] = world and (world.time, world.states)
+    parts["seen"], parts["told"] = tracks(awareness.seen), tracks(awareness.told)
+    parts["observation"] = observation and (observation.time, observation.state, tracks(observation.tracks))
+    parts["readings"] = {name: vars_of(each) for name, each in awareness.readings.items()}
+    return {name: plain(part) for name, part in parts.items()}
+
+
+def tracks(of):
+    return None if of is None else [getattr(of, name) for name in Tracks.__slots__]
+
+
+def vars_of(reading):
+    return [getattr(reading, name) for name in type(reading).__slots__]
+
+
+def plain(value):
+    """A value that equals another one with the same numbers."""
+    if isinstance(value, np.ndarray):
+        return value.dtype.str, value.shape, value.tobytes()
+    if isinstance(value, Mapping):
+        return {name: plain(each) for name, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(each) for each in value]
+    return (
+        [plain(getattr(value, name)) for name in ("colour", "depth", "segments")] if hasattr(value, "depth") else value
+    )
+
+
+#: What components share, and what they draw from.
+SHARED = (
+    Agent,
+    AgentGroup,
+    Surroundings,
+    Model,
+    Environment,
+    Subscription,
+    Parameters,
+    RowGenerators,
+    np.random.Generator,
+)
+
+
+def contents(value, outer=()):
+    """All that an object of this package consists of, as values to compare."""
+    if isinstance(value, SHARED) or id(value) in outer:
+        return None
+    if isinstance(value, Snapshot):
+        return value.time, plain(value.states)
+    outer = (*outer, id(value))
+    if isinstance(value, Mapping):
+        return {name: contents(each, outer) for name, each in value.items()}
+    if isinstance(value, list | tuple | set | deque):
+        return [contents(each, outer) for each in value]
+    if isinstance(value, np.ndarray):
+        return plain(value)
+    if type(value).__module__.startswith("symaware_cli") and not isinstance(value, Enum):
+        slots = (name for kind in type(value).__mro__ for name in getattr(kind, "__slots__", ()))
+        attributes = {name: getattr(value, name, None) for name in slots} | dict(getattr(value, "__dict__", {}))
+        return {name: contents(each, outer) for name, each in attributes.items() if name != "__weakref__"}
+    return value if isinstance(value, float | int | str | bytes | None) else id(value)
+
+
+def watching(kind):
+    """The component, which fails where its `_compute` changes anything that somebody can see, or itself."""
+
+    class Watching(kind):
+        def _everything(self):
+            group = self._group if isinstance(self, GroupComponent) else self._agent.group
+            own = {name: each for name, each in vars(self).items() if name != "_random"}
+            return visible(group), contents(own), self._surroundings.exchange.sent
+
+        def _compute(self):
+            before = self._everything()
+            value = super()._compute()
+            for one, other, what in zip(before, self._everything(), ("awareness", "itself", "messages"), strict=True):
+                assert one == other, f"to compute changes {what}"
+            return value
+
+    return Watching
+
+
+def run(use, latency):
+    """What is visible before and after the turns of a component, step by step."""
+    case, catalogue = CASES[use], Catalogue()
+    if use == "control.mpc":
+        pytest.importorskip("casadi", reason="CasADi is an extra")
+
+    def make(name, parameters, wrap=lambda kind: kind):
+        kind = catalogue.load("component", name)
+        return partial(wrap(kind), kind.Parameters(**parameters))
+
+    notes = [], []
+    size = len(case.model.state)
+    robots = Team(
+        {
+            **({} if "state" in case.writes else {"sense": OmniscientPerception}),
+            **{name.replace(".", "-"): make(name, each) for name, each in case.before.items()},
+            "first": lambda: Probe(notes[0]),
+            "it": make(use, case.parameters, watching),
+            "last": lambda: Probe(notes[1]),
+            "drive": Drive,
+        },
+        count=2,
+        state=[[0.0] * size, [0.7, 0.7, *[0.0] * (size - 2)]],
+        knowledge=[case.knowledge] * 2,
+        model=case.model,
+        entity=DISC,
+        timings={"it": Timing(PERIOD * STEP, latency=Duration("constant", latency * STEP / 1e9))},
+    )
+    other = Team(
+        {"drive": Drive, **{name.replace(".", "-"): make(name, each) for name, each in case.others.items()}},
+        state=[[2.0, 0.2]],
+        knowledge=[{"x": 1}],
+        entity=DISC,
+    )
+    ready = simulation({"robot": robots, "other": other}, environment=case.world())
+    summary = execute(ready, STEPS)
+    assert summary.status == "finished", summary.failure
+    return notes
+
+
+def test_there_is_a_case_for_every_built_in_component():
+    catalogue = Catalogue()
+    assert {each.name for each in catalogue.listings("component") if each.built_in} == set(CASES)
+
+
+@pytest.mark.parametrize("use", CASES)
+def test_a_latency_is_a_shift(use):
+    case = CASES[use]
+    (before, at_once), (_, late) = run(use, 0), run(use, LATENCY)
+    written = set()
+    for turn in range(0, STEPS - LATENCY, PERIOD):
+        changed = {name for name in at_once[turn] if at_once[turn][name] != before[turn][name]}
+        written |= changed
+        for name in changed & set(case.writes):
+            assert late[turn + LATENCY][name] == at_once[turn][name], (turn, name)
+    assert set(case.writes) <= written
+
+
+def test_a_component_knows_when_it_computed_what_it_is_to_write():
+    noted = []
+
+    class Notes(GroupComponent):
+        def _compute(self):
+            return self.now
+
+        def _update(self, value):
+            noted.append((value == self.computed_at, self.now - self.computed_at))
+
+    for timing in (STEADY, Timing(latency=Duration("constant", LATENCY * STEP / 1e9), period=PERIOD * STEP)):
+        execute(simulation({"robot": Team({"note": Notes}, timings={"note": timing})}), 4)
+    assert noted == [(True, 0)] * 4 + [(True, LATENCY * STEP)]

@@ -1,0 +1,112 @@
+"""What `_compute` returns and `_update` cannot take is told in plain words, in both modes."""
+
+import re
+
+import numpy as np
+import pytest
+from simulating import STEP, Team, simulate
+
+from symaware_cli import (
+    CommunicationSender,
+    Controller,
+    PerceptionSystem,
+    RiskEstimator,
+    TimeSeries,
+    UncertaintyEstimator,
+)
+from symaware_cli.runtime.terms import Terms
+from symaware_cli.runtime.timing import Duration, Timing
+
+CONTROL = r"a controller returns its control input, 2 numbers \(velocity_x, velocity_y\), and its intent, a TimeSeries"
+GOOD = np.zeros(2)
+WRONG = {
+    "nothing": (Controller, None, r"`_compute` returned nothing \(None\): " + CONTROL),
+    "no intent": (Controller, GOOD, r"returned an array of shape \(2,\): " + CONTROL),
+    "a list": (Controller, [GOOD, GOOD], "returned a list: " + CONTROL),
+    "three": (Controller, (GOOD, TimeSeries(), 1), r"returned \(ndarray, TimeSeries, int\): " + CONTROL),
+    "None for the intent": (Controller, (GOOD, None), r"returned \(ndarray, NoneType\): " + CONTROL),
+    "None for the input": (Controller, (None, TimeSeries()), "is no vector, expected real numbers, not None: "),
+    "too long": (Controller, (np.zeros(3), TimeSeries()), r"a control input of shape \(3,\): " + CONTROL),
+    "complex": (Controller, (np.array([1j, 0]), TimeSeries()), "complex numbers, whose imaginary part would be lost"),
+    "text": (Controller, (["1", "2"], TimeSeries()), "expected real numbers, not text"),
+    "no states": (PerceptionSystem, None, r"returned nothing \(None\): a perception returns states by id"),
+    "a state": (PerceptionSystem, GOOD, "a perception returns states by id"),
+    "no risk": (RiskEstimator, None, r"returned nothing \(None\): a risk estimator returns a TimeSeries"),
+    "a number": (RiskEstimator, 0.5, "returned a float: a risk estimator returns a TimeSeries"),
+    "no uncertainty": (UncertaintyEstimator, None, "an uncertainty estimator returns a TimeSeries"),
+    "no messages": (CommunicationSender, None, "a sender returns the messages to send, a list of Message"),
+    "a text": (CommunicationSender, ["hello"], "a sender returns the messages to send, a list of Message"),
+}
+WAYS = {
+    "synchronous": (Timing(), Terms()),
+    "with a latency": (Timing(latency=Duration("constant", STEP / 1e9)), Terms()),
+    "asynchronous": (Timing(period=STEP), Terms(mode="asynchronous")),
+}
+
+
+def failure(kind, value, timing, terms):
+    class Wrong(kind):
+        def _compute(self):
+            return value
+
+    summary = simulate({"robot": Team({"it": Wrong}, timings={"it": timing})}, 4, terms=terms)
+    assert summary.status == "failed"
+    return summary.failure
+
+
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("what", WRONG)
+def test_what_is_expected_is_told(what, way):
+    kind, value, expected = WRONG[what]
+    told = failure(kind, value, *WAYS[way])
+    assert re.search(expected, told), told
+    assert told.startswith("agents.robot.it (test.it) failed at ")
+    assert "unpack" not in told
+
+
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("asynchronous", [False, True])
+def test_the_papers_own_update_is_told_the_same(way, asynchronous):
+    class Paper(Controller):
+        def _compute(self):
+            return None
+
+        def _update(self, value):
+            control_input, intent = value
+            self._agent.model.control_input = control_input
+            self._agent.self_awareness.intent = intent
+
+    class Waits(Paper):
+        async def _async_compute(self):
+            return self._compute()
+
+    timing, terms = WAYS[way]
+    team = Team({"it": Waits if asynchronous else Paper}, timings={"it": timing})
+    told = simulate({"robot": team}, 4, terms=terms).failure
+    assert "returned nothing (None): a controller returns its control input" in told
+
+
+def test_a_failure_of_an_update_that_takes_something_else_is_its_own():
+    class Own(Controller):
+        def _compute(self):
+            return GOOD, TimeSeries(), "more"
+
+        def _update(self, value):
+            raise ValueError("of its own")
+
+    assert "ValueError: of its own" in simulate({"robot": Team({"it": Own})}, 1).failure
+
+
+def test_a_failure_of_compute_is_not_blamed_on_the_value_before():
+    class Second(Controller):
+        def _compute(self):
+            if self._agent.row:
+                _first, _second = None
+            return GOOD, TimeSeries(), "more"
+
+        def _update(self, value):
+            super()._update(value[:2])
+
+    told = simulate({"robot": Team({"it": Second}, count=2)}, 1).failure
+    assert told.startswith("agents.robot.1.it")
+    assert "cannot unpack" in told

@@ -1,0 +1,71 @@
+"""Columns and series hold real numbers: what is none is refused, wherever it is written, and nothing is bent."""
+
+from decimal import Decimal
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from simulating import Team
+
+from symaware_cli import AwarenessVector, TimeSeries
+from symaware_cli.core.column import Column, SeriesColumn
+from symaware_cli.core.real import real
+
+STRANGE = {
+    "complex": np.array([1.0, 1j]),
+    "complex without an imaginary part": np.array([1.0, 0j]),
+    "complex in a list": [1.0, 1j],
+    "numbers as text": ["1", "2"],
+    "an array of text": np.array(["1", "2"]),
+    "bytes": np.array([b"1", b"2"]),
+    "None": [1.0, None],
+    "objects": np.array([1.0, object()], object),
+    "complex objects": np.array([1.0, 1j], object),
+    "decimals": [Decimal(1), Decimal(2)],
+    "dates": np.array(["2020-01-01", "2020-01-02"], "datetime64[D]"),
+    "durations": np.array([1, 2], "timedelta64[s]"),
+}
+
+
+def agent():
+    return Team().group("robot").agents[0]
+
+
+WAYS = {
+    "a column": lambda value: setattr(Column(np.zeros((1, 2))), "values", [value]),
+    "a row of a column": lambda value: Column(np.zeros((1, 2))).set_row(0, value),
+    "a control input": lambda value: setattr(agent().model, "control_input", value),
+    "control inputs": lambda value: setattr(agent().group, "control_input", [value]),
+    "a believed state": lambda value: setattr(agent().self_awareness, "state", value),
+    "believed states": lambda value: setattr(agent().group.awareness, "state", [value]),
+    "series of a group": lambda value: SeriesColumn(1).set([0, 1], [value]),
+    "a series": lambda value: TimeSeries({0.0: value}),
+    "a sampled series": lambda value: TimeSeries.sampled([0, 1], value),
+    "an awareness vector": lambda value: AwarenessVector("a", value),
+}
+
+
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("what", STRANGE)
+def test_what_is_no_real_number_is_refused(what, way):
+    with pytest.raises(TypeError, match="expected real numbers, not "):
+        WAYS[way](STRANGE[what])
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        [1, 2],
+        (1.0, 2),
+        [True, 2.0],
+        np.array([1, 2], np.uint8),
+        np.float32([1, 2]),
+        [Fraction(1), np.float64(2)],
+        range(1, 3),
+    ],
+)
+@pytest.mark.parametrize("way", WAYS)
+def test_real_numbers_of_any_kind_are_taken(way, value):
+    WAYS[way](value)
+    assert real(value).dtype == np.float64
+    assert real(value).tolist() == [1.0, 2.0]
