@@ -1,0 +1,138 @@
+"""Runs every scenario and checks what became of it, on this processor and on emulated ones.
+
+    .venv/bin/python .ci/scenarios.py [--quick] FOLDER...
+
+Each scenario must be sound, run to its end with updates in its log and no failures, and give the same digest as on an
+emulated processor of level x86-64-v3. On one of level x86-64-v2, of which less is promised, true positions must agree
+within a tolerance, at least until the motion amplifies rounding (docs/repeatability.md). With --quick nothing is
+emulated.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from symaware_cli import open_log, processor
+from symaware_cli.recording.digest import digest
+
+TOLERANCE = 1e-6
+"""Metres that a position may differ by on a processor of level x86-64-v2."""
+
+AMPLIFIED = {"racecars.yaml": 0.5, "swarm.yaml": 30.0}
+"""Scenarios whose motion amplifies rounding, and until when [s] they must agree all the same."""
+
+
+class FailedError(Exception):
+    """Something is not as it should be."""
+
+
+def main() -> None:
+    """Try all scenarios, report on each, and exit with 1 if one of them failed."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("folders", nargs="+", type=Path)
+    parser.add_argument("--quick", action="store_true")
+    arguments = parser.parse_args()
+    found = [path for folder in arguments.folders for path in folder.rglob("*") if path.suffix in (".yaml", ".toml")]
+    # A name with an underscore before it belongs to a base that others extend.
+    scenarios = sorted(path for path in found if not path.name.startswith("_"))
+    failures = 0
+    # As many at a time as there are cores: most of a short run is Python that starts.
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        for scenario, attempt in [(each, pool.submit(tried, each, arguments.quick)) for each in scenarios]:
+            try:
+                print(f"{scenario}: {attempt.result()}", flush=True)
+            except FailedError as failure:
+                failures += 1
+                print(f"{scenario}: FAILED: {failure}", flush=True)
+    print(f"{len(scenarios)} scenarios, {failures} failed")
+    sys.exit(bool(failures) or not scenarios)
+
+
+def tried(scenario: Path, quick: bool) -> str:
+    """Run a scenario and say what came of it."""
+    with tempfile.TemporaryDirectory() as folder:
+        here, alike, other = (Path(folder) / f"{name}.mcap" for name in ("here", "alike", "other"))
+        valid = json.loads(symaware("validate", scenario, "--json"))
+        if not valid["valid"]:
+            raise FailedError(f"not sound: {valid}")
+        summary = ran(scenario, here, {})
+        if summary["steps"] != valid["steps"] and not ends_itself(here):
+            raise FailedError(f"made {summary['steps']} of {valid['steps']} steps")
+        said = f"{summary['steps']} steps, {summary['updates']} updates"
+        if quick:
+            return said
+        ran(scenario, alike, processor.emulated("x86-64-v3"))
+        differing = digest(open_log(here)).differences(digest(open_log(alike)))
+        if differing:
+            raise FailedError(f"differs on a processor of level x86-64-v3 in {', '.join(differing)}")
+        ran(scenario, other, processor.emulated("x86-64-v2"))
+        apart, since = distance(here, other, AMPLIFIED.get(scenario.name, np.inf))
+        if apart > TOLERANCE:
+            raise FailedError(
+                f"positions differ by {apart:.2g} m on a processor of level x86-64-v2, from {since:g} s on"
+            )
+        return f"{said}; the same on x86-64-v3, {f'off by {apart:.1g} m' if apart else 'and'} on x86-64-v2"
+
+
+def ran(scenario: Path, log: Path, variables: dict[str, str]) -> dict[str, object]:
+    """Run a scenario as on some processor, and return its summary, which must be that of a sound run."""
+    summary: dict[str, object] = json.loads(symaware("run", scenario, "--json", "--output", log, variables=variables))
+    for name, right in (("status", "finished"), ("failure", None), ("failures", 0)):
+        if summary[name] != right:
+            raise FailedError(f"{name} is {summary[name]!r} and not {right!r}")
+    for name in ("steps", "updates", "simulated_time"):
+        if not summary[name]:
+            raise FailedError(f"{name} is {summary[name]!r}")
+    problem = json.loads(symaware("inspect", log, "--json"))["damage"]
+    if problem:
+        raise FailedError(f"its log is damaged: {problem}")
+    return summary
+
+
+def ends_itself(log: Path) -> bool:
+    """Whether the scenario has a condition that may end the run before its time."""
+    resolved = yaml.safe_load(open_log(log).attachments["resolved.yaml"])
+    return resolved["run"].get("until") is not None
+
+
+def symaware(*arguments: object, variables: dict[str, str] | None = None) -> str:
+    """Run the program with no kernels chosen but those given, and return what it printed."""
+    clean = {name: value for name, value in os.environ.items() if name not in processor.VARIABLES}
+    line = [sys.executable, "-P", "-m", "symaware_cli", *map(str, arguments)]
+    done = subprocess.run(
+        line, env=clean | (variables or {}), stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False
+    )
+    if done.returncode:
+        said = f"{done.stdout}{done.stderr}".strip()
+        raise FailedError(f"{arguments[0]} exited with {done.returncode}: {said}")
+    return done.stdout
+
+
+def distance(first: Path, second: Path, until: float) -> tuple[float, float]:
+    """The greatest distance between the true positions of an agent in two logs [m], and when it exceeds what may be."""
+    logs = [open_log(each) for each in (first, second)]
+    greatest, since = 0.0, np.inf
+    for group in logs[0].manifest["groups"].values():
+        place = group["model"]["position"]
+        for agent in group["agents"]:
+            one, other = (log.series(agent, "world") for log in logs)
+            times, rows, others = np.intersect1d(one.seconds, other.seconds, return_indices=True)
+            apart = np.linalg.norm((one.values[rows] - other.values[others])[:, place], axis=1)[times <= until]
+            greatest = max(greatest, float(apart.max(initial=0.0)))
+            far = np.flatnonzero(apart > TOLERANCE)
+            since = min(since, float(times[far[0]])) if far.size else since
+    return greatest, since
+
+
+if __name__ == "__main__":
+    main()
