@@ -107,7 +107,8 @@ def ours(horizon: int, solver: str) -> tuple[Array, float]:
     summary = execute(built, None)
     assert summary.status == "finished"
     assert summary.minimum_separation is not None
-    return np.array(taken), summary.minimum_separation.value
+    radii = sum(group.entity.radius for group in built.simulation.groups)
+    return np.array(taken), summary.minimum_separation.value + radii  # of centres: outlines are discs
 
 
 def whole_run(folder: str) -> float:

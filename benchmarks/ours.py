@@ -17,6 +17,11 @@ from symaware_cli.scenario.execution import execute
 _COMPONENTS = {
     # The comparison with frameworks that step each agent in Python.
     "python": "sense: {use: benchmark.perception}, steer: {use: benchmark.controller}",
+    # The original framework's way: each perception fills a dictionary of everybody, and each controller reads it.
+    "dictionary": "sense: {use: benchmark.dictionary-perception}, steer: {use: benchmark.aware-controller}",
+    # The same work as IR-SIM's `dash`: unicycles with limits that never arrive; in Python, and as it ships.
+    "dash": "sense: {use: benchmark.perception}, steer: {use: benchmark.dash}",
+    "stock-dash": "sense: {use: perception.omniscient}, steer: {use: control.go-to-goal}",
     # The same perception as it ships, for the whole group; only the controller is Python of single agents.
     "mixed": "sense: {use: perception.omniscient}, steer: {use: benchmark.controller}",
     "stock": "sense: {use: perception.omniscient}, steer: {use: control.go-to-goal}",
@@ -28,12 +33,43 @@ _COMPONENTS = {
 
 
 def scenario(case: str, agents: int, steps: int) -> str:
+    """A scenario of so many agents and steps."""
+    return _quadrotors(agents, steps) if case == "drones" else _field(case, agents, steps)
+
+
+def _quadrotors(agents: int, steps: int) -> str:
+    """Quadrotors beside each other that fly at a velocity: physics at 240 Hz, controllers at 48 Hz."""
+    places = [[row, 0, 1, *[0] * 9] for row in range(agents)]
+    return f"""
+symaware: 1
+name: benchmark
+seed: 1
+run: {{duration: {steps / 48}}}
+environment: {{use: pybullet, with: {{time_step: {1 / 48}, substeps: 5}}}}
+agents:
+  drone:
+    count: {agents}
+    model: {{use: quadrotor}}
+    state: {places if agents > 1 else places[0]}
+    knowledge: {{velocity: {{all: [0.3, 0.1, 0.05]}}}}
+    components:
+      sense: {{use: perception.omniscient}}
+      fly: {{use: control.quadrotor-velocity}}
+"""
+
+
+def _field(case: str, agents: int, steps: int) -> str:
     """A field of agents, as dense at any number, each with a goal of its own."""
     # One agent on 20 square metres: within 3 m of each there are about 1.4 others.
     side = math.sqrt(20.0 * agents)
-    model = "unicycle" if case == "risk" else "single-integrator"
+    rolls = case in ("risk", "dash", "stock-dash")
+    model = "unicycle" if rolls else "single-integrator"
     state = f"[{{uniform: [0, {side}]}}, {{uniform: [0, {side}]}}"
-    state += ", {uniform: [-3.14, 3.14]}]" if case == "risk" else "]"
+    state += ", {uniform: [-3.14, 3.14]}]" if rolls else "]"
+    goal = f"[{{uniform: [0, {side}]}}, {{uniform: [0, {side}]}}]"
+    if case in ("dash", "stock-dash"):
+        # Opposite on a large circle, as IR-SIM places them: nobody meets or arrives.
+        state, goal = "{circle: {radius: 90.0}}", "{circle: {radius: 90.0, phase: 3.14159}}"
     return f"""
 symaware: 1
 name: benchmark
@@ -46,7 +82,7 @@ agents:
     entity: {{shape: {{circle: {{radius: 0.1}}}}}}
     model: {{use: {model}}}
     state: {state}
-    knowledge: {{goal: [{{uniform: [0, {side}]}}, {{uniform: [0, {side}]}}]}}
+    knowledge: {{goal: {goal}}}
     components: {{{_COMPONENTS[case]}}}
 """
 
@@ -54,7 +90,7 @@ agents:
 def main() -> None:
     """Run the case that the command line names."""
     parser = argparse.ArgumentParser()
-    parser.add_argument("case", choices=[*_COMPONENTS, "numpy"])
+    parser.add_argument("case", choices=[*_COMPONENTS, "drones", "numpy"])
     parser.add_argument("agents", type=int)
     parser.add_argument("steps", type=int)
     parser.add_argument("--record", action="store_true")

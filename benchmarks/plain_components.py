@@ -1,13 +1,25 @@
 """Components of single agents in plain Python, as the author of a paper would write them."""
 
+import math
+
+import numpy as np
+
 from symaware_cli import Controller, PerceptionSystem, TimeSeries
 
 
 class Perception(PerceptionSystem):
-    """Perceives everybody."""
+    """Perceives everybody, as one snapshot that all share."""
 
     def _compute(self):
         return self.environment.snapshot()
+
+
+class DictionaryPerception(PerceptionSystem):
+    """Perceives everybody, as a dictionary of its own: the paper's way."""
+
+    def _compute(self):
+        world = self.environment.snapshot()
+        return {id: world.state(id) for id in world.roster.ids}
 
 
 class ToGoal(Controller):
@@ -17,6 +29,33 @@ class ToGoal(Controller):
         state = self._agent.self_state
         goal = self._agent.self_knowledge["goal"]
         return goal - state, TimeSeries()
+
+    def _update(self, value):
+        control_input, intent = value
+        self._agent.model.control_input = control_input
+        self._agent.self_awareness.intent = intent
+
+
+class AwareToGoal(ToGoal):
+    """Reads what it believes of every other agent, and heads for its goal."""
+
+    def _compute(self):
+        own = self._agent.id
+        others = [vector.state for other, vector in self._agent.awareness_database.items() if other != own]
+        assert others
+        return super()._compute()
+
+
+class Dash(Controller):
+    """Steers a unicycle to its goal, at full speed as far as it looks there: what IR-SIM's ``dash`` does."""
+
+    def _compute(self):
+        x, y, heading = self._agent.self_state.tolist()
+        goal_x, goal_y = self._agent.self_knowledge["goal"].tolist()
+        error = math.remainder(math.atan2(goal_y - y, goal_x - x) - heading, math.tau)
+        speed = max(math.cos(error), 0.0)
+        turn = min(max(error / 0.05, -1.0), 1.0)
+        return np.array([speed, turn]), TimeSeries()
 
     def _update(self, value):
         control_input, intent = value

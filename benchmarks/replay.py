@@ -108,12 +108,12 @@ def convert_row_by_row(log: Log, path: Path) -> tuple[float, int]:
 def _drawn(rr: Any, cast: Cast, troupe: Troupe, field: str, content: Any) -> Iterator[tuple[int, Any]]:
     """What one would log for each row of a message."""
     match content:
+        case wire.Rows() if field == "control":
+            for row, control_input in enumerate(content.values):
+                yield row, rr.Scalars(control_input)
         case wire.Rows():
             for row, state in enumerate(content.values):
                 yield row, rr.Points3D(troupe.positions(state), colors=troupe.colours[row], radii=troupe.radius)
-        case wire.Control():
-            for row, control_input in enumerate(content.applied):
-                yield row, rr.Scalars(control_input)
         case wire.SeriesRows():
             for row, (_, values) in enumerate(content):
                 if field == "risk":

@@ -1,8 +1,9 @@
 """Measures SymAware beside its peers: ``python benchmarks/run.py`` prints a table and writes RESULTS.md.
 
-Every figure is CPU time of one process, and what counts is the ratio of two figures of the same session: all cases run
-in turn, round after round, so that a machine that is slow for a while is slow for all. Of the rounds the best counts.
-The peers come from the package index into an environment of their own, beside this file.
+Every figure is CPU time of one process, and what counts is the ratio of two cases of the same round: all cases run in
+turn, round after round, so that a machine that is slow for a while is slow for all. Of the rounds' ratios the table
+shows median, least and greatest. The peers come from the package index into an environment of their own, beside this
+file; two are not there, and are left out unless an interpreter is given that can import them.
 """
 
 import argparse
@@ -10,16 +11,66 @@ import datetime
 import json
 import os
 import platform
+import resource
+import statistics
 import subprocess
 import sys
+import tempfile
 import venv
+from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 
 HERE = Path(__file__).parent
 PEERS = HERE / ".peers"
-# IR-SIM twice: its version 2.10 is the one that the targets of the project were set against.
-OLD_IRSIM = "ir-sim==2.10.2"
+
+
+@dataclass(frozen=True)
+class Case:
+    """Something to measure.
+
+    Attributes:
+        command: What to run.
+        whole: Whether the whole process counts, start-up included; else what the command itself reports.
+    """
+
+    command: list[str]
+    whole: bool = False
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A ratio of two cases: what it says, how many times faster the one is than the other, and what was aimed at."""
+
+    what: str
+    one: str
+    other: str
+    target: str = ""
+
+
+COMPARISONS = [
+    Comparison("10 unicycles in Python beside IR-SIM `dash`", "dash 10", "IR-SIM 10"),
+    Comparison("the same, recorded", "dash 10 recorded", "IR-SIM 10"),
+    Comparison("10 unicycles, stock components, beside IR-SIM `dash`", "stock-dash 10", "IR-SIM 10", ">= 12"),
+    Comparison("the same, recorded", "stock-dash 10 recorded", "IR-SIM 10"),
+    Comparison("100 unicycles, stock components, beside IR-SIM `dash`", "stock-dash 100", "IR-SIM 100"),
+    Comparison("a short recorded run as a whole process, beside IR-SIM", "hello", "IR-SIM hello"),
+    Comparison("10 agents, dictionary of all, beside the original", "dictionary 10", "original aware 10", ">= 2"),
+    Comparison("100 agents", "dictionary 100", "original aware 100", ">= 6"),
+    Comparison("1,000 agents", "dictionary 1000", "original aware 1000", ">= 8"),
+    Comparison("10 agents, shared snapshot, beside the original", "python 10", "original 10", ">= 4"),
+    Comparison("100 agents", "python 100", "original 100", ">= 25"),
+    Comparison("1,000 agents", "python 1000", "original 1000", ">= 300"),
+    Comparison("10 agents, stock components, beside the original", "stock 10", "original 10", ">= 5"),
+    Comparison("10 Python agents beside MPE2 `simple_spread`", "python 10", "MPE2 10"),
+    Comparison("10 Python agents beside VMAS `navigation`, one environment", "python 10", "VMAS 10"),
+    Comparison("10 quadrotors beside gym-pybullet-drones with its PID", "drones 10", "gym-drones 10", ">= 2"),
+    Comparison("cost per agent, 10 Python agents to 1,000", "python 1000", "python 10", ">= 1"),
+    Comparison("cost per agent, 1,000 unicycles with risk to 10,000", "risk 10000", "risk 1000", ">= 0.77"),
+    Comparison("1,000 unicycles with risk beside bare NumPy", "risk 1000", "numpy 1000", ">= 0.5"),
+    Comparison("the same, recorded", "risk 1000 recorded", "numpy 1000", ">= 0.35"),
+    Comparison("10,000 unicycles with risk beside bare NumPy", "risk 10000", "numpy 10000"),
+]
 
 
 def _python(folder: Path) -> str:
@@ -27,102 +78,135 @@ def _python(folder: Path) -> str:
 
 
 def install_peers() -> None:
-    """Make the environments of the peers, unless they are there."""
-    for folder, wanted in (
-        (PEERS / "new", ["-r", str(HERE / "peers" / "requirements.txt")]),
-        (PEERS / "old", [OLD_IRSIM]),
-    ):
-        if not (folder / "installed").exists():
-            venv.create(folder, with_pip=True, clear=True)
-            subprocess.run([_python(folder), "-m", "pip", "install", "-q", *wanted], check=True)
-            (folder / "installed").touch()
+    """Make the environment of the peers, unless it is there."""
+    if not (PEERS / "installed").exists():
+        venv.create(PEERS, with_pip=True, clear=True)
+        wanted = ["-r", str(HERE / "peers" / "requirements.txt")]
+        subprocess.run([_python(PEERS), "-m", "pip", "install", "-q", *wanted], check=True)
+        (PEERS / "installed").touch()
 
 
-def cases(peers: bool) -> dict[str, list[str]]:
-    """Every case by name, as a command."""
+def cases(peers: bool, original: str | None, drones: str | None, folder: Path) -> dict[str, Case]:
+    """Every case by name."""
     ours = [sys.executable, str(HERE / "ours.py")]
     found = {}
-    for case, agents, steps in (
-        ("python", 10, 4000),
-        ("python", 100, 500),
-        ("python", 1000, 400),
-        ("mixed", 10, 4000),
-        ("stock", 10, 4000),
-        ("stock", 1000, 500),
-        ("risk", 1000, 500),
-        ("risk", 10000, 50),
+    for case, agents, steps, recorded in (
+        ("python", 10, 4000, True),
+        ("python", 100, 500, True),
+        ("python", 1000, 400, True),
+        ("dictionary", 10, 1000, False),
+        ("dictionary", 100, 100, False),
+        ("dictionary", 1000, 3, False),
+        ("mixed", 10, 4000, True),
+        ("stock", 10, 4000, True),
+        ("stock", 1000, 500, True),
+        ("dash", 10, 2000, True),
+        ("stock-dash", 10, 2000, True),
+        ("stock-dash", 100, 1000, True),
+        ("risk", 1000, 500, True),
+        ("risk", 10000, 50, True),
+        ("numpy", 1000, 500, False),
+        ("numpy", 10000, 50, False),
     ):
-        found[f"{case} {agents}"] = [*ours, case, str(agents), str(steps)]
-        found[f"{case} {agents} recorded"] = [*ours, case, str(agents), str(steps), "--record"]
-    for agents, steps in ((1000, 500), (10000, 50)):
-        found[f"numpy {agents}"] = [*ours, "numpy", str(agents), str(steps)]
+        command = [*ours, case, str(agents), str(steps)]
+        found[f"{case} {agents}"] = Case(command)
+        if recorded:
+            found[f"{case} {agents} recorded"] = Case([*command, "--record"])
+    program = Path(sys.executable).with_name("symaware")
+    hello = HERE.parent / "scenarios" / "hello.yaml"
+    found["hello"] = Case([str(program), "run", str(hello), "-o", str(folder / "hello.mcap")], whole=True)
+    found["drones 10"] = Case([*ours, "drones", "10", "300"])
     if peers:
-        new, old = _python(PEERS / "new"), _python(PEERS / "old")
-        found["IR-SIM 2.10 10"] = [old, str(HERE / "peers" / "irsim_dash.py"), "10", "200"]
-        found["IR-SIM 10"] = [new, str(HERE / "peers" / "irsim_dash.py"), "10", "200"]
-        found["IR-SIM 100"] = [new, str(HERE / "peers" / "irsim_dash.py"), "100", "30"]
-        found["MPE2 10"] = [new, str(HERE / "peers" / "mpe2_spread.py"), "10", "200"]
-        found["VMAS 10"] = [new, str(HERE / "peers" / "vmas_navigation.py"), "10", "50"]
+        for name, script, arguments in (
+            ("IR-SIM 10", "irsim_dash.py", ["10", "200"]),
+            ("IR-SIM 100", "irsim_dash.py", ["100", "30"]),
+            ("MPE2 10", "mpe2_spread.py", ["10", "200"]),
+            ("VMAS 10", "vmas_navigation.py", ["10", "50"]),
+        ):
+            found[name] = Case([_python(PEERS), str(HERE / "peers" / script), *arguments])
+        found["IR-SIM hello"] = Case([_python(PEERS), str(HERE / "peers" / "irsim_dash.py"), "4", "240"], whole=True)
+    if original:
+        script = str(HERE / "peers" / "original_symaware.py")
+        for agents, steps in (("10", "1000"), ("100", "100"), ("1000", "3")):
+            found[f"original {agents}"] = Case([original, script, agents, steps])
+            found[f"original aware {agents}"] = Case([original, script, agents, steps, "--aware"])
+    if drones:
+        found["gym-drones 10"] = Case([drones, str(HERE / "peers" / "gym_drones.py"), "10", "300"])
     return found
 
 
-def replays() -> dict[str, list[str]]:
-    """Every case of replays by name, as a command."""
+def measure(case: Case) -> dict[str, float]:
+    """Run a case in a process of its own."""
+    # One thread each: the figures are CPU time, and NumPy's helpers would only add to it.
+    environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    done = subprocess.run(case.command, capture_output=True, text=True, env=environment, check=False)
+    if done.returncode:
+        raise SystemExit(f"{' '.join(case.command)} failed:\n{done.stderr}")
+    if case.whole:
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+        return {"cpu": cpu, "agent_steps": 4 * 240}
+    return json.loads(done.stdout.strip().splitlines()[-1])
+
+
+def replays() -> dict[str, Case]:
+    """Every case of replays by name."""
     replay = [sys.executable, str(HERE / "replay.py")]
-    cases = {name: [*replay, name] for name in ("ten", "crossing", "circle-swap")}
-    return {**cases, "ten, row by row": [*replay, "ten", "--row-by-row"]}
-
-
-def measure_replays(rounds: int) -> str:
-    """Measure the replays, and lay out the results."""
-    costs: dict[str, float] = {}
-    for number in range(rounds):
-        for name, command in replays().items():
-            _tell(f"round {number + 1} of {rounds}: replay {name}")
-            figures = measure(command)
-            costs[name] = min(costs.get(name, 1.0), figures["cpu"] / figures["updates"])
-    _tell("replay of a large log")
-    large = measure([sys.executable, str(HERE / "replay.py"), "large"])
-    targets = [
-        ("100,000 updates of ten agents to .rrd, CPU-seconds", f"{1e5 * costs['ten']:.2f}", "<= 0.5"),
-        ("beside `rr.log` row by row", f"{costs['ten, row by row'] / costs['ten']:.0f} x faster", ">= 20 x"),
-        ("100,000 updates of *crossing*, CPU-seconds", f"{1e5 * costs['crossing']:.2f}", ""),
-        ("100,000 updates of *circle-swap*, CPU-seconds", f"{1e5 * costs['circle-swap']:.2f}", ""),
-        (
-            f"a log of {large['log_size'] / 1e9:.1f} GB, 10,000 agents: peak memory",
-            f"{large['peak_memory'] / 1e6:.0f} MB",
-            "a few chunks",
-        ),
-        ("the same: CPU-seconds", f"{large['cpu']:.0f}", ""),
-    ]
-    lines = [
-        "## Replays",
-        "",
-        "`symaware replay --save`, as `benchmarks/replay.py` measures it: *ten* agents that see each other, *crossing*",
-        "with a tab for each of its twelve, *circle-swap* with tabs for four of fifty.",
-        "",
-        f"rerun-sdk {version('rerun-sdk')}.",
-        "",
-        "| what | measured | target |",
-        "|---|---:|---:|",
-        *(f"| {what} | {value} | {target} |" for what, value, target in targets),
-        "",
-    ]
-    return "\n".join(lines)
+    found = {name: Case([*replay, name]) for name in ("ten", "crossing", "circle-swap")}
+    return {**found, "ten, row by row": Case([*replay, "ten", "--row-by-row"])}
 
 
 def _tell(what: str) -> None:
     print(f"\r{what:<60}", end="", file=sys.stderr, flush=True)
 
 
-def measure(command: list[str]) -> dict[str, float]:
-    """Run a case in a process of its own."""
-    # One thread each: the figures are CPU time, and NumPy's helpers would only add to it.
-    environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
-    done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
-    if done.returncode:
-        raise SystemExit(f"{' '.join(command)} failed:\n{done.stderr}")
-    return json.loads(done.stdout.strip().splitlines()[-1])
+def measure_replays(rounds: int) -> str:
+    """Measure the replays, and lay out the results."""
+    costs: dict[str, list[float]] = {}
+    for number in range(rounds):
+        for name, case in replays().items():
+            _tell(f"round {number + 1} of {rounds}: replay {name}")
+            figures = measure(case)
+            costs.setdefault(name, []).append(1e5 * figures["cpu"] / figures["updates"])
+    _tell("replay of a large log")
+    large = measure(Case([sys.executable, str(HERE / "replay.py"), "large"]))
+    faster = [slow / fast for slow, fast in zip(costs["ten, row by row"], costs["ten"], strict=True)]
+    rows = [
+        ("100,000 updates of ten agents to .rrd, CPU-seconds", spread(costs["ten"]), "<= 0.5"),
+        ("how many times faster than `rr.log` row by row", spread(faster), ">= 20"),
+        ("100,000 updates of *crossing*, CPU-seconds", spread(costs["crossing"]), ""),
+        ("100,000 updates of *circle-swap*, CPU-seconds", spread(costs["circle-swap"]), ""),
+    ]
+    size, memory = f"{large['log_size'] / 1e9:.1f} GB", f"{large['peak_memory'] / 1e6:.0f} MB"
+    return "\n".join(
+        [
+            "## Replays",
+            "",
+            "`symaware replay --save`, as `benchmarks/replay.py` measures it: *ten* agents that see each other,",
+            "*crossing* with a tab for each of its twelve, *circle-swap* with tabs for four of fifty. A log of",
+            f"{size}, 10,000 agents, takes {large['cpu']:.0f} CPU-seconds and {memory} at its peak.",
+            "",
+            f"rerun-sdk {version('rerun-sdk')}.",
+            "",
+            *table(rows),
+            "",
+        ]
+    )
+
+
+def spread(values: list[float]) -> str:
+    """Median, with the least and the greatest."""
+    return f"{statistics.median(values):.2g} ({min(values):.2g} to {max(values):.2g})"
+
+
+def table(rows: list[tuple[str, str, str]]) -> list[str]:
+    """Rows of what was measured, how much, and what was aimed at."""
+    return [
+        "| what | median (least to greatest) | aim |",
+        "|---|---:|---:|",
+        *(f"| {a} | {b} | {c} |" for a, b, c in rows),
+    ]
 
 
 def main() -> None:
@@ -130,23 +214,29 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--no-peers", action="store_true", help="measure SymAware alone")
+    parser.add_argument("--original", metavar="PYTHON", help="an interpreter that can import symaware.base")
+    parser.add_argument("--drones", metavar="PYTHON", help="an interpreter that can import gym_pybullet_drones")
+    parser.add_argument("--no-replays", action="store_true", help="leave the replays out")
     parser.add_argument("--no-write", action="store_true", help="leave RESULTS.md as it is")
     arguments = parser.parse_args()
     if not arguments.no_peers:
         install_peers()
-    commands = cases(not arguments.no_peers)
-    rates: dict[str, float] = {}
-    for number in range(arguments.rounds):
-        for name, command in commands.items():
-            _tell(f"round {number + 1} of {arguments.rounds}: {name}")
-            figures = measure(command)
-            rates[name] = max(rates.get(name, 0.0), figures["agent_steps"] / figures["cpu"])
+    rates: dict[str, list[float]] = {}
+    with tempfile.TemporaryDirectory() as folder:
+        chosen = cases(not arguments.no_peers, arguments.original, arguments.drones, Path(folder))
+        for number in range(arguments.rounds):
+            for name, case in chosen.items():
+                _tell(f"round {number + 1} of {arguments.rounds}: {name}")
+                figures = measure(case)
+                rates.setdefault(name, []).append(figures["agent_steps"] / figures["cpu"])
     _tell("memory of 10,000 agents, 1,000 steps, recorded")
-    memory = measure([sys.executable, str(HERE / "ours.py"), "stock", "10000", "1000", "--record"])
-    shares = measure([sys.executable, str(HERE / "ours.py"), "risk", "1000", "300", "--record", "--profile"])
-    replayed = measure_replays(arguments.rounds)
+    ours = [sys.executable, str(HERE / "ours.py")]
+    memory = measure(Case([*ours, "stock", "10000", "1000", "--record"]))
+    shares = measure(Case([*ours, "risk", "1000", "300", "--record", "--profile"]))
+    text = report(rates, memory, shares)
+    if not arguments.no_replays:
+        text += "\n" + measure_replays(arguments.rounds)
     print("\r" + " " * 60 + "\r", end="", file=sys.stderr)
-    text = f"{report(rates, memory, shares)}\n{replayed}"
     print(text)
     if not arguments.no_write:
         (HERE / "RESULTS.md").write_text(text)
@@ -160,63 +250,45 @@ def _processor() -> str:
     return named[0] if named else platform.machine()
 
 
-def report(rates: dict[str, float], memory: dict[str, float], shares: dict[str, float]) -> str:
+def report(rates: dict[str, list[float]], memory: dict[str, float], shares: dict[str, float]) -> str:
     """Lay out the results."""
-
-    def ratio(one: str, other: str) -> str:
-        return f"{rates[one] / rates[other]:.2g} x" if one in rates and other in rates else "-"
-
-    targets = [
-        ("10 Python agents beside IR-SIM 2.10 `dash`", ratio("python 10", "IR-SIM 2.10 10"), ">= 20 x"),
-        ("the same, recorded", ratio("python 10 recorded", "IR-SIM 2.10 10"), ">= 10 x"),
-        ("10 Python agents beside the newest IR-SIM", ratio("python 10", "IR-SIM 10"), ">= 20 x"),
-        ("the same, recorded", ratio("python 10 recorded", "IR-SIM 10"), ">= 10 x"),
-        (
-            "10 agents, shipped perception, Python controller, beside the newest IR-SIM",
-            ratio("mixed 10", "IR-SIM 10"),
-            "",
-        ),
-        ("10 Python agents beside MPE2 `simple_spread`", ratio("python 10", "MPE2 10"), ""),
-        ("10 Python agents beside VMAS `navigation`", ratio("python 10", "VMAS 10"), ""),
-        ("10 Python agents, agent-steps per CPU-second", f"{rates['python 10']:,.0f}", ">= 200,000"),
-        ("cost per agent, 100 Python agents to 10", ratio("python 10", "python 100"), "<= 1"),
-        ("cost per agent, 1,000 Python agents to 10", ratio("python 10", "python 1000"), "<= 1"),
-        ("cost per agent, 1,000 Python agents to 100", ratio("python 100", "python 1000"), "<= 1"),
-        ("1,000 unicycles with risk, agent-steps per CPU-second", f"{rates['risk 1000']:,.0f}", ">= 1,000,000"),
-        ("the same, recorded", f"{rates['risk 1000 recorded']:,.0f}", ">= 700,000"),
-        ("cost per agent, 10,000 unicycles to 1,000", ratio("risk 1000", "risk 10000"), "<= 1.3 x"),
-        ("the same, recorded", ratio("risk 1000 recorded", "risk 10000 recorded"), ""),
-        ("1,000 unicycles with risk beside bare NumPy", ratio("risk 1000", "numpy 1000"), ""),
-        ("10,000 unicycles with risk beside bare NumPy", ratio("risk 10000", "numpy 10000"), ""),
-        (
-            "peak memory, 10,000 agents, 1,000 steps, recorded",
-            f"{memory['peak_memory'] / 1e6:.0f} MB (log {memory['log_size'] / 1e6:.0f} MB)",
-            "< 500 MB",
-        ),
-    ]
+    rows = []
+    for each in COMPARISONS:
+        if each.one in rates and each.other in rates:
+            ratios = [one / other for one, other in zip(rates[each.one], rates[each.other], strict=True)]
+            rows.append((each.what, spread(ratios), each.target))
+        else:
+            rows.append((each.what, "not measured", each.target))
     names = ("symaware-cli", "numpy", "scipy", "zstandard")
     software = ", ".join([f"Python {platform.python_version()}", *(f"{name} {version(name)}" for name in names)])
-    peers = ", ".join([*(HERE / "peers" / "requirements.txt").read_text().split(), OLD_IRSIM]).replace("==", " ")
+    peers = ", ".join((HERE / "peers" / "requirements.txt").read_text().split()).replace("==", " ")
+    peak, size = f"{memory['peak_memory'] / 1e6:.0f} MB", f"{memory['log_size'] / 1e6:.0f} MB"
     lines = [
         "# Results",
         "",
-        "Written by `python benchmarks/run.py`, which says how it measures. Cases: *python* has perception and",
-        "controller as components of single agents in plain Python; *mixed* the perception that ships; *stock* only",
-        "components that ship; *risk* unicycles with the time to collision with their neighbours; *numpy* the same",
-        "mathematics with nothing around it.",
+        "Written by `python benchmarks/run.py`, which says how it measures. Cases of ours: *python* has perception and",
+        "controller as components of single agents in plain Python; *dictionary* likewise, but each perception fills a",
+        "dictionary of everybody and each controller reads it; *mixed* has the perception that ships; *stock* only",
+        "components that ship; *dash* and *stock-dash* are unicycles with limits that never arrive, as those of",
+        "IR-SIM; *risk* unicycles with the time to collision with their neighbours; *numpy* the same mathematics with",
+        "nothing around it; *hello* a whole process, start-up and recording included. *original* is the SymAware",
+        "framework, *aware* where its controllers read what they believe of others.",
         "",
         f"{datetime.datetime.now(datetime.UTC).date()}, {_processor()} with {os.cpu_count()} cores; {software}.",
         f"Peers: {peers}.",
         "",
-        "The targets beside IR-SIM were set against its version 2.10; the newest is about twice as fast.",
+        "How many times as fast, in the same round:",
         "",
-        "| what | measured | target |",
-        "|---|---:|---:|",
-        *(f"| {what} | {value} | {target} |" for what, value, target in targets),
+        *table(rows),
         "",
-        "| case, number of agents | agent-steps per CPU-second |",
+        f"10,000 agents, 1,000 steps, recorded, take {peak} at their peak; the log has {size}.",
+        "",
+        "| case, number of agents | agent-steps per CPU-second, median (least to greatest) |",
         "|---|---:|",
-        *(f"| {name} | {rate:,.0f} |" for name, rate in rates.items()),
+        *(
+            f"| {name} | {statistics.median(own):,.0f} ({min(own):,.0f} to {max(own):,.0f}) |"
+            for name, own in rates.items()
+        ),
         "",
         "Where the time of *risk 1000 recorded* goes (under the profiler, which makes Python look dearer than it is):",
         "",

@@ -1,31 +1,42 @@
 """Measures the worlds of forces beside their bare engines: ``python benchmarks/worlds.py`` prints a table.
 
-Every figure is physics steps per CPU-second of one process; what counts is the ratio of two figures that are measured
-in turn, round after round, of which the best counts. The bare engine gets what a program for it alone would do: the
-same bodies and surfaces in the same order, the same settings of the engine, motors told once a time step, and poses and
-velocities read back once a time step. Both end in the same places to the last bit, or the benchmark stops. Only bodies
-that are driven may differ: the bare loop pushes them one by one in each physics step.
+Every figure is a ratio of the CPU time of one process, of two programs that are measured in turn, round after round:
+the median of the rounds' ratios is shown, with the least and the greatest. The bare engine gets what a program for it
+alone would do: the same bodies and surfaces in the same order, the same settings of the engine, motors told once a
+time step, and poses and velocities read back once a time step. Both end in the same places to the last bit, or the
+benchmark stops. Only bodies that are driven may differ: the bare loop pushes them one by one in each physics step.
 
 Ours always finds every contact, with its point and its impulse, as scenarios are promised. So there are two fair
 peers: a program that wants no contacts, which the target is for; and one that wants them, and asks for them as the
 manual of the engine says, in each physics step, since a bounce begins and ends between two time steps.
+
+Whole runs are of a scenario file with nothing but such bodies, or with one agent far away, from reading the file to
+closing the log, beside the bare loop from making its bodies on. Ours reads where free bodies are only if somebody
+asks; the bare loop always does. Recorded, the log has all of it at each time step, and ends in the same places.
 """
 
 import argparse
 import json
 import math
 import os
+import statistics
+import tempfile
 import time
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
 
+import symaware_cli  # noqa: F401 (before NumPy: it decides which of its kernels are used)
+
+# isort: split
 import numpy as np
 import pybullet
 import pybullet_data
 import pymunk
+import yaml
 from pymunk import batch
 
+from symaware_cli import open_log
 from symaware_cli.core import AgentGroup, Entity, Obstacle
 from symaware_cli.environments import collision
 from symaware_cli.environments.planar import PymunkEnvironment
@@ -33,6 +44,8 @@ from symaware_cli.environments.spatial import PyBulletEnvironment
 from symaware_cli.models.integrator import SingleIntegrator
 from symaware_cli.models.quadrotor import Quadrotor
 from symaware_cli.models.racecar import TRACK, WHEEL_RADIUS, WHEELBASE, Racecar, hinge_angles
+from symaware_cli.scenario.build import build
+from symaware_cli.scenario.execution import execute
 
 TIME_STEP, SUBSTEPS = 0.05, 10
 RADIUS = 0.3
@@ -41,11 +54,14 @@ CIRCLE = {"circle": {"radius": RADIUS}}
 ENGINE = {
     "numSolverIterations": 50,
     "contactERP": 0.02,
-    "restitutionVelocityThreshold": 0.01,
     "useSplitImpulse": 1,
     "splitImpulsePenetrationThreshold": 0.0,
 }
+WEIGHTLESS = {"restitutionVelocityThreshold": 1e-3, "contactSlop": 0.0}
+HEAVY = {"restitutionVelocityThreshold": 0.01, "contactSlop": 1e-5}
 FAR_AWAY = [-10.0, -10.0]
+#: How many time steps whole runs have: 200 s.
+WHOLE = 4000
 #: gym-pybullet-drones 2: 10 drones with PID at 48 Hz, physics at 240 Hz, agent-steps of the controller per CPU-second.
 PEER_DRONES = 3000
 
@@ -68,6 +84,8 @@ def stepped(environment, group, control_input, steps):
     for _ in range(steps):
         environment.step()
         environment.contacts()
+        if environment.obstacles:
+            environment.entity_poses(list(environment.obstacles))
     return time.process_time() - started
 
 
@@ -148,7 +166,7 @@ def bare_pybullet(count, crowded, driven, steps, contacts):
     grid, velocity = places(count, crowded)
     client, step = pybullet.connect(pybullet.DIRECT), TIME_STEP / SUBSTEPS
     pybullet.setTimeStep(step, client)
-    pybullet.setPhysicsEngineParameter(**ENGINE, physicsClientId=client)
+    pybullet.setPhysicsEngineParameter(**ENGINE, **WEIGHTLESS, physicsClientId=client)
     if not driven:
         pybullet.createMultiBody(1.0, -1, -1, (*FAR_AWAY, 0), useMaximalCoordinates=1, physicsClientId=client)
     shape = pybullet.createCollisionShape(pybullet.GEOM_SPHERE, radius=RADIUS, physicsClientId=client)
@@ -206,7 +224,7 @@ def bare_cars(count, steps, contacts):
     client, step = pybullet.connect(pybullet.DIRECT), TIME_STEP / SUBSTEPS
     pybullet.setTimeStep(step, client)
     pybullet.setGravity(0, 0, -9.81, client)
-    pybullet.setPhysicsEngineParameter(**ENGINE, physicsClientId=client)
+    pybullet.setPhysicsEngineParameter(**ENGINE, **HEAVY, physicsClientId=client)
     plane = pybullet.createCollisionShape(pybullet.GEOM_PLANE, physicsClientId=client)
     ground = pybullet.createMultiBody(0, plane, useMaximalCoordinates=1, physicsClientId=client)
     pybullet.changeDynamics(
@@ -327,18 +345,105 @@ def circles():
                 )
 
 
+def whole_run(engine, count, agents, recorded, folder):
+    """CPU time of a run, from its file to the end of its log, and where the bodies end if it was recorded."""
+    grid, velocity = places(count, False)
+    space = {} if engine == "pymunk" else {"ground": None, "gravity": [0, 0, 0]}
+    entities = {
+        f"b{n:03}": {"shape": CIRCLE, "mass": 1.0, "position": grid[n].tolist(), "velocity": velocity[n].tolist()}
+        for n in range(count)
+    }
+    scenario = {
+        "symaware": 1,
+        "name": "bodies",
+        "run": {"duration": WHOLE * TIME_STEP},
+        "environment": {
+            "use": engine,
+            "with": {"time_step": TIME_STEP, "substeps": SUBSTEPS, **space},
+            "entities": entities,
+        },
+    }
+    if agents:
+        scenario["agents"] = {"nobody": {"model": {"use": "single-integrator"}, "state": FAR_AWAY}}
+    file, log = folder / "bodies.yaml", folder / "bodies.mcap" if recorded else None
+    file.write_text(yaml.safe_dump(scenario))
+    started = time.process_time()
+    summary = execute(build(file), log)
+    used = time.process_time() - started
+    if summary.status != "finished":
+        raise SystemExit(f"the run {summary.status}: nothing can be compared")
+    ends = None
+    if log:
+        read = open_log(log)
+        ends = np.array([read.series(name, "world").values[-1, :2] for name in entities])
+        log.unlink()
+    return used, ends
+
+
+def timed(run):
+    """CPU time of all that a bare loop does, its setup, too, and where the bodies end."""
+    started = time.process_time()
+    _, ends = run()
+    return time.process_time() - started, ends
+
+
+def whole_runs(rounds):
+    """Yield what is compared, the target, and the ratios of the bare engine to whole runs of ours."""
+    for engine, count, bare in (("pymunk", 100, bare_pymunk), ("pybullet", 50, bare_pybullet)):
+        for agents in (0, 1):
+            for recorded, target in ((False, 0.7), (True, 0.4)):
+                ratios = []
+                with tempfile.TemporaryDirectory() as folder:
+                    for _ in range(rounds):
+                        own, ends = whole_run(engine, count, agents, recorded, Path(folder))
+                        theirs, expected = timed(lambda b=bare, c=count: b(c, False, False, WHOLE, False))
+                        if ends is not None and not np.array_equal(ends, expected):
+                            raise SystemExit("the bare engine does not do the same as ours: nothing can be compared")
+                        ratios.append(theirs / own)
+                bodies = f"whole run of {count} {engine} {'circles' if engine == 'pymunk' else 'spheres'}"
+                yield f"{bodies}{' and an agent' * agents}{', recorded' * recorded}", target, ratios
+
+
 def compared(ours, bare, rounds):
-    """Return the ratios of what the bare engine takes, without and with contacts, to what ours takes."""
-    best = [math.inf] * 3
+    """Return the ratios of what the bare engine takes, without and with contacts, to what ours takes, by round."""
+    without, asking = [], []
     for _ in range(rounds):
-        for number, run in enumerate((ours, lambda: bare(False), lambda: bare(True))):
-            used, ends = run()
-            best[number] = min(best[number], used)
-            if number == 0:
-                expected = ends
-            elif ends is not None and not np.array_equal(ends, expected):
+        (own, expected), *theirs = ours(), bare(False), bare(True)
+        for (used, ends), ratios in zip(theirs, (without, asking), strict=True):
+            if ends is not None and not np.array_equal(ends, expected):
                 raise SystemExit("the bare engine does not do the same as ours: nothing can be compared")
-    return best[1] / best[0], best[2] / best[0]
+            ratios.append(used / own)
+    return without, asking
+
+
+def spread(ratios):
+    """The median of ratios, with the least and the greatest."""
+    return f"{statistics.median(ratios):.2f} x ({min(ratios):.2f} to {max(ratios):.2f})"
+
+
+def row(name, figures):
+    """A row of the table."""
+    if "ratios" not in figures:
+        bound = f"< {figures['limit']:g}" if "limit" in figures else f">= {figures['target']:,g}"
+        return f"| {name} | {figures['figure']:,.{'limit' in figures:d}f} | {bound} | |"
+    asking = spread(figures["with contacts"]) if "with contacts" in figures else ""
+    return f"| {name} | {spread(figures['ratios'])} | >= {figures['target']:g} x | {asking} |"
+
+
+def measured(rounds):
+    """Yield the name and the figures of everything there is to measure."""
+    for name, target, ratios in whole_runs(rounds):
+        yield name, {"ratios": ratios, "target": target}
+    for name, ours, bare in circles():
+        without, asking = compared(ours, bare, rounds)
+        yield name, {"ratios": without, "target": 0.7, "with contacts": asking}
+    without, asking = compared(lambda: our_cars(5, 60), lambda asks: bare_cars(5, 60, asks), rounds)
+    yield "5 racecars", {"ratios": without, "target": 0.8, "with contacts": asking}
+    drones = statistics.median(our_drones(10, 300) for _ in range(rounds))
+    yield "10 quadrotors, agent-steps per CPU-second", {"figure": drones, "target": 2 * PEER_DRONES}
+    for visuals in (False, True):
+        name = f"MB for each racecar beyond the first, {'seen' if visuals else 'not seen'} by cameras"
+        yield name, {"figure": car_memory_apart(visuals), "limit": 5}
 
 
 def main():
@@ -348,25 +453,15 @@ def main():
     parser.add_argument("--json", action="store_true", help="print figures only")
     arguments = parser.parse_args()
     found = {}
-    for name, ours, bare in circles():
-        without, with_contacts = compared(ours, bare, arguments.rounds)
-        found[name] = {"ratio": without, "target": 0.7, "with contacts": with_contacts}
-    without, with_contacts = compared(lambda: our_cars(5, 60), lambda asks: bare_cars(5, 60, asks), arguments.rounds)
-    found["5 racecars"] = {"ratio": without, "target": 0.8, "with contacts": with_contacts}
-    drones = max(our_drones(10, 300) for _ in range(arguments.rounds))
-    found["10 quadrotors, agent-steps per CPU-second"] = {"figure": drones, "target": 2 * PEER_DRONES}
-    for visuals in (False, True):
-        name = f"MB for each racecar beyond the first, {'seen' if visuals else 'not seen'} by cameras"
-        found[name] = {"figure": car_memory_apart(visuals), "limit": 5}
+    if not arguments.json:
+        print("| what | median (least to greatest) | target | beside a bare loop that asks for contacts |")
+        print("|---|---:|---:|---:|", flush=True)
+    for name, figures in measured(arguments.rounds):
+        found[name] = figures
+        if not arguments.json:
+            print(row(name, figures), flush=True)
     if arguments.json:
         print(json.dumps(found))
-        return
-    print("| what | measured | target | beside a bare loop that asks for contacts |\n|---|---:|---:|---:|")
-    for name, figures in found.items():
-        said = f"{figures['ratio']:.2f} x" if "ratio" in figures else f"{figures['figure']:,.{'limit' in figures:d}f}"
-        bound = f"< {figures['limit']:g}" if "limit" in figures else f">= {figures['target']:,g}"
-        asking = f"{figures['with contacts']:.2f} x" if "with contacts" in figures else ""
-        print(f"| {name} | {said} | {bound}{' x' if 'ratio' in figures else ''} | {asking} |")
 
 
 if __name__ == "__main__":

@@ -1,0 +1,81 @@
+"""What it costs to start: CPU time of whole processes beside ``python -c pass``.
+
+``python benchmarks/startup.py [--rounds N]`` measures each command once a round, in turn, so that a machine that is
+slow for a while is slow for all, and prints least, median and greatest of the rounds' ratios.
+"""
+
+import argparse
+import json
+import os
+import resource
+import statistics
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+SCENARIO = Path(__file__).parent.parent / "scenarios" / "hello.yaml"
+PROGRAM = [sys.executable, "-P", "-m", "symaware_cli"]
+VERSIONS = """
+import time, symaware_cli.core
+from symaware_cli.scenario.versions import versions
+for name in ("first", "again"):
+    began = time.process_time()
+    versions()
+    print(time.process_time() - began)
+"""
+
+
+def cpu_time(line: list[str]) -> float:
+    """User and system time of a process and its children [s]."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    subprocess.run(line, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, check=True)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+def main() -> None:
+    """Measure, and print what came of it."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--rounds", type=int, default=9)
+    rounds = parser.parse_args().rounds
+    # Compiled files are written once; who switches that off pays for it in each process.
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+    with tempfile.TemporaryDirectory() as folder:
+        log = str(Path(folder) / "hello.mcap")
+        commands = {
+            "python -c pass": [sys.executable, "-c", "pass"],
+            "import numpy": [sys.executable, "-c", "import numpy"],
+            "import numpy, pydantic, typer, rich": [sys.executable, "-c", "import numpy, pydantic, typer, rich"],
+            "--version": [*PROGRAM, "--version"],
+            "--help": [*PROGRAM, "--help"],
+            "validate hello": [*PROGRAM, "validate", str(SCENARIO)],
+            "run hello --no-record": [*PROGRAM, "run", "-q", "--no-record", str(SCENARIO)],
+            "run hello": [*PROGRAM, "run", "-q", str(SCENARIO), "--output", log],
+        }
+        for line in commands.values():
+            cpu_time(line)
+        times = {name: [] for name in commands}
+        for _ in range(rounds):
+            for name, line in commands.items():
+                times[name].append(cpu_time(line))
+    print(
+        "| command | CPU time, median | beside `python -c pass`: median | least | greatest |\n|---|---:|---:|---:|---:|"
+    )
+    for name, own in times.items():
+        ratios = [one / base for one, base in zip(own, times["python -c pass"], strict=True)]
+        figures = " | ".join(f"{value:.1f} x" for value in (statistics.median(ratios), min(ratios), max(ratios)))
+        print(f"| `{name}` | {1e3 * statistics.median(own):.0f} ms | {figures} |")
+    taken = [
+        [float(each) for each in subprocess.check_output([sys.executable, "-c", VERSIONS], text=True).split()]
+        for _ in range(rounds)
+    ]
+    told = {
+        name: round(1e3 * statistics.median(part), 2)
+        for name, part in zip(("first", "again"), zip(*taken, strict=True), strict=True)
+    }
+    print(f"\nversions() [ms]: {json.dumps(told)}")
+
+
+if __name__ == "__main__":
+    main()
