@@ -26,7 +26,7 @@ from symaware_cli.recording.index import (
 )
 from symaware_cli.recording.message import LogMessage
 from symaware_cli.recording.recovery import FOREVER, Damage, scan
-from symaware_cli.recording.schema import LIBRARY, PROFILE
+from symaware_cli.recording.schema import FORMER, LIBRARY, PROFILE
 from symaware_cli.recording.text import read_json
 
 _Record = TypeVar("_Record", bound=McapRecord)
@@ -74,11 +74,12 @@ class McapFile:
         self.index = index
         self.header = index.header
         self._damage = damage or None
+        schemas = {number: FORMER.get(schema.name, schema.name) for number, schema in index.schemas.items()}
         self._set_channels(
             {
                 number: ChannelInfo(
                     channel.topic,
-                    index.schemas[channel.schema_id].name if channel.schema_id else "",
+                    schemas[channel.schema_id] if channel.schema_id else "",
                     channel.message_encoding,
                     channel.metadata,
                     index.counts.get(number, 0),

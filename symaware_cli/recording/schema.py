@@ -42,6 +42,13 @@ OUTCOME = "symaware.outcome"
 RECOVERY = "symaware.recovery"
 """The metadata record of a log that was recovered from a damaged one; its values are JSON."""
 
+FORMER = {"symaware.v1.Control": "symaware.v1.Rows"}
+"""What is read as another message: it has the fields of that, and more that are ignored.
+
+What earlier logs say of the control input that was applied was computed from the one that was requested; only the
+latter is read.
+"""
+
 MESSAGES: dict[str, type[Message]] = {
     message.DESCRIPTOR.name: message
     for message in (

@@ -183,9 +183,7 @@ def test_in_a_process_of_its_own_it_learns_of_changes_likewise(use):
         one = ready(use, changing(case), case, 2, timing)
         summary = execute(one, CHANGE + 20)
         assert summary.status == "finished", summary.failure
-        states.append(
-            (one.environment.state(robots(one)).tolist(), summary.goals_reached, names(one, "goal-changed"))
-        )
+        states.append((one.environment.state(robots(one)).tolist(), summary.goals_reached, names(one, "goal-changed")))
     assert states[0] == states[1]
 
 

@@ -299,5 +299,5 @@ _REASONS = {
     "risk": "no component told a risk, or it was not recorded",
     "speed": "it takes states at two instants at least",
     "altitude": "nobody moves in space",
-    "control": "no control input was recorded",
+    "control": "the control input that was applied was not recorded (--series NAME:control_requested)",
 }
