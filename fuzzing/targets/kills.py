@@ -43,6 +43,9 @@ _KINDS = ("synchronous", "asynchronous", "paced", "workers", "pymunk", "pybullet
 #: So long a log may take to appear [s].
 _START_UP = 30.0
 
+#: So long a process waits for one that was killed before they met [s]; less than the other's end is waited for.
+_PATIENCE = "20"
+
 
 class Kills(Target):
     """Each case says which kind of run is killed, and when, as JSON."""
@@ -124,8 +127,30 @@ def _shared(folder: Path, asked: dict[str, Any]) -> None:
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = str(free.getsockname()[1])
-    host = ["run", "killed.yaml", "--listen", port, "--only", "robot.0,robot.1", "-o", "killed.mcap"]
-    member = ["run", "killed.yaml", "--join", f"127.0.0.1:{port}", "--only", "robot.2,robot.3", "-o", "member.mcap"]
+    host = [
+        "run",
+        "killed.yaml",
+        "--listen",
+        port,
+        "--wait",
+        _PATIENCE,
+        "--only",
+        "robot.0,robot.1",
+        "-o",
+        "killed.mcap",
+    ]
+    member = [
+        "run",
+        "killed.yaml",
+        "--join",
+        f"127.0.0.1:{port}",
+        "--wait",
+        _PATIENCE,
+        "--only",
+        "robot.2,robot.3",
+        "-o",
+        "member.mcap",
+    ]
     processes = {"host": _start(host, folder, "host")}
     time.sleep(0.3)
     processes["member"] = _start(member, folder, "member")
