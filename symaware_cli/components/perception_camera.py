@@ -38,7 +38,7 @@ class Camera(Sensor):
         width: Pixels = Field(160, description="Width of the images [pixels].")
         height: Pixels = Field(120, description="Height of the images [pixels].")
         field_of_view: float = Field(
-            math.pi / 3, gt=0, lt=math.pi, description="The angle from the lower to the upper edge [rad]."
+            math.pi / 3, ge=1e-3, le=3.1, description="The angle from the lower to the upper edge [rad]."
         )
         look_at: str | tuple[float, float, float] | None = Field(
             None,
