@@ -471,7 +471,8 @@ def test_nothing_is_held_on_to_for_longer_than_it_is_needed():
     for _ in range(50):
         run.turn()
         run.step()
-    blind, late = (slot.components[-1] for slot in run.simulation.slots if slot.name == "believe")
+    believing = {slot.group.name: slot.components[-1] for slot in run.simulation.slots if slot.name == "believe"}
+    blind, late = believing["robot"], believing["late"]
     assert len(blind._own._inputs) == 0
     assert len(late._own._inputs) == 4
 

@@ -223,9 +223,9 @@ def crossed(**parameters):
     speeds, distances = [], []
 
     def look(_):
-        slow_one, fast_one = (ready.environment.state(group)[0] for group in ready.groups)
+        fast_one, slow_one = (ready.environment.state(group)[0] for group in ready.groups)  # by name
         distances.append(np.hypot(*(slow_one - fast_one)))
-        speeds.append(np.hypot(*ready.groups[0].control_input[0]))
+        speeds.append(np.hypot(*ready.groups[1].control_input[0]))
 
     ready.events.subscribe("stepped", look)
     assert execute(ready, 120).status == "finished"
