@@ -68,6 +68,7 @@ class Built:
         resolved: The one document, as YAML, that the files and overrides amount to; running it repeats the run.
         files: Each file as written, by its path relative to the scenario's folder; meshes and the like, too.
         uses: For each group, the entry-point names of its ``model`` and ``components``.
+        quantities: For each group, what the columns of its series are: of the intent, for example.
         transport: What carries a run that is spread over several processes; None where the scenario does not say.
     """
 
@@ -78,6 +79,7 @@ class Built:
     resolved: bytes
     files: Mapping[str, bytes]
     uses: Mapping[str, Mapping[str, Any]]
+    quantities: Mapping[str, Mapping[str, Sequence[Quantity]]]
     transport: Transport | None = None
 
     @property
@@ -128,6 +130,7 @@ class _Builder:
         self._found = tuple(found)
         self._problems: list[Problem] = []
         self._uses: dict[str, dict[str, Any]] = {}
+        self._quantities: dict[str, dict[str, Sequence[Quantity]]] = {}
         self._workshop = Workshop(composition, catalogue, self._report, self._problems.extend)
 
     def build(self) -> Built:
@@ -170,7 +173,7 @@ class _Builder:
             simulation.connect(network)
         text = resolved(data, document)
         files = {**self._composition.files, **assets(document, self._folder)}
-        return Built(document, simulation, steps, terms, text, files, self._uses, transport)
+        return Built(document, simulation, steps, terms, text, files, self._uses, self._quantities, transport)
 
     def _terms(
         self, document: Scenario, environment: Environment, groups: Sequence[AgentGroup], slots: Sequence[Slot]
@@ -322,6 +325,8 @@ class _Builder:
         """Whether a component can do its work for a group, as far as that can be told before the run."""
         try:
             component.check(group)
+            # Of several components that set a series, the last has its say.
+            self._quantities.setdefault(group.name, {}).update(_quantities(component.series_quantities(group)))
         except Exception as error:
             said = words(error)
             for name in component.knowledge:
@@ -388,6 +393,21 @@ def _unresolved(value: Any, path: Path) -> Iterator[Path]:
     items = value.items() if isinstance(value, Mapping) else enumerate(value) if isinstance(value, list) else ()
     for key, each in items:
         yield from _unresolved(each, (*path, key))
+
+
+def _quantities(told: Mapping[str, Sequence[Quantity]]) -> Mapping[str, Sequence[Quantity]]:
+    """What `series_quantities` returned, if it is what it should be.
+
+    Raises:
+        ValueError: It is not.
+    """
+    sound = isinstance(told, Mapping) and all(
+        isinstance(columns, Sequence) and all(isinstance(each, Quantity) for each in columns)
+        for columns in told.values()
+    )
+    if not sound:
+        raise ValueError(f"`series_quantities` returned {told!r:.100}, not a list of `Quantity` for each series")
+    return told
 
 
 def _fault_of(model: Model | type[Model]) -> str | None:

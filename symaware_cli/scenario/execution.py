@@ -15,9 +15,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from symaware_cli import processor
-from symaware_cli.core import Event, Level, Quantity, nanoseconds
+from symaware_cli.core import Event, Level, nanoseconds
 from symaware_cli.runtime.run import run
-from symaware_cli.runtime.simulation import Simulation
 from symaware_cli.runtime.summary import Summary
 from symaware_cli.scenario.build import Built, build
 from symaware_cli.scenario.versions import versions
@@ -162,7 +161,7 @@ def execute(
                 built.simulation.groups,
                 interval=nanoseconds(recording.interval),
                 omit=omit,
-                quantities=_series_quantities(built.simulation),
+                quantities=built.quantities,
                 events=recording.events,
                 messages=messages,
                 own=None if share is None else frozenset(share["agents"]),
@@ -170,14 +169,6 @@ def execute(
             for note in notes:
                 recorder.event(Event("geometry-reduced", "environment", 0, Level.WARNING, note))
         return run(built.simulation, built.steps, recorder, on_progress, terms, company)
-
-
-def _series_quantities(simulation: Simulation) -> dict[str, dict[str, Sequence[Quantity]]]:
-    """What the columns of each group's series are; of several components that set one, the last has its say."""
-    quantities: dict[str, dict[str, Sequence[Quantity]]] = {}
-    for slot in simulation.slots:
-        quantities.setdefault(slot.group.name, {}).update(slot.components[0].series_quantities(slot.group))
-    return quantities
 
 
 def _attach(writer: LogWriter, built: Built, part: Mapping[str, Any] | None) -> Sequence[str]:

@@ -241,6 +241,18 @@ def test_a_required_parameter_beside_with_is_one_problem(problems: Problems) -> 
             r"`broken.crashing-check` cannot work here: ZeroDivisionError: division by zero \(faulty.py, line \d+\)",
         ),
         (
+            {"components": {"c": {"use": "broken.crashing-quantities"}}},
+            "unsuitable",
+            "components.c",
+            r"`broken.crashing-quantities` cannot work here: ZeroDivisionError: division by zero \(faulty.py, .*\)",
+        ),
+        (
+            {"components": {"c": {"use": "broken.nameless-quantities"}}},
+            "unsuitable",
+            "components.c",
+            r"`broken.nameless-quantities` cannot work here: .* not a list of `Quantity` for each series",
+        ),
+        (
             {"model": {"use": "broken.stateless"}},
             "broken-plugin",
             "model.use",

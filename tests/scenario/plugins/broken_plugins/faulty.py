@@ -90,6 +90,22 @@ class CrashingCheck(_Idle):
         raise ZeroDivisionError("division by zero")
 
 
+class CrashingQuantities(_Idle):
+    """Cannot say what its series consist of."""
+
+    def series_quantities(self, group: AgentGroup) -> Any:
+        """Fail."""
+        raise ZeroDivisionError("division by zero")
+
+
+class NamelessQuantities(_Idle):
+    """Says it with names alone."""
+
+    def series_quantities(self, group: AgentGroup) -> Any:
+        """Leave out the units."""
+        return {"intent": ["x", "y"]}
+
+
 class Stateless(Model):
     """Forgot to say what its state is."""
 
