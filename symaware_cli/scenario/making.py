@@ -86,7 +86,7 @@ class Workshop:
             return []
         try:
             parameters = check(plugin.Parameters, given, self._composition, where)
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             self._report("broken-plugin", f"the Parameters of {quoted(use)} fail: {words(error)}", where)
             return []
         if isinstance(parameters, list):

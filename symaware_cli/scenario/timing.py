@@ -135,7 +135,7 @@ class TimingCheck:
         else:
             try:
                 pickle.dumps(component)
-            except Exception:  # whatever a class raises that does not want to be pickled
+            except (Exception, SystemExit):  # whatever a class raises that does not want to be pickled
                 problem = "cannot be found by its name in another process"
         if problem is not None:
             self._wrong(path, "run_in", f"{quoted(use.use)} {problem}", "`here`")

@@ -102,7 +102,7 @@ class NetworkBuilder:
         except TopologyError as error:
             self._explain(error, (*path, "with", *error.path))
             return False
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             self._blame(stretch, path, error)
             return False
         if not hasattr(stretch.topology, "members"):
@@ -117,11 +117,11 @@ class NetworkBuilder:
             return None
         try:
             return links_of(stretch.topology, 0, len(self._roster))
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             self._blame(stretch, path, error)
             return None
 
-    def _blame(self, stretch: Stretch, path: Path, error: Exception) -> None:
+    def _blame(self, stretch: Stretch, path: Path, error: BaseException) -> None:
         self._report("broken-plugin", f"{quoted(stretch.use)} cannot lay its links: {words(error)}", (*path, "use"))
 
     def _explain(self, error: TopologyError, path: Path) -> None:

@@ -241,6 +241,12 @@ def test_a_required_parameter_beside_with_is_one_problem(problems: Problems) -> 
             r"`broken.crashing-check` cannot work here: ZeroDivisionError: division by zero \(faulty.py, line \d+\)",
         ),
         (
+            {"components": {"c": {"use": "broken.leaving-check"}}},
+            "unsuitable",
+            "components.c",
+            r"`broken.leaving-check` cannot work here: SystemExit: 0 \(faulty.py, line \d+\)",
+        ),
+        (
             {"components": {"c": {"use": "broken.crashing-quantities"}}},
             "unsuitable",
             "components.c",

@@ -90,6 +90,14 @@ class CrashingCheck(_Idle):
         raise ZeroDivisionError("division by zero")
 
 
+class LeavingCheck(_Idle):
+    """Leaves the interpreter instead of checking."""
+
+    def check(self, group: AgentGroup) -> None:
+        """Leave."""
+        raise SystemExit(0)
+
+
 class CrashingQuantities(_Idle):
     """Cannot say what its series consist of."""
 
