@@ -44,6 +44,9 @@ _ENDINGS = (
     "terminate",
     "sys-exit",
 )
+#: Acts that may take all the time there is, after which the process ends without an outcome.
+_LONG = ("sleep", "busy", "native", "know-much")
+
 #: Acts after which nothing can be said any more, or whose own words are a traceback.
 _MUTE = ("close-", "no-output", "no-modules", "shallow", "raising-thread", "no-environment")
 #: How long a run may take that is asked to end after `_TIMEOUT`.
@@ -118,7 +121,7 @@ class Components(Target):
         told = not asked["record"] and re.search(r"^symaware: agents\..* failed at .* s: ", err, re.MULTILINE)
         if "Traceback (most recent call last)" in err and not told and not act.startswith((*_MUTE, *_ENDINGS)):
             raise Finding("traceback", err, err.strip().splitlines()[-1][:80])
-        if asked["json"] and status in (0, 1, 3) and not ended and not act.startswith(_MUTE):
+        if asked["json"] and status in (0, 1, 3) and not ended and not act.startswith((*_MUTE, *_LONG)):
             try:
                 json.loads(out)
             except ValueError as error:
@@ -140,12 +143,7 @@ def _look_at(log: Path, act: str, status: int, ended: bool) -> None:
         if not act.startswith(("close-files", *_ENDINGS)):
             raise Finding("unreadable", f"{error}", act) from error
         return
-    if (
-        read.outcome is None
-        and status in (0, 1, 130)
-        and not ended
-        and act not in ("close-files", "sleep", "busy", "native")
-    ):
+    if read.outcome is None and status in (0, 1, 130) and not ended and act not in ("close-files", *_LONG):
         raise Finding("unreadable", f"status {status}, and the log has no outcome", act)
 
 
