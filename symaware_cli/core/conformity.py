@@ -53,7 +53,9 @@ def _bounds(model: Model, nu: int) -> Iterator[str] | Any:
     """The bounds of the control input, each of shape (nu,); None where they are not sound."""
     try:
         low, high = (np.array(bound, float) for bound in model.input_bounds())
-    except (Exception, SystemExit) as error:
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
         yield f"returns no two lists of numbers from `input_bounds`: {type(error).__name__}: {error}"
         return None
     for bound, which in ((low, "lower"), (high, "upper")):
@@ -71,7 +73,9 @@ def _called(call: Callable[[], Any]) -> Any:
     try:
         with np.errstate(all="ignore"):
             return call()
-    except (Exception, SystemExit):
+    except KeyboardInterrupt:
+        raise
+    except BaseException:
         return _RAISED
 
 

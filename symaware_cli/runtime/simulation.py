@@ -150,7 +150,9 @@ class Simulation:
         self._obstacles = obstacles
         try:
             environment.initialise(self.groups, obstacles, seed)
-        except (Exception, SystemExit) as error:
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:
             raise RunError("environment", environment_use, 0, describe(error), error) from error
         listening = {id for slot in self.slots if slot.listens and slot.kinds is None for id in slot.group.ids}
         self.exchange = MemoryExchange(

@@ -327,7 +327,9 @@ class _Builder:
             component.check(group)
             # Of several components that set a series, the last has its say.
             self._quantities.setdefault(group.name, {}).update(_quantities(component.series_quantities(group)))
-        except (Exception, SystemExit) as error:
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:
             said = words(error)
             for name in component.knowledge:
                 where = (*path[:2], "knowledge", name)

@@ -170,7 +170,9 @@ def _imported(point: metadata.EntryPoint, origin: str) -> Any:
                 expected=f"the extra `{extra}`: pip install '{_DISTRIBUTION}[{extra}]'",
             ) from error
         raise PluginError("broken-plugin", f"{origin} cannot be imported: {error}{place_of(error)}") from error
-    except (Exception, SystemExit) as error:
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
         text = f"{type(error).__name__}: {' '.join(str(error).split())}".removesuffix(": ")
         raise PluginError("broken-plugin", f"{origin} cannot be imported: {text}{place_of(error)}") from error
 

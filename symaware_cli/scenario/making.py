@@ -86,7 +86,9 @@ class Workshop:
             return []
         try:
             parameters = check(plugin.Parameters, given, self._composition, where)
-        except (Exception, SystemExit) as error:
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:
             self._report("broken-plugin", f"the Parameters of {quoted(use)} fail: {words(error)}", where)
             return []
         if isinstance(parameters, list):
@@ -108,7 +110,9 @@ class Workshop:
             ]
         except ValueError as error:
             self._report("invalid-value", f"{quoted(use)} refuses its parameters: {words(error)}", where)
-        except (Exception, SystemExit) as error:
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:
             self._report("broken-plugin", f"{quoted(use)} cannot be made: {words(error)}", (*path, "use"))
         return []
 
@@ -129,7 +133,9 @@ class Workshop:
             return []
         try:
             return [plugin(parameters)]
-        except (Exception, SystemExit):
+        except KeyboardInterrupt:
+            raise
+        except BaseException:
             return []
 
 

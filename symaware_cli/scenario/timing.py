@@ -135,7 +135,9 @@ class TimingCheck:
         else:
             try:
                 pickle.dumps(component)
-            except (Exception, SystemExit):  # whatever a class raises that does not want to be pickled
+            except KeyboardInterrupt:
+                raise
+            except BaseException:  # whatever a class raises that does not want to be pickled
                 problem = "cannot be found by its name in another process"
         if problem is not None:
             self._wrong(path, "run_in", f"{quoted(use.use)} {problem}", "`here`")

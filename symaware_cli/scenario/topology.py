@@ -102,7 +102,9 @@ class NetworkBuilder:
         except TopologyError as error:
             self._explain(error, (*path, "with", *error.path))
             return False
-        except (Exception, SystemExit) as error:
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:
             self._blame(stretch, path, error)
             return False
         if not hasattr(stretch.topology, "members"):
@@ -117,7 +119,9 @@ class NetworkBuilder:
             return None
         try:
             return links_of(stretch.topology, 0, len(self._roster))
-        except (Exception, SystemExit) as error:
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:
             self._blame(stretch, path, error)
             return None
 

@@ -244,7 +244,7 @@ def test_a_required_parameter_beside_with_is_one_problem(problems: Problems) -> 
             {"components": {"c": {"use": "broken.leaving-check"}}},
             "unsuitable",
             "components.c",
-            r"`broken.leaving-check` cannot work here: SystemExit: 0 \(faulty.py, line \d+\)",
+            r"`broken.leaving-check` cannot work here: CancelledError \(faulty.py, line \d+\)",
         ),
         (
             {"components": {"c": {"use": "broken.crashing-quantities"}}},

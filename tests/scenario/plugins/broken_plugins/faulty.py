@@ -1,5 +1,6 @@
 """Can be imported, but is of no use."""
 
+import asyncio
 from typing import Any
 
 from pydantic import Field, field_validator
@@ -91,11 +92,11 @@ class CrashingCheck(_Idle):
 
 
 class LeavingCheck(_Idle):
-    """Leaves the interpreter instead of checking."""
+    """Raises what is no `Exception` instead of checking."""
 
     def check(self, group: AgentGroup) -> None:
-        """Leave."""
-        raise SystemExit(0)
+        """Raise it."""
+        raise asyncio.CancelledError
 
 
 class CrashingQuantities(_Idle):
