@@ -106,6 +106,17 @@ def array(wire, kind, code, shape, numbers):
     return wire.Array(type=kind, shape=shape, data=struct.pack(f"<{len(numbers)}{code}", *numbers))
 
 
+def whole(array):
+    """The numbers of an `Array` of 64-bit whole numbers."""
+    return struct.unpack(f"<{len(array.data) // 8}q", array.data)
+
+
+def place(world, group, row):
+    """The place of an agent in the roster: groups sorted by name, then rows."""
+    sizes = {name.partition("/")[2]: each.shape[0] for name, each in world.items() if name.startswith("state/")}
+    return sum(size for name, size in sizes.items() if name < group) + row
+
+
 def main(module, address, digest, version, key, agent, *goal):
     """Take part from the beginning to the end."""
     spec = importlib.util.spec_from_file_location("transport_pb2", module)
@@ -143,9 +154,10 @@ def take_part(wire, host, digest, version, agent, group, row, goal):
         states = world[f"state/{group}"]
         width = states.shape[1]
         position = struct.unpack(f"<{width}d", states.data[8 * width * row : 8 * width * (row + 1)])
-        for each in map(wire.Arrival.FromString, step.arrivals):
-            letter = each.letter if each.WhichOneof("content") == "letter" else None
-            heard.append([letter.sender, letter.arrival_time] if letter else len(each.delivery.rows.data) // 8)
+        for each in map(wire.Delivery.FromString, step.deliveries):
+            batch = wire.MessageBatch.FromString(step.batches[each.batch])
+            rows, senders, due = map(whole, (each.rows, batch.senders, each.due))
+            heard += [[senders[row], time] for row, time in zip(rows, due, strict=True)]
         way = [there - here for there, here in zip(goal, position, strict=True)]
         distance = sum(each * each for each in way) ** 0.5
         if distance < 0.1 and not has_reached:
@@ -156,9 +168,11 @@ def take_part(wire, host, digest, version, agent, group, row, goal):
         rows = array(wire, wire.Array.INT64, "q", [1], [row])
         inputs = array(wire, wire.Array.FLOAT64, "d", [1, width], [2.0 * slowed * each for each in way])
         mine = wire.Input(group=group, rows=rows, inputs=inputs).SerializeToString()
-        word = wire.Entry(name="word", value=wire.Value(text="hello")).SerializeToString()
-        letter = wire.Letter(sender=agent, receiver="*", payload=[word], kind="word")
-        posts = [wire.Post(letter=letter, time=step.time).SerializeToString()] if step.step == 0 else []
+        said = wire.Items(values=[wire.Value(text="hello").SerializeToString()])
+        word = wire.Entry(name="word", value=wire.Value(list=said)).SerializeToString()
+        sender = array(wire, wire.Array.INT64, "q", [1], [place(world, group, row)])
+        batch = wire.MessageBatch(senders=sender, columns=[word], kind="word")
+        posts = [wire.Post(batch=batch, time=step.time).SerializeToString()] if step.step == 0 else []
         say(report=wire.Report(step=step.step, inputs=[mine], posts=posts))
     last = getattr(frame, kind)
     status = last.status if kind == "end" else "refused"

@@ -327,10 +327,6 @@ class Ears(GroupCommunicationReceiver):
     def _update(self, value):
         ids = self.environment.roster.ids
         for each in value:
-            if isinstance(each, Message):
-                row = self._group.ids.index(each.receiver)
-                self.emit_for(row, "heard", f"{each.arrival_time} {each.sender} {each.sequence}")
-                continue
             columns = each.receivers, each.due, each.senders, each.sequences
             for receiver, due, sender, sequence in zip(*(column.tolist() for column in columns), strict=True):
                 row = receiver - self.environment.roster.start(self._group.name)

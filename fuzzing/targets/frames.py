@@ -88,7 +88,8 @@ def _sound() -> list[bytes]:
     """A frame of each kind, and several of those that hold much."""
     import numpy as np
 
-    from symaware_cli.core import AwarenessVector, Contact, Delivery, Mailing, Message, TimeSeries
+    from symaware_cli.core import AwarenessVector, Contact, Delivery, MessageBatch, TimeSeries
+    from symaware_cli.core.message import objects
     from symaware_cli.network.transport.codec import encode
     from symaware_cli.network.transport.frame import (
         End,
@@ -106,10 +107,12 @@ def _sound() -> list[bytes]:
               "array": np.eye(3), "scalar": np.float32(2.5), "list": [1, [2, "three"]], "tuple": (1, 2),
               "mapping": {"a": {"b": [1.5]}}, "series": series,
               "awareness": AwarenessVector("robot.1", [1.0, 2.0], series, series, series)}  # fmt: skip
-    mailing = Mailing(np.array([0, 2]), {"position": np.ones((2, 2)), "word": np.arange(2)}, "state", None)
+    batch = MessageBatch(np.array([0, 2]), {"position": np.ones((2, 2)), "word": np.arange(2)}, "state", None)
     numbers = np.array([0, 1])
-    delivery = Delivery(mailing, numbers, numbers, numbers, 0, np.array([50, 60]))
-    letter = Message("robot.0", "robot.1", values, "word", 3, 100, 150)
+    delivery = Delivery(batch, numbers, numbers, numbers, 0, np.array([50, 60]))
+    columns = {name: objects([value]) for name, value in values.items()}
+    single = MessageBatch(np.array([0]), columns, "word", np.array([1]))
+    heard = Delivery(single, numbers[:1], numbers[:1], numbers[:1], 100, np.array([150]))
     world = {"state/robot": np.zeros((3, 2)), "input/robot": np.zeros((3, 2))}
     contact = Contact("robot.0", "robot.1", (0.0, 1.0), 0.1, True, 2.0)
     inputs = {"robot": (np.array([0]), np.ones((1, 2)))}
@@ -117,8 +120,8 @@ def _sound() -> list[bytes]:
         Hello("stranger", bytes(32), "0.1.0", ("robot.0", "robot.1")),
         Welcome(0, 0, 0.0, float("nan")),
         Refusal("no", final=False),
-        Step(3, 150, world, (contact,), (letter, delivery, delivery)),
-        Report(3, inputs, (Post(letter, 100), Post(mailing, 100)), (0.5, "robot.0")),
+        Step(3, 150, world, (contact,), (heard, delivery, delivery)),
+        Report(3, inputs, (Post(single, 100), Post(batch, 100)), (0.5, "robot.0")),
         Report(0, {}),
         Notice("thought", "agents.robot.0.steer", "INFO", "it thought", values),
         End("failed", "because", "agents.robot.0.steer"),

@@ -17,7 +17,7 @@ from symaware_cli.core.entity import Entity, Obstacle, Pose, ScriptedPath
 from symaware_cli.core.environment import Attempts, Environment, EnvironmentParameters, WorldError
 from symaware_cli.core.event import Event, EventBus, Level, SubscriberError, Subscription
 from symaware_cli.core.knowledge import KnowledgeDatabase
-from symaware_cli.core.message import EVERYBODY, Delivery, Exchange, Mailing, Message
+from symaware_cli.core.message import EVERYBODY, Delivery, Exchange, Message, MessageBatch
 from symaware_cli.core.model import Model, Quantity
 from symaware_cli.core.plugin import Parameters, Plugin
 from symaware_cli.core.reading import Frame, Image, Measurement, Reading, Scan
@@ -63,10 +63,10 @@ __all__ = [
     "KnowledgeDatabase",
     "Level",
     "Links",
-    "Mailing",
     "Measurement",
     "Mesh",
     "Message",
+    "MessageBatch",
     "Model",
     "Observation",
     "Obstacle",

@@ -333,8 +333,8 @@ class GroupCommunicationReceiver(GroupComponent):
         return self._surroundings.exchange.collect(self.path)
 
     @abstractmethod
-    def _update(self, value: Sequence[Delivery | Message]) -> None:
-        """Make something of what was heard: mailings in columns, and single messages, oldest first for each agent."""
+    def _update(self, value: Sequence[Delivery]) -> None:
+        """Make something of what was heard, in columns, oldest first for each agent."""
 
 
 class PerceptionSystem(Component):

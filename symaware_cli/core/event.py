@@ -118,10 +118,6 @@ class EventBus:
         self.turns_wanted = not TURNS.isdisjoint(self.wanted)
         return subscription
 
-    def audience(self, name: str) -> int:
-        """How many subscribed to events of a name, by this name."""
-        return sum(each.active for each in self._subscriptions.get(name, ()))
-
     @contextmanager
     def muted(self, sources: Collection[str]) -> Iterator[None]:
         """Tell nobody of what comes from some sources for a while.

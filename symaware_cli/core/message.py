@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+
+from symaware_cli.core.awareness import AwarenessVector
 
 if TYPE_CHECKING:
     from symaware_cli.core.topology import Links
@@ -18,10 +20,13 @@ Times = NDArray[np.int64]
 #: The receiver of a message that is for all whom its sender reaches.
 EVERYBODY = "*"
 
+#: Types of which nothing can be changed.
+_FIXED = frozenset({str, int, float, bool, bytes, type(None)})
+
 
 @dataclass(frozen=True, slots=True)
 class Message:
-    """What one agent tells another.
+    """What one agent tells another: to be sent, or as a view of one of those that arrived, see `Delivery.message`.
 
     Attributes:
         sender: The id of the agent that sends.
@@ -43,15 +48,19 @@ class Message:
 
 
 @dataclass(frozen=True, slots=True)
-class Mailing:
-    """What many agents tell others at one instant, in columns: the rows of each array are what each of them says.
+class MessageBatch:
+    """What agents tell others at one instant, in columns with a row for each thing that is said.
+
+    Who says several things has a row for each, in the order in which it says them. No two rows go from one agent to the
+    same receiver; in a batch for all whom the senders reach, each sender has one row.
 
     Attributes:
         senders: Who sends, as indices in the roster, ascending; shape (s,).
-        columns: Numbers by name, a row for each sender; each of shape (s, ...). Not to be changed any more.
+        columns: What they say, by name, a row for each in `senders`: numbers, of shape (s, ...), or any values that a
+            `Message` may have, as an array of objects of shape (s,). Not to be changed any more.
         kind: A word for what it is about.
-        receivers: For each sender the one whom it is for, as an index in the roster; shape (s,). None for all whom
-            each reaches.
+        receivers: For each row the one whom it is for, as an index in the roster; shape (s,). None for all whom each
+            reaches.
     """
 
     senders: Indices
@@ -60,16 +69,27 @@ class Mailing:
     receivers: Indices | None = None
 
     def payload(self, row: int) -> dict[str, Any]:
-        """What one of the senders says, by name."""
-        return {name: values[row] for name, values in self.columns.items()}
+        """What one of the rows says, by name; the caller may change it."""
+        return {
+            name: copied(values[row]) if values.dtype == object else values[row]
+            for name, values in self.columns.items()
+        }
+
+    def some(self, rows: NDArray[np.bool_]) -> MessageBatch:
+        """What some of the rows say."""
+        if rows.all():
+            return self
+        columns = {name: values[rows] for name, values in self.columns.items()}
+        receivers = None if self.receivers is None else self.receivers[rows]
+        return replace(self, senders=self.senders[rows], columns=columns, receivers=receivers)
 
 
 @dataclass(frozen=True, slots=True)
 class Delivery:
-    """Messages of one mailing that arrived together, in columns.
+    """Messages of one batch that arrived together, in columns.
 
     Attributes:
-        mailing: What they say.
+        batch: What they say.
         rows: Which row of it each message is, that is, whose; shape (m,).
         receivers: Whom each was for, as an index in the roster; shape (m,).
         sequences: The number of each among the messages of its sender; shape (m,).
@@ -77,7 +97,7 @@ class Delivery:
         due: When each arrived, in nanoseconds, which may be a little before it could be read; shape (m,).
     """
 
-    mailing: Mailing
+    batch: MessageBatch
     rows: Indices
     receivers: Indices
     sequences: Times
@@ -90,11 +110,46 @@ class Delivery:
     @property
     def senders(self) -> Indices:
         """Whose each message is, as an index in the roster; shape (m,)."""
-        return self.mailing.senders.take(self.rows)
+        return self.batch.senders.take(self.rows)
 
     def column(self, name: str) -> NDArray[Any]:
-        """What each message says under a name; shape (m, ...)."""
-        return self.mailing.columns[name].take(self.rows, 0)
+        """What each message says under a name; shape (m, ...).
+
+        Objects are those that other receivers get, too: see `copied`.
+        """
+        return self.batch.columns[name].take(self.rows, 0)
+
+    def some(self, places: Indices | NDArray[np.bool_] | slice) -> Delivery:
+        """Some of the messages."""
+        return replace(
+            self,
+            rows=self.rows[places],
+            receivers=self.receivers[places],
+            sequences=self.sequences[places],
+            due=self.due[places],
+        )
+
+    def message(self, place: int, ids: Sequence[str]) -> Message:
+        """One of the messages.
+
+        Args:
+            place: Which.
+            ids: All agents, in the roster's order.
+        """
+        batch, row = self.batch, self.rows[place]
+        return Message(
+            ids[batch.senders[row]],
+            ids[self.receivers[place]],
+            batch.payload(row),
+            batch.kind,
+            int(self.sequences[place]),
+            self.sent_time,
+            int(self.due[place]),
+        )
+
+    def messages(self, ids: Sequence[str]) -> Iterator[Message]:
+        """Each of the messages; see `message`."""
+        return (self.message(place, ids) for place in range(len(self)))
 
 
 class Exchange(Protocol):
@@ -103,7 +158,7 @@ class Exchange(Protocol):
     def send(self, message: Message) -> None:
         """Take a message; the receiver can read it from the next step on."""
 
-    def post(self, mailing: Mailing) -> None:
+    def post(self, batch: MessageBatch) -> None:
         """Take the messages of many agents at once."""
 
     @property
@@ -123,8 +178,40 @@ class Exchange(Protocol):
             reader: The path of the component that reads them, where it reads certain kinds.
         """
 
-    def collect(self, reader: str) -> Sequence[Delivery | Message]:
+    def collect(self, reader: str) -> Sequence[Delivery]:
         """Hand over all that arrived for the group of a component, by the component's path.
 
         Of each receiver it is in the order of `receive`; what goes to different receivers may stand in any order.
         """
+
+
+def objects(values: Sequence[Any]) -> NDArray[Any]:
+    """A column of any values; shape (s,)."""
+    column = np.empty(len(values), object)
+    for row, value in enumerate(values):
+        column[row] = value
+    return column
+
+
+def copied(value: Any) -> Any:
+    """Return a value whose changes do not reach the one that was given; arrays of numbers are read-only."""
+    if type(value) in _FIXED:
+        return value
+    if isinstance(value, np.ndarray):
+        if not value.flags.writeable and value.base is None:
+            return value
+        copy = value.copy()
+        copy.flags.writeable = False
+        return copy
+    if isinstance(value, AwarenessVector):
+        return AwarenessVector(value.id, value.state, value.intent, value.uncertainty, value.risk)
+    if isinstance(value, Mapping):
+        return {name: copied(each) for name, each in value.items()}
+    if isinstance(value, list):
+        return [copied(each) for each in value]
+    if isinstance(value, tuple):
+        copies = [copied(each) for each in value]
+        return value._make(copies) if hasattr(value, "_make") else tuple(copies)
+    if isinstance(value, set | frozenset):
+        return frozenset(value)
+    return value

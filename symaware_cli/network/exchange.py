@@ -10,17 +10,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core import AwarenessVector, Delivery, Links, Mailing, Message
-from symaware_cli.core.message import EVERYBODY, Indices
+from symaware_cli.core import Delivery, Links, Message, MessageBatch
+from symaware_cli.core.message import EVERYBODY, Indices, Times, copied
 from symaware_cli.network.channel.channel import QUEUE_FULL, TOO_OLD, Fates
 from symaware_cli.network.disturbance import Disturbance
 from symaware_cli.network.inbox import Inboxes
 from symaware_cli.network.neighbours import Neighbours
 from symaware_cli.network.network import Change, Network
+from symaware_cli.network.outbox import Outbox
 from symaware_cli.network.passage import WAITS, Parcel, Passage
-from symaware_cli.network.size import mailing_size, message_size
-from symaware_cli.network.traffic import Traffic, chosen, spoken
-from symaware_cli.network.underway import Letter, UnderWay
+from symaware_cli.network.size import message_sizes
+from symaware_cli.network.traffic import Traffic
+from symaware_cli.network.underway import UnderWay
+
+#: Of what each row of a batch says, in bytes; shape (s,).
+Sizes = NDArray[np.int64]
 
 
 class UnknownReceiverError(Exception):
@@ -34,12 +38,14 @@ class MemoryExchange:
     disturbance. What arrives is ordered by when it does, then by the sender's place in the roster, then by the sender's
     own order, so that it does not depend on who took its turn first.
 
-    Each message that was sent, and each copy that the network made of one, is delivered, dropped or in flight.
+    All messages travel in batches: what is sent singly is joined to such as are sent at the same instant, and sets out
+    at its end. Each message that has set out, and each copy that the network made of one, is delivered, dropped or in
+    flight.
 
     Attributes:
         now: Simulated time of the present instant, in nanoseconds.
         inboxes: What arrived and was not read yet.
-        sent: How many messages were sent so far.
+        sent: How many messages have set out so far.
         duplicated: How many more were made of them under way.
         delivered: How many arrived.
         dropped: How many never will.
@@ -48,10 +54,7 @@ class MemoryExchange:
     def __init__(
         self,
         ids: Sequence[str],
-        on_sent: Callable[[Message], Any],
-        on_delivered: Callable[[Message], Any],
         listening: Container[str] | None = None,
-        on_dropped: Callable[[Message, str], Any] = lambda message, reason: None,
         *,
         on_traffic: Callable[[Traffic], Any] = lambda traffic: None,
         on_change: Callable[[Change], Any] = lambda change: None,
@@ -62,12 +65,9 @@ class MemoryExchange:
 
         Args:
             ids: All agents, in the roster's order.
-            on_sent: Called with each single message once it is on its way.
-            on_delivered: Called with each once it is readable.
             listening: Those who read whatever no other component reads; None for everybody. What arrives for others is
                 delivered, too, but not kept: a run of any length would fill the memory with it.
-            on_dropped: Called with each that is lost, and the reason.
-            on_traffic: Called at these occasions with the messages of mailings, in columns.
+            on_traffic: Called with messages that have set out, are readable, or are lost.
             on_change: Called when the links have changed.
             seed: The seed of the run.
             time_step: Between two steps of the world, in nanoseconds: what travels for no time arrives at the next one.
@@ -77,17 +77,16 @@ class MemoryExchange:
         self._sent_by = np.zeros(len(self._ids), np.int64)
         self._time_step = time_step
         self._muted: NDArray[np.bool_] | None = None
-        self._outlet: Callable[[Message | Mailing], Any] | None = None
+        self._outbox = Outbox()
+        self._outlet: Callable[[MessageBatch], Any] | None = None
+        self._check: Callable[[Mapping[str, Any]], Any] = lambda payload: None
         self._away: NDArray[np.bool_] | None = None
-        self._forward: Callable[[Message | Delivery], Any] = lambda arrived: None
+        self._forward: Callable[[Delivery], Any] = lambda arrived: None
         self._passage = Passage(seed, self._ids)
         self._under_way = UnderWay()
         self.inboxes = Inboxes(self._ids, listening)
         self.now = 0
         self.sent = self.duplicated = self.delivered = self.dropped = 0
-        self._on_sent = on_sent
-        self._on_dropped = on_dropped
-        self._on_delivered = on_delivered
         self._on_traffic = on_traffic
         self._on_change = on_change
 
@@ -100,10 +99,16 @@ class MemoryExchange:
     def network(self, network: Network | None) -> None:
         self._passage.network = network
 
-    @property
-    def disturbances(self) -> list[Disturbance]:
-        """What happens to messages at present, besides."""
-        return self._passage.disturbances
+    def disturb(self, disturbances: Sequence[Disturbance]) -> None:
+        """Let something happen to messages from now on, besides."""
+        self.flush()
+        self._passage.disturbances.extend(disturbances)
+
+    def relieve(self, disturbances: Sequence[Disturbance]) -> None:
+        """Let something happen to messages no more."""
+        self.flush()
+        for disturbance in disturbances:
+            self._passage.disturbances.remove(disturbance)
 
     @property
     def in_flight(self) -> int:
@@ -155,7 +160,7 @@ class MemoryExchange:
 
     @contextmanager
     def muted(self, agents: Sequence[str]) -> Iterator[None]:
-        """Let some agents say nothing for a while, in mailings of their groups.
+        """Let some agents say nothing for a while, in batches of their groups.
 
         A component of a whole group speaks for all its agents, and knows nothing of those that take no part any more.
         """
@@ -168,159 +173,136 @@ class MemoryExchange:
         finally:
             self._muted = before
 
-    def divert(self, outlet: Callable[[Message | Mailing], Any]) -> None:
-        """Hand on all that is sent from now on, instead of carrying it: another process does. See `arrive`."""
-        self._outlet = outlet
+    def divert(self, outlet: Callable[[MessageBatch], Any], check: Callable[[Mapping[str, Any]], Any]) -> None:
+        """Hand on all that is sent from now on, instead of carrying it: another process does. See `arrive`.
 
-    def forward(self, away: Sequence[str], forward: Callable[[Message | Delivery], Any]) -> None:
+        Args:
+            outlet: Called with what was sent.
+            check: Called with the payload of each message that is sent singly, at once; raises if it cannot be sent.
+        """
+        self._outlet = outlet
+        self._check = check
+
+    def forward(self, away: Sequence[str], forward: Callable[[Delivery], Any]) -> None:
         """Hand on all that arrives for some agents from now on: another process keeps their inboxes."""
         self._away = np.zeros(len(self._ids), bool)
         self._away[[self._known(id) for id in away]] = True
         self._forward = forward
 
-    def send(self, message: Message, at: int | None = None) -> None:
-        """Take a message; what its payload refers to is copied.
-
-        Args:
-            message: What is said, by whom, to whom.
-            at: When it was sent, if that was before now, in nanoseconds.
+    def send(self, message: Message) -> None:
+        """Take a message, which sets out with the next `flush`; what its payload refers to is copied.
 
         Raises:
             UnknownReceiverError: There is no agent of the receiver's id, or of the sender's.
         """
         sender = self._known(message.sender)
-        if self._outlet is not None:
-            if message.receiver != EVERYBODY:
-                self._known(message.receiver)
-            self._outlet(replace(message, payload={name: _copied(value) for name, value in message.payload.items()}))
-            return
-        if message.receiver == EVERYBODY:
-            receivers = self._reached(sender).tolist()
-        else:
-            receivers = [self._known(message.receiver)]
-        letters = []
-        for receiver in receivers:
-            payload = {name: _copied(value) for name, value in message.payload.items()}
-            sequence = int(self._sent_by[sender])
-            self._sent_by[sender] += 1
-            id = self._ids[receiver]
-            sent_time = self.now if at is None else at
-            letter = replace(message, receiver=id, payload=payload, sequence=sequence, sent_time=sent_time)
-            letters.append(letter)
-            self.sent += 1
-            self._on_sent(letter)
-        if self._passage.is_free(self.now):
-            due = self._arrival(self.now)
-            for letter, receiver in zip(letters, receivers, strict=True):
-                self._under_way.put(letter, sender, receiver, due)
-        elif letters:
-            size, linked = message_size(message.payload), message.receiver == EVERYBODY
-            ends = np.full(len(letters), sender), np.array(receivers)
-            fates, victims = self._passage.decide(letters, *ends, size, self.now, linked=linked)
-            self._push_out(victims)
-            self._send_off(letters, sender, receivers, self._postponed(fates))
-            self._advance()
+        receiver = None if message.receiver == EVERYBODY else self._known(message.receiver)
+        payload = {name: copied(value) for name, value in message.payload.items()}
+        self._check(payload)
+        self._outbox.put(sender, receiver, payload, message.kind)
 
-    def _send_off(self, letters: Sequence[Message], sender: int, receivers: Sequence[int], fates: Fates) -> None:
-        """Let single messages meet their fates."""
-        for place, letter in enumerate(letters):
-            reason = int(fates.reason[place])
-            if reason in (0, TOO_OLD):
-                self._under_way.put(letter, sender, receivers[place], int(fates.due[place]), reason)
-            elif reason != WAITS:
-                self._drop(letter, reason)
-        for place, due in zip(fates.copies.tolist(), fates.copies_due.tolist(), strict=True):
-            self.duplicated += 1
-            self._under_way.put(letters[place], sender, receivers[place], due)
+    def flush(self) -> bool:
+        """Let what was sent singly set out, at the latest at the end of the instant at which it was sent.
 
-    def _drop(self, letter: Message, reason: int) -> None:
-        self.dropped += 1
-        self._on_dropped(letter, self._passage.reasons[reason])
+        Returns:
+            Whether there was anything.
+        """
+        if not len(self._outbox):
+            return False
+        for batch in self._outbox.empty():
+            self._dispatch(batch, self.now)
+        return True
 
-    def post(self, mailing: Mailing, at: int | None = None) -> None:
-        """Take the messages of many agents at once; its columns must not be changed any more. See `send`."""
+    def post(self, batch: MessageBatch, at: int | None = None) -> None:
+        """Take the messages of many agents at once, after all that was sent before.
+
+        Args:
+            batch: What is said, by whom, to whom; not to be changed any more.
+            at: When it was sent, if that was before now, in nanoseconds.
+        """
+        self.flush()
         if self._muted is not None:
-            mailing = spoken(mailing, ~self._muted[mailing.senders])
+            batch = batch.some(~self._muted[batch.senders])
+        if len(batch.senders):
+            self._dispatch(batch, self.now if at is None else at)
+
+    def _dispatch(self, batch: MessageBatch, at: int) -> None:
+        """Let a batch set out."""
         if self._outlet is not None:
-            if len(mailing.senders):
-                self._outlet(mailing)
+            self._outlet(batch)
             return
-        rows, receivers = self._addressed(mailing)
+        rows, receivers = self._addressed(batch)
         if not len(rows):
             return
-        senders = mailing.senders.take(rows)
-        counts = np.bincount(rows, minlength=len(mailing.senders))
-        within = np.arange(len(rows)) - np.repeat(np.cumsum(counts) - counts, counts)
-        sequences = self._sent_by[senders] + within
-        self._sent_by[mailing.senders] += counts
-        size = mailing_size(mailing)
+        senders = batch.senders.take(rows)
+        sequences = self._numbered(senders)
+        sizes = message_sizes(batch)
         due = np.full(len(rows), self._arrival(self.now))
-        sent = Delivery(mailing, rows, receivers, sequences, self.now if at is None else at, due)
+        sent = Delivery(batch, rows, receivers, sequences, at, due)
         self.sent += len(rows)
-        self._on_traffic(Traffic("sent", sent, size))
+        self._on_traffic(Traffic("sent", sent, sizes))
         if self._passage.is_free(self.now):
-            self._under_way.launch(sent, np.zeros(len(rows), np.uint8), size)
+            self._under_way.launch(sent, np.zeros(len(rows), np.uint8), sizes)
             return
-        linked = mailing.receivers is None
-        fates, victims = self._passage.decide((sent, size), senders, receivers, size, self.now, linked=linked)
+        linked = batch.receivers is None
+        fates, victims = self._passage.decide(sent, sizes, self.now, linked=linked)
         self._push_out(victims)
-        self._launch(sent, size, self._postponed(fates))
+        self._launch(sent, sizes, self._postponed(fates))
         self._advance()
 
-    def _addressed(self, mailing: Mailing) -> tuple[Indices, Indices]:
-        """For each message of a mailing its row there, ascending, and its receiver."""
-        if mailing.receivers is not None:
-            return np.arange(len(mailing.senders)), mailing.receivers
+    def _numbered(self, senders: Indices) -> Times:
+        """Give each message, by its sender, ascending, its number among those of that sender."""
+        begins = np.flatnonzero(np.concatenate([[True], senders[1:] != senders[:-1]]))
+        counts = np.diff(begins, append=len(senders))
+        numbers: Times = self._sent_by[senders] + np.arange(len(senders)) - np.repeat(begins, counts)
+        self._sent_by[senders[begins]] += counts
+        return numbers
+
+    def _addressed(self, batch: MessageBatch) -> tuple[Indices, Indices]:
+        """For each message of a batch its row there, ascending, and its receiver."""
+        if batch.receivers is not None:
+            return np.arange(len(batch.senders)), batch.receivers
         network = self.network
         if network is not None and network.links is not None:
-            return network.reached(mailing.senders)
+            return network.reached(batch.senders)
         everybody = np.arange(len(self._ids))
-        rows = np.repeat(np.arange(len(mailing.senders)), len(everybody))
-        receivers = np.tile(everybody, len(mailing.senders))
-        others = mailing.senders.take(rows) != receivers
+        rows = np.repeat(np.arange(len(batch.senders)), len(everybody))
+        receivers = np.tile(everybody, len(batch.senders))
+        others = batch.senders.take(rows) != receivers
         return rows[others], receivers[others]
 
-    def _launch(self, sent: Delivery, size: int, fates: Fates) -> None:
-        """Let messages of a mailing meet their fates."""
+    def _launch(self, sent: Delivery, sizes: Sizes, fates: Fates) -> None:
+        """Let messages meet their fates."""
         flying = (fates.reason == 0) | (fates.reason == TOO_OLD)
         if flying.all() and not len(fates.copies):
-            self._under_way.launch(replace(sent, due=fates.due), fates.reason, size)
+            self._under_way.launch(replace(sent, due=fates.due), fates.reason, sizes)
             return
-        self._lose(sent, size, fates.reason, ~flying & (fates.reason != WAITS))
+        self._lose(sent, sizes, fates.reason, ~flying & (fates.reason != WAITS))
         places, due, reason = np.flatnonzero(flying), fates.due[flying], fates.reason[flying]
         if len(fates.copies):
             self.duplicated += len(fates.copies)
             places, due = np.concatenate([places, fates.copies]), np.concatenate([due, fates.copies_due])
             reason = np.concatenate([reason, np.zeros(len(fates.copies), np.uint8)])
         if len(places):
-            self._under_way.launch(replace(chosen(sent, places), due=due), reason, size)
+            self._under_way.launch(replace(sent.some(places), due=due), reason, sizes)
 
-    def _lose(self, delivery: Delivery, size: int, reason: NDArray[np.uint8], lost: NDArray[np.bool_]) -> None:
-        """Drop some messages of a mailing."""
+    def _lose(self, delivery: Delivery, sizes: Sizes, reason: NDArray[np.uint8], lost: NDArray[np.bool_]) -> None:
+        """Drop some messages."""
         places = np.flatnonzero(lost)
         if len(places):
             self.dropped += len(places)
             reasons = tuple(self._passage.reasons)
-            self._on_traffic(Traffic("dropped", chosen(delivery, places), size, reasons, reason[places]))
+            self._on_traffic(Traffic("dropped", delivery.some(places), sizes, reasons, reason[places]))
 
     def _push_out(self, victims: Sequence[Parcel]) -> None:
         """Drop what is pushed out of full queues."""
         for parcel in victims:
-            if isinstance(parcel.content, list):
-                self._drop(parcel.content[parcel.place], QUEUE_FULL)
-            else:
-                sent, size = parcel.content
-                one = chosen(sent, np.array([parcel.place]))
-                self._lose(one, size, np.array([QUEUE_FULL], np.uint8), np.ones(1, bool))
+            self._lose(parcel.content, parcel.sizes, np.array([QUEUE_FULL], np.uint8), np.ones(1, bool))
 
     def _advance(self) -> None:
         """Let what waited before links go on its way, as far as its time has come."""
         for parcel, fates in self._passage.advance(self.now):
-            if isinstance(parcel.content, list):
-                self._send_off([parcel.content[parcel.place]], parcel.sender, [parcel.receiver], fates)
-            else:
-                sent, size = parcel.content
-                self._launch(chosen(sent, np.array([parcel.place])), size, fates)
+            self._launch(parcel.content, parcel.sizes, fates)
 
     def renew_links(self) -> None:
         """Look who reaches whom now."""
@@ -333,53 +315,36 @@ class MemoryExchange:
 
         Steps of the world are the instants at which links change.
         """
+        self.flush()
         self.now = now
         if now % self._time_step == 0:
             self.renew_links()
         self._advance()
-        for arrival in self._under_way.take(now):
-            if isinstance(arrival, Letter):
-                if arrival.reason:
-                    self._drop(arrival.message, arrival.reason)
-                else:
-                    self._hand_over(replace(arrival.message, arrival_time=arrival.due), arrival.receiver)
-                continue
-            delivery, reason, size = arrival
+        for delivery, reason, sizes in self._under_way.take(now):
             late = reason != 0
             arriving = delivery
             if late.any():
-                self._lose(delivery, size, reason, late)
-                arriving = chosen(delivery, ~late)
+                self._lose(delivery, sizes, reason, late)
+                arriving = delivery.some(~late)
             if len(arriving):
-                self._hand_over_columns(arriving, size)
+                self._hand_over(arriving, sizes)
 
-    def arrive(self, arrived: Sequence[Message | Delivery]) -> None:
+    def arrive(self, arrived: Sequence[Delivery]) -> None:
         """Make readable what another process has carried here."""
-        for each in arrived:
-            if isinstance(each, Message):
-                self._hand_over(each, self._known(each.receiver))
-            else:
-                self._hand_over_columns(each, mailing_size(each.mailing))
+        for delivery in arrived:
+            self._hand_over(delivery, message_sizes(delivery.batch))
 
-    def _hand_over(self, letter: Message, receiver: int) -> None:
-        self.delivered += 1
-        if self._away is not None and self._away[receiver]:
-            self._forward(letter)
-        else:
-            self.inboxes.put(letter, receiver)
-        self._on_delivered(letter)
-
-    def _hand_over_columns(self, delivery: Delivery, size: int) -> None:
+    def _hand_over(self, delivery: Delivery, sizes: Sizes) -> None:
         self.delivered += len(delivery)
         here = delivery
         if self._away is not None:
             away = self._away[delivery.receivers]
             if away.any():
-                self._forward(chosen(delivery, away))
-                here = chosen(delivery, ~away)
+                self._forward(delivery.some(away))
+                here = delivery.some(~away)
         if len(here):
-            self.inboxes.put_columns(here)
-        self._on_traffic(Traffic("delivered", delivery, size))
+            self.inboxes.put(here)
+        self._on_traffic(Traffic("delivered", delivery, sizes))
 
     def has_mail(self, receiver: str, reader: str = "") -> bool:
         """Whether something arrived since the last time it was handed over."""
@@ -389,26 +354,6 @@ class MemoryExchange:
         """Hand over what arrived since the last call, oldest first; see `Inboxes`."""
         return self.inboxes.receive(receiver, reader)
 
-    def collect(self, reader: str) -> Sequence[Delivery | Message]:
+    def collect(self, reader: str) -> Sequence[Delivery]:
         """Hand over what arrived for a whole group since the last call, in columns; see `Inboxes`."""
         return self.inboxes.collect(reader)
-
-
-def _copied(value: Any) -> Any:
-    """Return a value that the sender cannot change any more."""
-    if isinstance(value, np.ndarray):
-        copy = value.copy()
-        copy.flags.writeable = False
-        return copy
-    if isinstance(value, AwarenessVector):
-        return AwarenessVector(value.id, value.state, value.intent, value.uncertainty, value.risk)
-    if isinstance(value, Mapping):
-        return {name: _copied(each) for name, each in value.items()}
-    if isinstance(value, list):
-        return [_copied(each) for each in value]
-    if isinstance(value, tuple):
-        copies = [_copied(each) for each in value]
-        return value._make(copies) if hasattr(value, "_make") else tuple(copies)
-    if isinstance(value, set | frozenset):
-        return frozenset(value)
-    return value

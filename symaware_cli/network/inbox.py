@@ -4,12 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Collection, Container, Sequence
 from dataclasses import dataclass
+from operator import itemgetter
 
 import numpy as np
+from numpy.typing import NDArray
 
 from symaware_cli.core import Delivery, Message
+from symaware_cli.core.message import Indices
 from symaware_cli.network.arrivals import in_order
-from symaware_cli.network.traffic import chosen, messages
+
+#: The order of what is read one by one: by time of arrival, sender, number.
+_OLDEST = itemgetter(0, 1, 2)
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,13 +49,14 @@ class Inboxes:
         self._ids = ids
         self._rank = {id: rank for rank, id in enumerate(ids)}
         self._listens = [listening is None or id in listening for id in ids]
-        self._anyone = any(self._listens)
         self._readers: list[Reader] = []
-        self._readers_of: dict[tuple[int, str], tuple[Reader, ...]] = {}
+        self._names_of: dict[tuple[int, str], tuple[str, ...]] = {}
+        self._singly_of: dict[str, NDArray[np.bool_] | None] = {}
         self._is_closed = np.zeros(len(ids), bool)
         self._closed = 0
-        self._letters: dict[tuple[str, str], list[Message]] = {}
-        self._columns: dict[str, list[Delivery | Message]] = {}
+        #: By receiver and reader, when each message arrived, its sender and number, and where it stands.
+        self._single: dict[tuple[int, str], list[tuple[int, int, int, int, Delivery]]] = {}
+        self._columns: dict[str, list[Delivery]] = {}
 
     def open(self, name: str, agents: Sequence[str], kinds: Collection[str], *, columns: bool) -> None:
         """Keep messages of certain kinds for components of a group; see `Reader`.
@@ -63,17 +69,19 @@ class Inboxes:
         """
         first = self._rank[agents[0]]
         self._readers.append(Reader(name, first, first + len(agents), frozenset(kinds), columns))
-        self._readers_of.clear()
+        self._names_of.clear()
+        self._singly_of.clear()
 
     def close(self, id: str) -> None:
         """Throw away what an agent has not read yet, and keep nothing more for it, as it takes no part any more."""
         receiver = self._rank[id]
         self._is_closed[receiver] = True
         self._closed = int(self._is_closed.sum())
-        for key in [key for key in self._letters if key[0] == id]:
-            del self._letters[key]
+        for key in [key for key in self._single if key[0] == receiver]:
+            del self._single[key]
         for name, arrived in list(self._columns.items()):
-            kept = [rest for each in arrived if (rest := _without(each, id, receiver)) is not None]
+            rest = [(each, each.receivers != receiver) for each in arrived]
+            kept = [each if others.all() else each.some(others) for each, others in rest if others.any()]
             if kept:
                 self._columns[name] = kept
             else:
@@ -84,83 +92,60 @@ class Inboxes:
         self._is_closed[self._rank[id]] = False
         self._closed = int(self._is_closed.sum())
 
-    def _of(self, receiver: int, kind: str) -> tuple[Reader, ...]:
-        readers = self._readers_of.get((receiver, kind))
-        if readers is None:
-            readers = self._readers_of[receiver, kind] = tuple(
-                each for each in self._readers if each.first <= receiver < each.last and kind in each.kinds
-            )
-        return readers
+    def _names(self, receiver: int, kind: str) -> tuple[str, ...]:
+        """The readers that take an agent's messages of a kind one by one."""
+        names = self._names_of.get((receiver, kind))
+        if names is None:
+            readers = [each for each in self._readers if each.first <= receiver < each.last and kind in each.kinds]
+            singly = [each.name for each in readers if not each.columns]
+            if not readers and self._listens[receiver]:
+                singly.append("")
+            names = self._names_of[receiver, kind] = tuple(singly)
+        return names
 
-    def put(self, message: Message, receiver: int) -> None:
-        """Take in a message that arrived for an agent, given as an index in the roster."""
-        if self._closed and self._is_closed[receiver]:
-            return
-        readers = self._of(receiver, message.kind)
-        for reader in readers:
-            if reader.columns:
-                self._columns.setdefault(reader.name, []).append(message)
-            else:
-                self._letters.setdefault((message.receiver, reader.name), []).append(message)
-        if not readers and self._listens[receiver]:
-            self._letters.setdefault((message.receiver, ""), []).append(message)
+    def _singly(self, kind: str) -> NDArray[np.bool_] | None:
+        """For which agents somebody takes messages of a kind one by one; None for none."""
+        if kind not in self._singly_of:
+            wanted = np.array([bool(self._names(receiver, kind)) for receiver in range(len(self._ids))], bool)
+            self._singly_of[kind] = wanted if wanted.any() else None
+        return self._singly_of[kind]
 
-    def put_columns(self, delivery: Delivery) -> None:
-        """Take in messages of a mailing."""
+    def put(self, delivery: Delivery) -> None:
+        """Take in messages that arrived."""
         if self._closed:
             wanted = ~self._is_closed[delivery.receivers]
             if not wanted.any():
                 return
-            delivery = chosen(delivery, wanted)
-        kind, receivers = delivery.mailing.kind, delivery.receivers
-        singly = self._anyone
+            delivery = delivery.some(wanted)
+        kind, receivers = delivery.batch.kind, delivery.receivers
         for reader in self._readers:
-            if kind not in reader.kinds:
-                continue
-            if not reader.columns:
-                singly = True
-                continue
-            mine = (receivers >= reader.first) & (receivers < reader.last)
-            if mine.any():
-                part = delivery if mine.all() else chosen(delivery, mine)
-                self._columns.setdefault(reader.name, []).append(part)
-        if not singly:
-            return
-        singled = [self._wants_letters(receiver, kind) for receiver in range(len(self._ids))]
-        part = chosen(delivery, np.array(singled)[receivers])
-        for message, receiver in zip(messages(part, self._ids), part.receivers.tolist(), strict=True):
-            readers = self._of(receiver, kind)
-            for reader in readers:
-                if not reader.columns:
-                    self._letters.setdefault((message.receiver, reader.name), []).append(message)
-            if not readers:
-                self._letters.setdefault((message.receiver, ""), []).append(message)
+            if reader.columns and kind in reader.kinds:
+                mine = (receivers >= reader.first) & (receivers < reader.last)
+                if mine.any():
+                    self._columns.setdefault(reader.name, []).append(delivery if mine.all() else delivery.some(mine))
+        singly = self._singly(kind)
+        if singly is not None:
+            self._put_singly(delivery, np.flatnonzero(singly[receivers]))
 
-    def _wants_letters(self, receiver: int, kind: str) -> bool:
-        readers = self._of(receiver, kind)
-        return any(not each.columns for each in readers) if readers else self._listens[receiver]
+    def _put_singly(self, delivery: Delivery, places: Indices) -> None:
+        columns = delivery.receivers, delivery.due, delivery.senders, delivery.sequences
+        kind, single = delivery.batch.kind, self._single
+        for place, receiver, *order in zip(places.tolist(), *(each[places].tolist() for each in columns), strict=True):
+            for name in self._names(receiver, kind):
+                single.setdefault((receiver, name), []).append((*order, place, delivery))
 
     def has(self, receiver: str, reader: str = "") -> bool:
         """Whether something arrived since the last time it was handed over."""
-        return (receiver, reader) in self._letters
+        return (self._rank[receiver], reader) in self._single
 
     def receive(self, receiver: str, reader: str = "") -> Sequence[Message]:
         """Hand over what arrived for an agent since the last call, oldest first; see `Exchange.receive`."""
-        arrived = self._letters.pop((receiver, reader), None)
+        arrived = self._single.pop((self._rank[receiver], reader), None)
         if arrived is None:
             return ()
-        rank = self._rank
-        arrived.sort(key=lambda each: (each.arrival_time, rank[each.sender], each.sequence))
-        return arrived
+        arrived.sort(key=_OLDEST)
+        return [delivery.message(place, self._ids) for _, _, _, place, delivery in arrived]
 
-    def collect(self, reader: str) -> Sequence[Delivery | Message]:
+    def collect(self, reader: str) -> Sequence[Delivery]:
         """Hand over what arrived for a group since the last call, oldest first for each; see `Exchange.collect`."""
-        return in_order(self._columns.pop(reader, ()), self._rank)
-
-
-def _without(arrived: Delivery | Message, id: str, receiver: int) -> Delivery | Message | None:
-    """What arrived, but for what is for one agent; None if that is all of it."""
-    if isinstance(arrived, Message):
-        return None if arrived.receiver == id else arrived
-    others = arrived.receivers != receiver
-    return (arrived if others.all() else chosen(arrived, others)) if others.any() else None
+        return in_order(self._columns.pop(reader, ()))

@@ -6,11 +6,11 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from symaware_cli.core import Delivery
 from symaware_cli.core.message import Indices, Times
 from symaware_cli.network.chance import agent_keys, uniforms
 from symaware_cli.network.channel.channel import NO_LINK, REASONS, Channel, Fates
@@ -36,19 +36,15 @@ class Parcel:
     """A message that waits before a link.
 
     Attributes:
-        content: What the caller gave, and the place in it.
-        place: See there.
-        sender: As an index in the roster.
-        receiver: Likewise.
+        content: It, on its own.
+        sizes: Of what each row of its batch says, in bytes; shape (s,).
         row: The link, as a row in the ledger.
         number: Which message on its link it is.
         sent: When it was sent, in nanoseconds.
     """
 
-    content: Any
-    place: int
-    sender: int
-    receiver: int
+    content: Delivery
+    sizes: NDArray[np.int64]
     row: int
     number: int
     sent: int
@@ -94,16 +90,12 @@ class Passage:
         times = [time for line in self._lines.values() if (time := line.next_time) is not None]
         return min(times, default=None)
 
-    def decide(
-        self, content: Any, senders: Indices, receivers: Indices, size: int, now: int, *, linked: bool
-    ) -> tuple[Fates, list[Parcel]]:
+    def decide(self, sent: Delivery, sizes: NDArray[np.int64], now: int, *, linked: bool) -> tuple[Fates, list[Parcel]]:
         """Decide the fates of messages that are sent now, at most one over each link.
 
         Args:
-            content: What they are; comes back in parcels.
-            senders: Whose, as indices in the roster; shape (m,).
-            receivers: To whom; shape (m,).
-            size: Of each, in bytes.
+            sent: The messages.
+            sizes: Of what each row of their batch says, in bytes; shape (s,).
             now: In nanoseconds.
             linked: Whether all of them go over links that there are at present.
 
@@ -111,25 +103,24 @@ class Passage:
             The fates, in which `WAITS` is the reason of what will come out of `advance`; and what waited before and is
             dropped from a full queue now.
         """
-        network = self.network
+        network, senders, receivers = self.network, sent.senders, sent.receivers
         if network is not None and network.is_perfect and self._is_undisturbed(now):
             return _at_once(None if linked else network.has(senders, receivers), len(senders), now), []
         ledger = self._ledger
         rows, new = ledger.rows(senders, receivers)
         if new is not None and network is not None:
             network.enter(ledger, new)
-        numbers, sizes = ledger.number(rows), np.full(len(rows), size, np.int64)
+        numbers, each = ledger.number(rows), sizes[sent.rows]
         impairment = self._impairment(senders, receivers, rows, numbers)
         victims: list[Parcel] = []
         if network is None:
-            return _PERFECT.carry(ledger, rows, numbers, now, sizes, impairment), victims
+            return _PERFECT.carry(ledger, rows, numbers, now, each, impairment), victims
         has = None if linked else network.has(senders, receivers)
         waits = network.waits(ledger, rows, has) if network.has_lines else np.zeros(len(rows), bool)
-        fates = network.carry(ledger, rows, numbers, now, sizes, has, waits if waits.any() else None, impairment)
+        fates = network.carry(ledger, rows, numbers, now, each, has, waits if waits.any() else None, impairment)
         for place in np.flatnonzero(waits).tolist():
-            sender, receiver, row = int(senders[place]), int(receivers[place]), int(rows[place])
-            parcel = Parcel(content, place, sender, receiver, row, int(numbers[place]), now)
-            victims += self._wait(network, parcel, size, now)
+            parcel = Parcel(sent.some(slice(place, place + 1)), sizes, int(rows[place]), int(numbers[place]), now)
+            victims += self._wait(network, parcel, int(each[place]), now)
             fates.reason[place] = WAITS
         return fates, victims
 

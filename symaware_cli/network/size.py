@@ -6,25 +6,25 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from symaware_cli.core import AwarenessVector, Mailing, TimeSeries
+from symaware_cli.core import AwarenessVector, MessageBatch, TimeSeries
 
 #: What every message costs besides what it says: whose it is, for whom, its kind, number and time [bytes].
 HEADER = 32
 
 
-def message_size(payload: Mapping[str, Any]) -> int:
-    """The size of a message in bytes: 8 for each number, a byte for each letter of ASCII, and the header.
+def message_sizes(batch: MessageBatch) -> NDArray[np.int64]:
+    """The size of what each row of a batch says, in bytes; shape (s,).
 
-    Names of the payload are not counted: who agrees on a kind of message agrees on what it consists of.
+    That is 8 for each number, a byte for each letter of ASCII, and the header. Names of the payload are not counted:
+    who agrees on a kind of message agrees on what it consists of.
     """
-    return HEADER + sum(_size(value) for value in payload.values())
-
-
-def mailing_size(mailing: Mailing) -> int:
-    """The size of each message of a mailing in bytes."""
-    count = max(len(mailing.senders), 1)
-    return HEADER + sum(values.nbytes // count for values in mailing.columns.values())
+    count = len(batch.senders)
+    sizes = np.full(count, HEADER, np.int64)
+    for values in batch.columns.values():
+        sizes += [_size(each) for each in values] if values.dtype == object else values.nbytes // max(count, 1)
+    return sizes
 
 
 def _size(value: Any) -> int:

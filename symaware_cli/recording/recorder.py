@@ -198,14 +198,21 @@ class Recorder:
         self._add_message(record, now)
 
     def traffic(self, traffic: Traffic, now: int) -> None:
-        """Record messages of a mailing that reached a stage together."""
+        """Record messages of a batch that reached a stage together."""
         if traffic.stage not in self._stages:
+            return
+        if any(column.dtype == object for column in traffic.delivery.batch.columns.values()):
+            for message, why in traffic.messages(self._environment.roster.ids):
+                if traffic.stage == "dropped":
+                    self.lost(message, now, why)
+                else:
+                    self.message(message, now, delivered=traffic.stage == "delivered")
             return
         if self._message_columns is None:
             self._message_columns = self.writer.channel("/messages/columns", "MessageColumns")
-        delivery, mailing = traffic.delivery, traffic.delivery.mailing
+        delivery, batch = traffic.delivery, traffic.delivery.batch
         record = v1.MessageColumns(
-            stage=_STAGES[traffic.stage], kind=mailing.kind, sent_time=delivery.sent_time, size=traffic.size
+            stage=_STAGES[traffic.stage], kind=batch.kind, sent_time=delivery.sent_time, size=int(traffic.sizes[0])
         )
         reason = None
         if traffic.reason is not None:
@@ -213,8 +220,8 @@ class Recorder:
             record.reasons.extend(traffic.reasons[number] for number in numbers.tolist())
         says = None
         if traffic.stage == "sent":
-            says = mailing.senders
-            for name, values in mailing.columns.items():
+            says = batch.senders
+            for name, values in batch.columns.items():
                 record.said.add(name=name, shape=values.shape[1:], values=values.reshape(-1).tolist())
         columns = wire.encode_message_columns(delivery.senders, delivery.receivers, delivery.sequences, reason, says)
         self._write_recurring(now)

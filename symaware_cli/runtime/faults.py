@@ -251,13 +251,12 @@ class Cut(Effect):
     def begin(self, run: Run, name: str) -> Any:
         """Disturb the exchange."""
         disturbances = [Disturbance(name, *ends, self.loss, self.delay, self.bandwidth) for ends in self.ways]
-        run.simulation.exchange.disturbances.extend(disturbances)
+        run.simulation.exchange.disturb(disturbances)
         return disturbances
 
     def end(self, run: Run, begun: Any) -> None:
         """Let messages through again."""
-        for disturbance in begun:
-            run.simulation.exchange.disturbances.remove(disturbance)
+        run.simulation.exchange.relieve(begun)
 
 
 @dataclass(frozen=True)

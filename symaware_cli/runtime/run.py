@@ -255,6 +255,8 @@ class Run:
                     take()
             if entries:
                 agenda.run()
+            while exchange.flush() and entries:
+                agenda.run()
             if recorder:
                 recorder.record(now, self.done)
             if "iterated" in events.wanted:
@@ -367,6 +369,8 @@ class Run:
                 column.exchange(values)
 
     def _announce_end(self, name: str, source: str, text: str, level: Level, **data: Any) -> None:
+        with suppress(SubscriberError):
+            self.simulation.exchange.flush()
         try:
             self.simulation.announce(name, source, text, level=level, **data)
         except SubscriberError:

@@ -16,7 +16,6 @@ from symaware_cli.core import (
     GroupCommunicationReceiver,
     GroupComponent,
     Level,
-    Message,
     Obstacle,
     SubscriberError,
     Surroundings,
@@ -125,7 +124,6 @@ class Simulation:
         clock: Simulated time.
         events: Who is told of what happens.
         exchange: What carries messages.
-        recorders: How many subscribers take messages in columns, the event ``traffic``, where there are any.
     """
 
     def __init__(
@@ -157,10 +155,7 @@ class Simulation:
         listening = {id for slot in self.slots if slot.listens and slot.kinds is None for id in slot.group.ids}
         self.exchange = MemoryExchange(
             environment.roster.ids,
-            self._sent,
-            self._received,
             listening,
-            self._dropped,
             on_traffic=self._passed,
             on_change=self._relinked,
             seed=seed,
@@ -171,7 +166,6 @@ class Simulation:
                 columns = isinstance(slot.components[0], GroupComponent)
                 name = slot.path if columns else slot.name
                 self.exchange.inboxes.open(name, slot.group.ids, slot.kinds, columns=columns)
-        self.recorders = 0
         surroundings = Surroundings(seed, environment, self.exchange, self.clock, self.events)
         for group in self.groups:
             group.surroundings = surroundings
@@ -209,33 +203,18 @@ class Simulation:
             raise error
         raise RunError(stretch.source, stretch.use, self.clock.now, describe(error), error) from error
 
-    def _sent(self, message: Message) -> None:
-        if "sent" in self.events.wanted:
-            self.events.fire(Event("sent", f"agents.{message.sender}", self.clock.now, subject=message))
-
-    def _dropped(self, message: Message, reason: str) -> None:
-        if "dropped" in self.events.wanted:
-            text, source = f"lost by `{reason}`", f"agents.{message.sender}"
-            self.events.fire(
-                Event("dropped", source, self.clock.now, text=text, data={"reason": reason}, subject=message)
-            )
-
-    def _received(self, message: Message) -> None:
-        if "received" in self.events.wanted:
-            self.events.fire(Event("received", f"agents.{message.receiver}", self.clock.now, subject=message))
-
     def _passed(self, traffic: Traffic) -> None:
-        """Tell of messages in columns all at once, and of each of them only where somebody listens."""
-        now = self.clock.now
-        if "traffic" in self.events.wanted:
+        """Tell of messages all at once, and of each of them only where somebody listens."""
+        now, wanted = self.clock.now, self.events.wanted
+        if "traffic" in wanted:
             self.events.fire(Event("traffic", "exchange", now, subject=traffic))
         name = {"sent": "sent", "delivered": "received", "dropped": "dropped"}[traffic.stage]
-        if self.events.audience(name) <= self.recorders:
+        if name not in wanted:
             return
         for message, reason in traffic.messages(self.environment.roster.ids):
             source = f"agents.{message.receiver if name == 'received' else message.sender}"
-            data = {"reason": reason} if reason else {}
-            self.events.fire(Event(name, source, now, data={**data, "traffic": True}, subject=message))
+            text, data = (f"lost by `{reason}`", {"reason": reason}) if reason else ("", {})
+            self.events.fire(Event(name, source, now, text=text, data=data, subject=message))
 
     def _relinked(self, change: Change) -> None:
         """Tell that links have changed."""

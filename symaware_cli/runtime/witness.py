@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from symaware_cli.core import Event
 from symaware_cli.core.event import RECURRING
 from symaware_cli.runtime.interruption import Interruption
 
@@ -23,22 +21,13 @@ def witness(recorder: Recorder, simulation: Simulation, interruption: Interrupti
         interruption: Holds signals back meanwhile: events fire within turns, too, where they are let through.
         elsewhere: The subject of events that another process records; None where there is none.
     """
-    events, clock = simulation.events, simulation.clock
+    events = simulation.events
     for name, record in (
         ("*", lambda event: None if elsewhere and event.subject is elsewhere else recorder.event(event)),
         ("contact", lambda event: recorder.contact(event.subject, event.time)),
-        ("sent", _singly(lambda event: recorder.message(event.subject, clock.now, delivered=False))),
-        ("received", _singly(lambda event: recorder.message(event.subject, clock.now, delivered=True))),
-        ("dropped", _singly(lambda event: recorder.lost(event.subject, clock.now, event.data["reason"]))),
         ("traffic", lambda event: recorder.traffic(event.subject, event.time)),
     ):
         events.subscribe(name, interruption.shielded(record))
-    simulation.recorders += 1
     if recorder.wants_recurring:
         for name in sorted(RECURRING - {"traffic"}):
             events.subscribe(name, interruption.shielded(recorder.recurring))
-
-
-def _singly(record: Callable[[Event], Any]) -> Callable[[Event], Any]:
-    """Leave out messages that are recorded in columns."""
-    return lambda event: None if "traffic" in event.data else record(event)

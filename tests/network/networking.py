@@ -3,7 +3,7 @@
 import numpy as np
 from simulating import STEP, Team, simulation
 
-from symaware_cli.core import Mailing, Message
+from symaware_cli.core import Message, MessageBatch
 from symaware_cli.network.channel.parameters import ChannelParameters
 from symaware_cli.network.exchange import MemoryExchange
 from symaware_cli.network.network import Network, Stretch
@@ -32,13 +32,9 @@ class Post:
 
     def __init__(self, topology=None, channel=None, ids=None, seed=7, exemptions=(), kinds=(), time_step=STEP):
         ids = topology.roster.ids if topology is not None else ids
-        self.log = []
         self.traffic = []
         self.exchange = MemoryExchange(
             ids,
-            lambda message: self.log.append(("sent", message, "")),
-            lambda message: self.log.append(("delivered", message, "")),
-            on_dropped=lambda message, reason: self.log.append(("dropped", message, reason)),
             on_traffic=self.traffic.append,
             seed=seed,
             time_step=time_step,
@@ -55,29 +51,31 @@ class Post:
         self.exchange.deliver(0)
 
     def stage(self, stage):
-        """What was told of single messages at a stage."""
-        return [(message, reason) for each, message, reason in self.log if each == stage]
+        """What was told of messages at a stage: each with why it was dropped."""
+        ids = self.exchange._ids
+        return [told for each in self.traffic if each.stage == stage for told in each.messages(ids)]
 
     def count(self, stage):
-        """How many messages of mailings were told of at a stage."""
+        """How many messages were told of at a stage."""
         return sum(len(each.delivery) for each in self.traffic if each.stage == stage)
 
     def reasons(self):
-        """Why messages of mailings were dropped, each with how often."""
+        """Why messages were dropped, each with how often."""
         dropped = [each for each in self.traffic if each.stage == "dropped"]
         names = [each.reasons[number] for each in dropped for number in each.reason.tolist()]
         return {name: names.count(name) for name in sorted(set(names))}
 
     def send(self, sender, receiver, **payload):
-        """Send a single message."""
+        """Send a single message, which sets out at once."""
         self.exchange.send(Message(sender, receiver, payload))
+        self.exchange.flush()
 
     def post(self, senders=None, size=1, kind="news", receivers=None):
-        """Send a mailing of some agents, or of all; what they say are numbers."""
+        """Send a batch of some agents, or of all; what they say are numbers."""
         count = len(self.exchange._ids)
         senders = np.arange(count) if senders is None else np.array(senders)
         receivers = None if receivers is None else np.array(receivers)
-        self.exchange.post(Mailing(senders, {"said": np.zeros((len(senders), size))}, kind, receivers))
+        self.exchange.post(MessageBatch(senders, {"said": np.zeros((len(senders), size))}, kind, receivers))
 
     def until(self, end, start=STEP, step=STEP):
         """Let time pass."""

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from networking import laid, world
 from simulating import STEP
 
-from symaware_cli import Mailing, Message
+from symaware_cli import Message, MessageBatch
 from symaware_cli.network.channel.parameters import ChannelParameters
 from symaware_cli.network.exchange import MemoryExchange
 from symaware_cli.network.network import Exemption, Network, Stretch
@@ -40,10 +40,10 @@ AGENTS = st.integers(0, COUNT - 1)
 
 SINGLE = st.tuples(st.just("single"), AGENTS, st.none() | AGENTS, KINDS)
 
-MAILINGS = st.tuples(st.just("mailing"), st.sets(AGENTS, min_size=1), st.none() | AGENTS, KINDS)
+BATCHES = st.tuples(st.just("batch"), st.sets(AGENTS, min_size=1), st.none() | AGENTS, KINDS)
 
 #: What is said in each of some steps, by whom, to whom (None for everybody).
-TALKS = st.lists(st.lists(SINGLE | MAILINGS, max_size=5), min_size=1, max_size=6)
+TALKS = st.lists(st.lists(SINGLE | BATCHES, max_size=5), min_size=1, max_size=6)
 
 
 class Room:
@@ -60,7 +60,7 @@ class Room:
         self.exchange.network = Network(topology.roster, [Stretch(0, topology)], channel=base, exemptions=exemptions)
 
     def opened(self):
-        exchange = MemoryExchange(self.ids, lambda message: None, lambda message: None, seed=3, time_step=STEP)
+        exchange = MemoryExchange(self.ids, seed=3, time_step=STEP)
         exchange.inboxes.open("group", [self.ids[row] for row in GROUP], ["news"], columns=True)
         exchange.inboxes.open("alone", [self.ids[KINDRED]], ["news"], columns=False)
         return exchange
@@ -74,7 +74,7 @@ class Room:
             else:
                 senders = np.array(sorted(who))
                 receivers = None if receiver is None else np.full(len(senders), receiver)
-                self.exchange.post(Mailing(senders, {"said": np.zeros(len(senders))}, kind, receivers))
+                self.exchange.post(MessageBatch(senders, {"said": np.zeros(len(senders))}, kind, receivers))
 
     def pass_time(self):
         """Go through the instants at which something arrives, which come with each."""
@@ -85,15 +85,13 @@ class Room:
             self.exchange.deliver(step * STEP)
             yield step * STEP
             self.speak(step)
+            self.exchange.flush()
         assert self.exchange.in_flight == 0
 
 
 def read(exchange, ids, heard):
     """Read all; for each receiver and reader the senders and the numbers of the messages."""
     for each in exchange.collect("group"):
-        if isinstance(each, Message):
-            heard[each.receiver, "group"].append((ids.index(each.sender), each.sequence))
-            continue
         for receiver, *told in zip(
             each.receivers.tolist(), each.senders.tolist(), each.sequences.tolist(), strict=True
         ):
@@ -146,16 +144,16 @@ def test_it_is_so_in_the_synchronous_mode_and_in_another_process(mix, steps):
 
 
 @pytest.mark.parametrize("count", [2, 50])
-def test_mailings_that_arrive_one_after_the_other_are_not_cut_apart(count):
-    room = Room(ChannelParameters(delay=0.02), (), [[("mailing", {0, 1, 2}, None, "news")]] * count)
+def test_batches_that_arrive_one_after_the_other_are_not_cut_apart(count):
+    room = Room(ChannelParameters(delay=0.02), (), [[("batch", {0, 1, 2}, None, "news")]] * count)
     for _ in room.pass_time():
         pass
     assert len(room.exchange.collect("group")) == count
 
 
-def test_mailings_that_mingle_are_cut_into_pieces_that_hold_what_all_receivers_may_read_together():
+def test_batches_that_mingle_are_cut_into_pieces_that_hold_what_all_receivers_may_read_together():
     room = Room(
-        ChannelParameters(delay=0.02), [(3, ChannelParameters(delay=0.11))], [[("mailing", {3, 4}, None, "news")]] * 3
+        ChannelParameters(delay=0.02), [(3, ChannelParameters(delay=0.11))], [[("batch", {3, 4}, None, "news")]] * 3
     )
     for _ in room.pass_time():
         pass

@@ -2,22 +2,18 @@
 
 import numpy as np
 
-from symaware_cli import Delivery, Mailing, Message
+from symaware_cli import Delivery, MessageBatch
 from symaware_cli.network.inbox import Inboxes
 
 IDS = ("a", "b.0", "b.1")
-
-
-def letter(receiver, kind="word"):
-    return Message("a", receiver, {}, kind)
 
 
 def delivery(*receivers, kind="state"):
     """What one of three tells some of the others."""
     count = len(receivers)
     rows, numbers = np.zeros(count, np.intp), np.zeros(count, np.int64)
-    mailing = Mailing(np.array([0]), {"value": np.array([1.0])}, kind)
-    return Delivery(mailing, rows, np.array(receivers), numbers, 0, numbers)
+    batch = MessageBatch(np.array([0]), {"value": np.array([1.0])}, kind)
+    return Delivery(batch, rows, np.array(receivers), numbers, 0, numbers)
 
 
 def filled():
@@ -29,20 +25,17 @@ def filled():
 
 
 def fill(inboxes):
-    for receiver, id in enumerate(IDS):
-        inboxes.put(letter(id), receiver)
-        inboxes.put(letter(id, "state"), receiver)
-    inboxes.put_columns(delivery(1, 2))
-    inboxes.put_columns(delivery(1))
-    inboxes.put_columns(delivery(1, 2, kind="word"))
+    for receiver in range(len(IDS)):
+        inboxes.put(delivery(receiver, kind="word"))
+        inboxes.put(delivery(receiver))
+    inboxes.put(delivery(1, 2))
+    inboxes.put(delivery(1))
+    inboxes.put(delivery(1, 2, kind="word"))
 
 
 def read(inboxes):
     """For whom there is something in columns, and singly."""
-    columns = [
-        [each.receiver] if isinstance(each, Message) else [IDS[receiver] for receiver in each.receivers]
-        for each in inboxes.collect("agents.b.hear")
-    ]
+    columns = [[IDS[receiver] for receiver in each.receivers] for each in inboxes.collect("agents.b.hear")]
     return columns, [len(inboxes.receive(id)) for id in IDS]
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from simulating import Team, simulation
 
-from symaware_cli import Delivery, Mailing, open_log
+from symaware_cli import Delivery, MessageBatch, open_log
 from symaware_cli.exporting.conversion import export_tables
 from symaware_cli.exporting.text import CSV
 from symaware_cli.network.traffic import Traffic
@@ -18,7 +18,7 @@ from symaware_cli.recording.writer import LogWriter
 
 @pytest.fixture
 def columns(tmp_path):
-    """A log with two mailings' worth of messages in it."""
+    """A log with two batches of messages in it."""
     ready = simulation({"robot": Team(count=3)})
     path = tmp_path / "log.mcap"
     with LogWriter(path) as writer:
@@ -34,11 +34,13 @@ def columns(tmp_path):
         )
         writer.attach("manifest.json", "application/json", content)
         recorder = Recorder(writer, ready.environment, ready.groups)
-        mailing = Mailing(np.array([0, 2]), {"goal": np.array([[1.0, 2.0], [3.0, 4.0]]), "risk": np.array([0.5, 0.25])})
+        said = {"goal": np.array([[1.0, 2.0], [3.0, 4.0]]), "risk": np.array([0.5, 0.25])}
+        batch = MessageBatch(np.array([0, 2]), said)
         rows, receivers = np.array([0, 1, 1]), np.array([1, 0, 1])
-        sent = Delivery(mailing, rows, receivers, np.array([7, 0, 1]), 50, np.full(3, 50))
-        recorder.traffic(Traffic("sent", sent, 56), 50)
-        recorder.traffic(Traffic("dropped", sent, 56, ("", "loss", "storm"), np.array([1, 2, 1], np.uint8)), 60)
+        sent = Delivery(batch, rows, receivers, np.array([7, 0, 1]), 50, np.full(3, 50))
+        sizes, reason = np.array([56, 56]), np.array([1, 2, 1], np.uint8)
+        recorder.traffic(Traffic("sent", sent, sizes), 50)
+        recorder.traffic(Traffic("dropped", sent, sizes, ("", "loss", "storm"), reason), 60)
         recorder.finish(60, 1, {"status": "finished"})
     return path
 

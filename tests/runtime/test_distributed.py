@@ -15,7 +15,7 @@ from ports import free_port
 from spreading import Spread, alone, differences, events, goal_seekers, written
 from symaware_doubles import Progress
 
-from symaware_cli import Mailing, Message, __version__, open_log
+from symaware_cli import MessageBatch, __version__, open_log
 from symaware_cli.network.transport.codec import decode, encode
 from symaware_cli.network.transport.frame import Hello, Post, Report, Welcome
 from symaware_cli.network.transport.tcp import Tcp
@@ -194,7 +194,7 @@ def heard(log):
 
 
 @pytest.mark.parametrize("mode", ["synchronous", "asynchronous"])
-def test_single_messages_and_mailings_are_heard_oldest_first_in_every_process(spread, doubles, tmp_path, mode):
+def test_single_messages_and_batches_are_heard_oldest_first_in_every_process(spread, doubles, tmp_path, mode):
     document = copy.deepcopy(TALK)
     document["run"]["mode"] = mode
     document["topology"] |= {"use": "complete", "with": {}}
@@ -646,10 +646,9 @@ def _inputs(row, value=0.0):
         (Report(0, _inputs(9)), "control inputs of agents of `robot` that are not its own"),
         (Report(0, _inputs(0, np.nan)), "control inputs of `robot` that cannot be"),
         (Report(0, {"ghost": _inputs(0)["robot"]}), "control inputs of `ghost` that cannot be"),
-        (Report(0, {}, (Post(Message("robot.1", "robot.0", {}), 0),)), "messages of agents that are not its own"),
-        (Report(0, {}, (Post(Mailing(np.array([1]), {}), 0),)), "messages of agents that are not its own"),
-        (Report(0, {}, (Post(Message("robot.0", "ghost", {}), 0),)), "messages to agents that do not exist"),
-        (Report(0, {}, (Post(Mailing(np.array([0]), {}, receivers=np.array([4])), 0),)), "agents that do not exist"),
+        (Report(0, {}, (Post(MessageBatch(np.array([1]), {}), 0),)), "messages of agents that are not its own"),
+        (Report(0, {}, (Post(MessageBatch(np.array([4]), {}), 0),)), "messages of agents that are not its own"),
+        (Report(0, {}, (Post(MessageBatch(np.array([0]), {}, receivers=np.array([4])), 0),)), "that do not exist"),
         (Report(0, {}, (), (1.0, "robot.1")), "a risk that none of its agents can see"),
         (Report(0, {}, (), (np.nan, "robot.0")), "a risk that none of its agents can see"),
         (Welcome(0, 0, 0.0, 0.0), "a member does not say Welcome"),

@@ -67,7 +67,7 @@ def test_a_member_written_from_the_page_alone_takes_part_to_the_end(spread, tmp_
     assert "all(goals_reached)" in said["reason"]
     assert said["told"][0] == "welcome"
     assert said["steps"] == list(range(len(said["steps"])))
-    assert [sender for sender, _ in said["heard"]][:1] == ["ticker"]
+    assert [sender for sender, _ in said["heard"]][:1] == [2]  # the ticker, after both robots
     log = open_log(host.log)
     assert log.outcome["steps"] + 1 == len(said["steps"])
     states = np.array([message.decode().values[0] for message in log.messages(["/world/robot/state"])])

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from symaware_cli.components.communication.running_sums import Flows, History
-from symaware_cli.core import AgentGroup, Delivery, GroupCommunicationReceiver, Level, Mailing, Message, Parameters
+from symaware_cli.core import AgentGroup, Delivery, GroupCommunicationReceiver, Level, MessageBatch, Parameters
 from symaware_cli.core.column import is_finite
 from symaware_cli.core.message import Indices
 
@@ -128,7 +128,7 @@ class Consensus(GroupCommunicationReceiver):
             )
         return known.reshape(len(known), -1)
 
-    def _update(self, value: Sequence[Delivery | Message]) -> None:
+    def _update(self, value: Sequence[Delivery]) -> None:
         known = self._present()
         if not np.array_equal(known, self._value):
             self._begin(known)  # somebody else told an agent another value
@@ -137,9 +137,8 @@ class Consensus(GroupCommunicationReceiver):
         # What grows beyond all bounds is told below, and not by NumPy.
         with np.errstate(over="ignore", invalid="ignore"):
             for each in value:
-                if isinstance(each, Delivery):
-                    has_missed |= history.misses(each.sent_time)
-                    self._flows.hear(each, history, degrees)
+                has_missed |= history.misses(each.sent_time)
+                self._flows.hear(each, history, degrees)
             if history.count:
                 self._set(self._first + self.gain * self._flows.total())
             if has_missed:
@@ -153,7 +152,7 @@ class Consensus(GroupCommunicationReceiver):
         columns = {"value": self._value, "sum": turn.before, "epoch": np.full(len(self._value), float(history.epoch))}
         if degrees is not None:
             columns["degree"] = degrees.astype(float)
-        self._surroundings.exchange.post(Mailing(np.arange(len(self._value)) + self._start, columns, self._kind))
+        self._surroundings.exchange.post(MessageBatch(np.arange(len(self._value)) + self._start, columns, self._kind))
 
     def _degrees(self) -> Indices | None:
         """How many links each agent has, shape (n,); None where all weights are 1."""

@@ -97,10 +97,14 @@ class Inbox(GroupCommunicationReceiver):
         """The messages in the inbox."""
         return self._kept
 
-    def _update(self, value: Sequence[Delivery | Message]) -> None:
+    def _update(self, value: Sequence[Delivery]) -> None:
         further: list[Kept] = []
         for each in value:
-            further += [self._of_delivery(each)] if isinstance(each, Delivery) else self._of_broadcast(each)
+            if each.batch.kind == STATE:
+                further.append(self._of_states(each))
+            else:
+                for message in each.messages(self.environment.roster.ids):
+                    further += self._of_broadcast(message)
         parameters, awareness = self.parameters, self._group.awareness
         if further:
             self._kept = self._kept.joined(further, latest=parameters.policy == "latest")
@@ -114,9 +118,9 @@ class Inbox(GroupCommunicationReceiver):
                 parameters.acceleration_noise**2,
             )
 
-    def _of_delivery(self, delivery: Delivery) -> Kept:
-        """What messages in columns tell of their senders; takes over the knowledge that is told along."""
-        columns = delivery.mailing.columns
+    def _of_states(self, delivery: Delivery) -> Kept:
+        """What states tell of their senders; takes over the knowledge that is told along."""
+        columns = delivery.batch.columns
         told = [name for name in columns if name not in OF_THE_BODY]
         keys = (delivery.receivers - self._start).astype(np.int64) * self._everybody + delivery.senders
         if told:

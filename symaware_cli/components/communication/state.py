@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from symaware_cli.components.communication.body import ToldAlong, position_covariance
-from symaware_cli.core import AgentGroup, GroupComponent, Links, Mailing, Parameters, nanoseconds
+from symaware_cli.core import AgentGroup, GroupComponent, Links, MessageBatch, Parameters, nanoseconds
 
 Array = NDArray[np.float64]
 
@@ -70,7 +70,7 @@ class StateSender(GroupComponent):
         self._told_at = np.full(count, _NEVER, np.int64)
         self._links: Links | None = None
 
-    def _compute(self) -> Mailing | None:
+    def _compute(self) -> MessageBatch | None:
         group, parameters = self._group, self.parameters
         state = group.awareness.state
         position, velocity = group.model.positions(state), group.model.velocity(state, group.control_input)
@@ -81,9 +81,9 @@ class StateSender(GroupComponent):
         if parameters.uncertainty:
             columns["covariance"] = self._covariance(rows)
         columns |= {name: group.known(name)[rows] for name in parameters.knowledge}
-        return Mailing(rows + self._start, columns, STATE)
+        return MessageBatch(rows + self._start, columns, STATE)
 
-    def _update(self, value: Mailing | None) -> None:
+    def _update(self, value: MessageBatch | None) -> None:
         if self.parameters.threshold is not None:
             self._look_for_new_receivers()
         if value is None:

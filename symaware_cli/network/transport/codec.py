@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
 from google.protobuf.message import EncodeError
 from numpy.typing import NDArray
 
-from symaware_cli.core import Contact, Delivery, Mailing, Message
-from symaware_cli.core.message import Indices
+from symaware_cli.core import Contact, Delivery, MessageBatch
+from symaware_cli.core.message import Indices, objects
 from symaware_cli.network.transport import transport_pb2 as wire
 from symaware_cli.network.transport.frame import (
     End,
@@ -106,28 +106,28 @@ def _read_end(message: wire.End) -> End:
 
 
 def _step(frame: Step) -> wire.Step:
-    # Members are often told of parts of the same mailing, one for each time of arrival.
-    mailings = {id(each.mailing): each.mailing for each in frame.arrived if isinstance(each, Delivery)}
-    numbers = {identity: number for number, identity in enumerate(mailings)}
+    # Members are often told of parts of the same batch, one for each time of arrival.
+    batches = {id(each.batch): each.batch for each in frame.arrived}
+    numbers = {identity: number for number, identity in enumerate(batches)}
     return wire.Step(
         step=frame.step,
         time=frame.time,
         world=entries_to_wire({name: np.asarray(array, np.float64) for name, array in frame.world.items()}),
         contacts=_serialised(_contact, frame.contacts),
-        mailings=_serialised(_mailing, mailings.values()),
-        arrivals=_serialised(lambda each: _arrival(each, numbers), frame.arrived),
+        batches=_serialised(_batch, batches.values()),
+        deliveries=_serialised(lambda each: _delivery(each, numbers[id(each.batch)]), frame.arrived),
         started=frame.started,
     )
 
 
 def _read_step(message: wire.Step) -> Step:
-    mailings = [_read_mailing(parsed(wire.Mailing, data)) for data in message.mailings]
+    batches = [_read_batch(parsed(wire.MessageBatch, data)) for data in message.batches]
     return Step(
         message.step,
         message.time,
-        _columns(message.world, np.float64),
+        {name: _of_type(name, value, np.float64) for name, value in entries_from_wire(message.world).items()},
         tuple(_read_contact(parsed(wire.Contact, data)) for data in message.contacts),
-        tuple(_read_arrival(parsed(wire.Arrival, data), mailings) for data in message.arrivals),
+        tuple(_read_delivery(parsed(wire.Delivery, data), batches) for data in message.deliveries),
         message.started,
     )
 
@@ -162,17 +162,11 @@ def _read_report(message: wire.Report) -> Report:
 
 
 def _post(post: Post) -> wire.Post:
-    if isinstance(post.content, Mailing):
-        return wire.Post(mailing=_mailing(post.content), time=post.time)
-    return wire.Post(letter=_letter(post.content), time=post.time)
+    return wire.Post(batch=_batch(post.batch), time=post.time)
 
 
 def _read_post(message: wire.Post) -> Post:
-    kind = message.WhichOneof("content")
-    if kind is None:
-        raise FrameError("a post is empty, or of a kind that is not known")
-    content = _read_letter(message.letter) if kind == "letter" else _read_mailing(message.mailing)
-    return Post(content, message.time)
+    return Post(_read_batch(present(message, "batch")), message.time)
 
 
 def _contact(contact: Contact) -> wire.Contact:
@@ -192,69 +186,42 @@ def _read_contact(message: wire.Contact) -> Contact:
     return Contact(message.first, message.second, tuple(message.point), message.depth, message.begins, message.impulse)
 
 
-def _letter(letter: Message) -> wire.Letter:
-    return wire.Letter(
-        sender=letter.sender,
-        receiver=letter.receiver,
-        payload=entries_to_wire(letter.payload),
-        kind=letter.kind,
-        sequence=letter.sequence,
-        sent_time=letter.sent_time,
-        arrival_time=letter.arrival_time,
+def _batch(batch: MessageBatch) -> wire.MessageBatch:
+    columns = {
+        name: column.tolist() if column.dtype == object else np.asarray(column)
+        for name, column in batch.columns.items()
+    }
+    return wire.MessageBatch(
+        senders=_indices(batch.senders),
+        columns=entries_to_wire(columns),
+        kind=batch.kind,
+        receivers=None if batch.receivers is None else _indices(batch.receivers),
     )
 
 
-def _read_letter(message: wire.Letter) -> Message:
-    if not message.sender or not message.receiver:
-        raise FrameError("a message lacks its sender or receiver")
-    return Message(
-        message.sender,
-        message.receiver,
-        entries_from_wire(message.payload),
-        message.kind,
-        message.sequence,
-        message.sent_time,
-        message.arrival_time,
-    )
-
-
-def _mailing(mailing: Mailing) -> wire.Mailing:
-    return wire.Mailing(
-        senders=_indices(mailing.senders),
-        columns=entries_to_wire({name: np.asarray(column) for name, column in mailing.columns.items()}),
-        kind=mailing.kind,
-        receivers=None if mailing.receivers is None else _indices(mailing.receivers),
-    )
-
-
-def _read_mailing(message: wire.Mailing) -> Mailing:
+def _read_batch(message: wire.MessageBatch) -> MessageBatch:
     senders = _read_indices(present(message, "senders"))
-    if (np.diff(senders) <= 0).any():
-        raise FrameError("the senders of a mailing do not ascend")
-    columns = _columns(message.columns)
+    receivers = _read_indices(message.receivers, len(senders)) if message.HasField("receivers") else None
+    if (np.diff(senders) < 0).any():
+        raise FrameError("the senders of a batch do not ascend")
+    links = senders[:, None] if receivers is None else np.stack([senders, receivers], axis=1)
+    if len(senders) > 1 and len(np.unique(links, axis=0)) < len(links):
+        raise FrameError("a batch has two messages over one link")
+    columns = {name: _column(name, value) for name, value in entries_from_wire(message.columns).items()}
     for name, column in columns.items():
         if column.shape[:1] != senders.shape:
-            raise FrameError(f"the column {name!r} of shape {column.shape} does not fit {len(senders)} senders")
-    receivers = _read_indices(message.receivers, len(senders)) if message.HasField("receivers") else None
-    return Mailing(senders, columns, message.kind, receivers)
+            raise FrameError(f"the column {name!r} of shape {column.shape} does not fit {len(senders)} rows")
+    return MessageBatch(senders, columns, message.kind, receivers)
 
 
-def _arrival(arrived: Message | Delivery, mailings: Mapping[int, int]) -> wire.Arrival:
-    if isinstance(arrived, Message):
-        return wire.Arrival(letter=_letter(arrived))
-    return wire.Arrival(delivery=_delivery(arrived, mailings[id(arrived.mailing)]))
+def _column(name: str, value: Any) -> NDArray[Any]:
+    """A column of numbers, or of objects."""
+    return objects(value) if isinstance(value, list) else _of_type(name, value)
 
 
-def _read_arrival(message: wire.Arrival, mailings: Sequence[Mailing]) -> Message | Delivery:
-    kind = message.WhichOneof("content")
-    if kind is None:
-        raise FrameError("an arrival is empty, or of a kind that is not known")
-    return _read_letter(message.letter) if kind == "letter" else _read_delivery(message.delivery, mailings)
-
-
-def _delivery(delivery: Delivery, mailing: int) -> wire.Delivery:
+def _delivery(delivery: Delivery, batch: int) -> wire.Delivery:
     return wire.Delivery(
-        mailing=mailing,
+        batch=batch,
         rows=_indices(delivery.rows),
         receivers=_indices(delivery.receivers),
         sequences=_indices(delivery.sequences),
@@ -263,17 +230,17 @@ def _delivery(delivery: Delivery, mailing: int) -> wire.Delivery:
     )
 
 
-def _read_delivery(message: wire.Delivery, mailings: Sequence[Mailing]) -> Delivery:
-    if message.mailing >= len(mailings):
-        raise FrameError(f"there is no mailing {message.mailing}: there are {len(mailings)}")
-    mailing = mailings[message.mailing]
+def _read_delivery(message: wire.Delivery, batches: Sequence[MessageBatch]) -> Delivery:
+    if message.batch >= len(batches):
+        raise FrameError(f"there is no batch {message.batch}: there are {len(batches)}")
+    batch = batches[message.batch]
     rows = _read_indices(present(message, "rows"))
-    if len(rows) and int(rows.max()) >= len(mailing.senders):
-        raise FrameError(f"a mailing of {len(mailing.senders)} senders has no row {rows.max()}")
+    if len(rows) and int(rows.max()) >= len(batch.senders):
+        raise FrameError(f"a batch of {len(batch.senders)} rows has no row {rows.max()}")
     receivers = _read_indices(present(message, "receivers"), len(rows))
     sequences = _read_whole(present(message, "sequences"), len(rows))
     return Delivery(
-        mailing, rows, receivers, sequences, message.sent_time, _read_whole(present(message, "due"), len(rows))
+        batch, rows, receivers, sequences, message.sent_time, _read_whole(present(message, "due"), len(rows))
     )
 
 
@@ -297,14 +264,11 @@ def _read_indices(message: wire.Array, count: int | None = None) -> Indices:
     return values.astype(np.intp, copy=False)
 
 
-def _columns(entries: Iterable[bytes], dtype: type[np.generic] | None = None) -> dict[str, NDArray[Any]]:
-    """Decode arrays by name, of one type or of any."""
-    columns: dict[str, NDArray[Any]] = {}
-    for name, value in entries_from_wire(entries).items():
-        if not isinstance(value, np.ndarray) or dtype not in (None, value.dtype.type):
-            raise FrameError(f"what stands under {name!r} is no array of the right type")
-        columns[name] = value
-    return columns
+def _of_type(name: str, value: Any, dtype: type[np.generic] | None = None) -> NDArray[Any]:
+    """An array, of one type or of any."""
+    if not isinstance(value, np.ndarray) or dtype not in (None, value.dtype.type):
+        raise FrameError(f"what stands under {name!r} is no array of the right type")
+    return value
 
 
 def _serialised(encoder: Callable[[Any], Any], values: Iterable[Any]) -> list[bytes]:

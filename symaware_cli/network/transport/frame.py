@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core import Contact, Delivery, Mailing, Message
+from symaware_cli.core import Contact, Delivery, MessageBatch
 from symaware_cli.core.message import Indices
 
 Array = NDArray[np.float64]
@@ -78,7 +78,7 @@ class Step:
         time: Simulated time, in nanoseconds.
         world: All that `Environment.adopt` takes, by name.
         contacts: Those that began or ended.
-        arrived: Messages, singly or in columns.
+        arrived: Messages, in columns.
         started: As in `Welcome`.
     """
 
@@ -86,20 +86,20 @@ class Step:
     time: int
     world: Mapping[str, Array]
     contacts: tuple[Contact, ...] = ()
-    arrived: tuple[Message | Delivery, ...] = ()
+    arrived: tuple[Delivery, ...] = ()
     started: float = float("nan")
 
 
 @dataclass(frozen=True, slots=True)
 class Post:
-    """What a component said.
+    """What agents said.
 
     Attributes:
-        content: A single message, or those of many agents at once.
+        batch: It.
         time: When, in nanoseconds.
     """
 
-    content: Message | Mailing
+    batch: MessageBatch
     time: int
 
 

@@ -58,30 +58,22 @@ class Refusal(_message.Message):
     def __init__(self, reason: _Optional[str] = ..., final: _Optional[bool] = ...) -> None: ...
 
 class Step(_message.Message):
-    __slots__ = ("step", "time", "world", "contacts", "mailings", "arrivals", "started")
+    __slots__ = ("step", "time", "world", "contacts", "batches", "deliveries", "started")
     STEP_FIELD_NUMBER: _ClassVar[int]
     TIME_FIELD_NUMBER: _ClassVar[int]
     WORLD_FIELD_NUMBER: _ClassVar[int]
     CONTACTS_FIELD_NUMBER: _ClassVar[int]
-    MAILINGS_FIELD_NUMBER: _ClassVar[int]
-    ARRIVALS_FIELD_NUMBER: _ClassVar[int]
+    BATCHES_FIELD_NUMBER: _ClassVar[int]
+    DELIVERIES_FIELD_NUMBER: _ClassVar[int]
     STARTED_FIELD_NUMBER: _ClassVar[int]
     step: int
     time: int
     world: _containers.RepeatedScalarFieldContainer[bytes]
     contacts: _containers.RepeatedScalarFieldContainer[bytes]
-    mailings: _containers.RepeatedScalarFieldContainer[bytes]
-    arrivals: _containers.RepeatedScalarFieldContainer[bytes]
+    batches: _containers.RepeatedScalarFieldContainer[bytes]
+    deliveries: _containers.RepeatedScalarFieldContainer[bytes]
     started: float
-    def __init__(self, step: _Optional[int] = ..., time: _Optional[int] = ..., world: _Optional[_Iterable[bytes]] = ..., contacts: _Optional[_Iterable[bytes]] = ..., mailings: _Optional[_Iterable[bytes]] = ..., arrivals: _Optional[_Iterable[bytes]] = ..., started: _Optional[float] = ...) -> None: ...
-
-class Arrival(_message.Message):
-    __slots__ = ("letter", "delivery")
-    LETTER_FIELD_NUMBER: _ClassVar[int]
-    DELIVERY_FIELD_NUMBER: _ClassVar[int]
-    letter: Letter
-    delivery: Delivery
-    def __init__(self, letter: _Optional[_Union[Letter, _Mapping]] = ..., delivery: _Optional[_Union[Delivery, _Mapping]] = ...) -> None: ...
+    def __init__(self, step: _Optional[int] = ..., time: _Optional[int] = ..., world: _Optional[_Iterable[bytes]] = ..., contacts: _Optional[_Iterable[bytes]] = ..., batches: _Optional[_Iterable[bytes]] = ..., deliveries: _Optional[_Iterable[bytes]] = ..., started: _Optional[float] = ...) -> None: ...
 
 class Report(_message.Message):
     __slots__ = ("step", "inputs", "posts", "peak")
@@ -143,25 +135,7 @@ class Contact(_message.Message):
     impulse: float
     def __init__(self, first: _Optional[str] = ..., second: _Optional[str] = ..., point: _Optional[_Iterable[float]] = ..., depth: _Optional[float] = ..., begins: _Optional[bool] = ..., impulse: _Optional[float] = ...) -> None: ...
 
-class Letter(_message.Message):
-    __slots__ = ("sender", "receiver", "payload", "kind", "sequence", "sent_time", "arrival_time")
-    SENDER_FIELD_NUMBER: _ClassVar[int]
-    RECEIVER_FIELD_NUMBER: _ClassVar[int]
-    PAYLOAD_FIELD_NUMBER: _ClassVar[int]
-    KIND_FIELD_NUMBER: _ClassVar[int]
-    SEQUENCE_FIELD_NUMBER: _ClassVar[int]
-    SENT_TIME_FIELD_NUMBER: _ClassVar[int]
-    ARRIVAL_TIME_FIELD_NUMBER: _ClassVar[int]
-    sender: str
-    receiver: str
-    payload: _containers.RepeatedScalarFieldContainer[bytes]
-    kind: str
-    sequence: int
-    sent_time: int
-    arrival_time: int
-    def __init__(self, sender: _Optional[str] = ..., receiver: _Optional[str] = ..., payload: _Optional[_Iterable[bytes]] = ..., kind: _Optional[str] = ..., sequence: _Optional[int] = ..., sent_time: _Optional[int] = ..., arrival_time: _Optional[int] = ...) -> None: ...
-
-class Mailing(_message.Message):
+class MessageBatch(_message.Message):
     __slots__ = ("senders", "columns", "kind", "receivers")
     SENDERS_FIELD_NUMBER: _ClassVar[int]
     COLUMNS_FIELD_NUMBER: _ClassVar[int]
@@ -174,30 +148,28 @@ class Mailing(_message.Message):
     def __init__(self, senders: _Optional[_Union[Array, _Mapping]] = ..., columns: _Optional[_Iterable[bytes]] = ..., kind: _Optional[str] = ..., receivers: _Optional[_Union[Array, _Mapping]] = ...) -> None: ...
 
 class Delivery(_message.Message):
-    __slots__ = ("mailing", "rows", "receivers", "sequences", "sent_time", "due")
-    MAILING_FIELD_NUMBER: _ClassVar[int]
+    __slots__ = ("batch", "rows", "receivers", "sequences", "sent_time", "due")
+    BATCH_FIELD_NUMBER: _ClassVar[int]
     ROWS_FIELD_NUMBER: _ClassVar[int]
     RECEIVERS_FIELD_NUMBER: _ClassVar[int]
     SEQUENCES_FIELD_NUMBER: _ClassVar[int]
     SENT_TIME_FIELD_NUMBER: _ClassVar[int]
     DUE_FIELD_NUMBER: _ClassVar[int]
-    mailing: int
+    batch: int
     rows: Array
     receivers: Array
     sequences: Array
     sent_time: int
     due: Array
-    def __init__(self, mailing: _Optional[int] = ..., rows: _Optional[_Union[Array, _Mapping]] = ..., receivers: _Optional[_Union[Array, _Mapping]] = ..., sequences: _Optional[_Union[Array, _Mapping]] = ..., sent_time: _Optional[int] = ..., due: _Optional[_Union[Array, _Mapping]] = ...) -> None: ...
+    def __init__(self, batch: _Optional[int] = ..., rows: _Optional[_Union[Array, _Mapping]] = ..., receivers: _Optional[_Union[Array, _Mapping]] = ..., sequences: _Optional[_Union[Array, _Mapping]] = ..., sent_time: _Optional[int] = ..., due: _Optional[_Union[Array, _Mapping]] = ...) -> None: ...
 
 class Post(_message.Message):
-    __slots__ = ("letter", "mailing", "time")
-    LETTER_FIELD_NUMBER: _ClassVar[int]
-    MAILING_FIELD_NUMBER: _ClassVar[int]
+    __slots__ = ("batch", "time")
+    BATCH_FIELD_NUMBER: _ClassVar[int]
     TIME_FIELD_NUMBER: _ClassVar[int]
-    letter: Letter
-    mailing: Mailing
+    batch: MessageBatch
     time: int
-    def __init__(self, letter: _Optional[_Union[Letter, _Mapping]] = ..., mailing: _Optional[_Union[Mailing, _Mapping]] = ..., time: _Optional[int] = ...) -> None: ...
+    def __init__(self, batch: _Optional[_Union[MessageBatch, _Mapping]] = ..., time: _Optional[int] = ...) -> None: ...
 
 class Input(_message.Message):
     __slots__ = ("group", "rows", "inputs")

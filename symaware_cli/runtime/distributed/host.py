@@ -11,11 +11,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core import AgentGroup, Delivery, Level, Message
+from symaware_cli.core import AgentGroup, Delivery, Level
 from symaware_cli.core.column import Array, Column
-from symaware_cli.core.message import EVERYBODY, Indices
+from symaware_cli.core.message import Indices
 from symaware_cli.core.transport import Happening, Port
-from symaware_cli.network.traffic import chosen
 from symaware_cli.network.transport.codec import decode
 from symaware_cli.network.transport.frame import (
     End,
@@ -68,7 +67,7 @@ class _Member:
     is_here: NDArray[np.bool_]
     rank: int
     reported: int
-    arrived: list[Message | Delivery] = field(default_factory=list)
+    arrived: list[Delivery] = field(default_factory=list)
 
 
 class Host(Company):
@@ -149,17 +148,12 @@ class Host(Company):
         pacer = self._run.pacer
         return float("nan") if pacer is None or pacer.started is None else pacer.started
 
-    def _forward(self, arrived: Message | Delivery) -> None:
+    def _forward(self, arrived: Delivery) -> None:
         """Keep what arrived for agents that run elsewhere until their process is told."""
-        if isinstance(arrived, Message):
-            for member in self._members.values():
-                if arrived.receiver in member.agents:
-                    member.arrived.append(arrived)
-            return
         for member in self._members.values():
             mine = member.is_here[arrived.receivers]
             if mine.any():
-                member.arrived.append(chosen(arrived, mine))
+                member.arrived.append(arrived.some(mine))
 
     def acted(self) -> None:
         """Collect what everybody did, where that is known before the run goes on, or ends."""
@@ -198,11 +192,7 @@ class Host(Company):
         exchange = self._simulation.exchange
         posts, self._posts = sorted(self._posts, key=lambda each: (each[1].time, each[0])), []
         for _, post in posts:
-            at = min(post.time, exchange.now)
-            if isinstance(post.content, Message):
-                exchange.send(post.content, at)
-            else:
-                exchange.post(post.content, at)
+            exchange.post(post.batch, min(post.time, exchange.now))
 
     def _deliver_notices(self) -> None:
         """Let everybody know what members told of; their own parts of the log have it."""
@@ -333,13 +323,9 @@ class Host(Company):
             self._inputs[name] = (group, own, latest)
         everybody = len(member.is_here)
         for post in report.posts:
-            content = post.content
-            if isinstance(content, Message):
-                is_own, receiver = content.sender in member.agents, content.receiver
-                is_known = receiver == EVERYBODY or receiver in self._simulation.environment.roster
-            else:
-                is_own, receivers = _are_there(member, content.senders, content.senders, everybody), content.receivers
-                is_known = receivers is None or bool((receivers < everybody).all())
+            senders, receivers = post.batch.senders, post.batch.receivers
+            is_own = _are_there(member, senders, senders, everybody)
+            is_known = receivers is None or bool((receivers < everybody).all())
             if not is_own:
                 raise FrameError("messages of agents that are not its own")
             if not is_known:

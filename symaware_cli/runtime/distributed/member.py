@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
-from typing import NoReturn
+from typing import Any, NoReturn
 
-from symaware_cli.core import Contact, Delivery, Event, Level, Mailing, Message
+from symaware_cli.core import Contact, Delivery, Event, Level, MessageBatch
 from symaware_cli.core.transport import Port
 from symaware_cli.network.transport.codec import decode, encode
 from symaware_cli.network.transport.frame import (
@@ -24,6 +25,7 @@ from symaware_cli.network.transport.frame import (
     Step,
     Welcome,
 )
+from symaware_cli.network.transport.value import entries_to_wire
 from symaware_cli.recording.text import plain
 from symaware_cli.runtime.distributed.company import Company, Identity, rows_of
 from symaware_cli.runtime.failure import RunError
@@ -58,7 +60,7 @@ class Member(Company):
         self._over: End | None = None
         self._posts: list[Post] = []
         self._contacts: list[Contact] = []
-        self._arrived: list[Message | Delivery] = []
+        self._arrived: list[Delivery] = []
         self._retry: float | None = None
         self._refusal = ""
 
@@ -68,7 +70,7 @@ class Member(Company):
         names = [*here, *(group.name for group in simulation.groups if set(group.ids) <= set(here))]
         self._own = tuple(f"agents.{name}." for name in names)
         self._rows = [(group, rows) for group in simulation.groups if len(rows := rows_of(group, here))]
-        simulation.exchange.divert(self._post)
+        simulation.exchange.divert(self._post, _require_portable)
         simulation.events.subscribe("*", self._on_event)
         problem = f"no host at {self.port.address} took us in within {self._patience:g} s"
         step = self._await(-1, time.monotonic() + self._patience, problem)
@@ -90,17 +92,9 @@ class Member(Company):
                 notice = replace(notice, data=plain(event.data))
             self._send(self._peer, notice)
 
-    def _post(self, content: Message | Mailing) -> None:
-        """Keep what one of our agents says until the host is told.
-
-        Raises:
-            TypeError: It cannot be sent.
-        """
-        post = Post(content, self._simulation.clock.now)
-        if isinstance(content, Message):
-            # Whoever says what cannot be sent shall learn of it in its own turn; columns are arrays.
-            encode(Report(0, {}, (post,)))
-        self._posts.append(post)
+    def _post(self, batch: MessageBatch) -> None:
+        """Keep what our agents say until the host is told."""
+        self._posts.append(Post(batch, self._simulation.clock.now))
 
     def arrived(self) -> None:
         """Read what the host carried here."""
@@ -240,3 +234,12 @@ class Member(Company):
             with suppress(RunError):
                 self._send(self._peer, End(status, reason, error.source if error else ""))
         self.port.close()
+
+
+def _require_portable(payload: Mapping[str, Any]) -> None:
+    """Whoever says what cannot be sent shall learn of it in its own turn.
+
+    Raises:
+        TypeError: It cannot be sent.
+    """
+    entries_to_wire({name: [value] for name, value in payload.items()})
