@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, NoReturn
 
@@ -28,25 +28,42 @@ class ExitError(BaseException):
         super().__init__(f"os._exit({status}) would end the process, and its log without an outcome")
 
 
+#: How many runs are under way in this process, and the lock that goes with the number.
+_runs, _lock = 0, threading.Lock()
+
+
 @contextmanager
 def exits_refused() -> Iterator[None]:
     """Make of `os._exit` an exception, so that a run fails and says whose fault that is.
 
     What native code does, or a function that was imported before (``from os import _exit``), is not kept from anything.
-    Child processes end as ever: those of `multiprocessing` do so by this very function.
+    Child processes end as ever: those of `multiprocessing` do so by this very function. Runs may overlap, in one thread
+    or in several.
     """
-    owner, before = os.getpid(), os._exit
+    _count(1)
+    try:
+        yield
+    finally:
+        _count(-1)
 
+
+def _count(more: int) -> None:
+    global _runs
+    with _lock:
+        if not _runs:
+            os._exit = _refusal(os.getpid())  # type: ignore[assignment]
+        _runs += more
+        if not _runs:
+            os._exit = _exit
+
+
+def _refusal(owner: int) -> Callable[[int], NoReturn]:
     def refuse(status: int) -> NoReturn:
         if os.getpid() != owner:
             _exit(status)
         raise ExitError(status)
 
-    os._exit = refuse
-    try:
-        yield
-    finally:
-        os._exit = before
+    return refuse
 
 
 def leave(status: int, words: str, recorder: Recorder | None = None) -> NoReturn:

@@ -19,7 +19,15 @@ _TWICE = 0.1
 
 
 class Interrupted(BaseException):
-    """Somebody or something asked the run to end; not an `Exception`, so that no component swallows it."""
+    """Somebody or something asked the run to end; not an `Exception`, so that no component swallows it.
+
+    Attributes:
+        number: The signal that did; None for what is no signal.
+    """
+
+    def __init__(self, cause: str, number: int | None = None) -> None:
+        super().__init__(cause)
+        self.number = number
 
 
 class OverdueError(BaseException):
@@ -34,7 +42,11 @@ class Interruption:
 
     Where nothing may be left half done, `shield` holds the signal back and `unshield` delivers it. Who interrupts a
     second time gives the run a second to finish its log; then the process ends. Where native code keeps the interpreter
-    from hearing of a Ctrl-C at all, the operating system ends the process at the next one.
+    from hearing of a Ctrl-C at all, the operating system ends the process at the next one. A process that is not the
+    run's own is not ended: there, a second signal raises `KeyboardInterrupt` wherever the run is.
+
+    The context may be entered again and again. In other threads than the main one no signals are handled, and turns
+    have no limit.
     """
 
     def __init__(
@@ -48,15 +60,17 @@ class Interruption:
         Args:
             timeout: Wall time after which the run is interrupted [s].
             turn_limit: Wall time after which what was let through with one `unshield` is ended by `OverdueError` [s].
-            give_up: Called, from another thread, if the run does not end after a second signal.
+            give_up: Ends the process; called, from another thread, if the run does not end after a second signal. None
+                if the process is not to be ended.
         """
         self._shielded = False
-        self._pending: str | None = None
+        self._pending: Interrupted | None = None
         self._count = 0
         self._first = 0.0
         self._give_up = give_up
         self._patience: threading.Timer | None = None
-        self._previous: dict[int, signal.Handlers | object] = {}
+        self._expiry: threading.Timer | None = None
+        self._previous: dict[int, Any] = {}
         self._timeout = timeout
         self._turn_limit = turn_limit
         self._deadline: float | None = None
@@ -69,10 +83,17 @@ class Interruption:
         # Only the main thread may handle signals; elsewhere whoever runs us decides.
         if threading.current_thread() is threading.main_thread():
             for number in (signal.SIGINT, signal.SIGTERM):
-                self._previous[number] = signal.signal(number, self._handle)
-            _hear_once(signal.SIGINT)
+                # What was not installed from Python could not be put back.
+                if signal.getsignal(number) is not None:
+                    self._previous[number] = signal.signal(number, self._handle)
+            if self._give_up:
+                _hear_once(signal.SIGINT)
             if self._timeout is not None or self._turn_limit is not None:
                 self._set_alarm()
+        elif self._timeout is not None:
+            self._expiry = threading.Timer(self._timeout, self._expire)
+            self._expiry.daemon = True
+            self._expiry.start()
         return self
 
     def _set_alarm(self) -> None:
@@ -88,12 +109,18 @@ class Interruption:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if self._patience:
-            self._patience.cancel()
+        for timer in (self._patience, self._expiry):
+            if timer:
+                timer.cancel()
+        self._give_back()
+
+    def _give_back(self) -> None:
+        """Let signals be handled as before."""
         if signal.SIGALRM in self._previous:
             signal.setitimer(signal.ITIMER_REAL, 0.0)
-        for number, handler in self._previous.items():
-            signal.signal(number, handler)  # type: ignore[arg-type]
+        while self._previous:
+            number, handler = self._previous.popitem()
+            signal.signal(number, handler)
 
     def _handle(self, number: int, frame: FrameType | None) -> None:
         now = time.monotonic()
@@ -102,33 +129,35 @@ class Interruption:
             self._first = now
         elif self._patience is None and now - self._first > _TWICE:
             self._insist()
-        if number == signal.SIGINT and self._patience is None:
+        if number == signal.SIGINT and self._give_up and self._patience is None:
             signal.signal(number, self._handle)
             _hear_once(number)
         # Also where it is raised at once: a component that swallows it is interrupted after its turn.
-        self._pending = signal.Signals(number).name
+        self._pending = Interrupted(signal.Signals(number).name, number)
         if not self._shielded:
             self._raise(self._pending)
 
-    def _raise(self, cause: str) -> NoReturn:
+    def _raise(self, interrupted: Interrupted) -> NoReturn:
         """Deliver a signal, and hold back others until the next `unshield`: who ends the run is not to be disturbed."""
         self._shielded = True
-        raise Interrupted(cause)
+        raise interrupted
 
     def _insist(self) -> None:
         """Somebody interrupts again: the run has a little time to end, and none if that happens once more."""
+        if self._give_up is None:
+            self._give_back()
+            raise KeyboardInterrupt
         for each in (signal.SIGINT, signal.SIGTERM):
             signal.signal(each, signal.SIG_DFL)
-        self._patience = threading.Timer(PATIENCE, self._give_up or (lambda: None))
+        self._patience = threading.Timer(PATIENCE, self._give_up)
         self._patience.daemon = True
         self._patience.start()
 
     def _on_alarm(self, number: int, frame: FrameType | None) -> None:
         now = time.monotonic()
         if self._deadline is not None and now >= self._deadline:
-            self._deadline = None
-            self._pending = f"the time-out of {self._timeout:g} s"
-            if not self._shielded:
+            self._expire()
+            if self._pending and not self._shielded:
                 self._raise(self._pending)
         if self._turn_limit is None:
             return
@@ -138,6 +167,10 @@ class Interruption:
         elif now - since >= self._turn_limit:
             self._seen = (self._serial, now)
             raise OverdueError(self._turn_limit)
+
+    def _expire(self) -> None:
+        self._deadline = None
+        self._pending = Interrupted(f"the time-out of {self._timeout:g} s")
 
     def shielded(self, call: Callable[[Event], Any]) -> Callable[[Event], None]:
         """Make a subscriber that holds signals back while it works, and delivers them afterwards."""
@@ -169,8 +202,8 @@ class Interruption:
         self._watched = watched
         self._serial += 1
         if self._pending is not None:
-            cause, self._pending = self._pending, None
-            self._raise(cause)
+            pending, self._pending = self._pending, None
+            self._raise(pending)
 
 
 def _hear_once(number: int) -> None:

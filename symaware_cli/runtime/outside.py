@@ -26,11 +26,8 @@ class Outside:
     @contextmanager
     def entered(self) -> Iterator[None]:
         """Let code that runs in here find the loop, as code in a task of asyncio does."""
-        asyncio._set_running_loop(self._loop)
-        try:
+        with _running(self._loop):
             yield
-        finally:
-            asyncio._set_running_loop(None)
 
     @staticmethod
     def is_awaitable(wait: Any) -> bool:
@@ -52,7 +49,8 @@ class Outside:
         """Turn until some wall time has passed [s] or a future is done; return the calls of those that are."""
         handle = self._loop.call_later(max(0.0, duration), self._loop.stop)
         try:
-            self._loop.run_forever()
+            with _running(None):
+                self._loop.run_forever()
         finally:
             handle.cancel()
         ready, self._ready = self._ready, []
@@ -63,8 +61,19 @@ class Outside:
         tasks = asyncio.all_tasks(self._loop)
         for task in tasks:
             task.cancel()
-        with contextlib.suppress(Exception):
+        with contextlib.suppress(Exception), _running(None):
             if tasks:
                 self._loop.run_until_complete(asyncio.wait(tasks, timeout=_PATIENCE))
             self._loop.run_until_complete(self._loop.shutdown_asyncgens())
         self._loop.close()
+
+
+@contextmanager
+def _running(loop: asyncio.AbstractEventLoop | None) -> Iterator[None]:
+    """Let a loop, or none, be the one that runs: a notebook has one of its own, in which the whole run takes place."""
+    before = asyncio._get_running_loop()
+    asyncio._set_running_loop(loop)
+    try:
+        yield
+    finally:
+        asyncio._set_running_loop(before)

@@ -7,11 +7,16 @@ world; in the asynchronous mode components have instants of their own in between
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from itertools import repeat
 from typing import TYPE_CHECKING, Any
 
-from symaware_cli.core import Level, SubscriberError
+import numpy as np
+
+from numpy.typing import NDArray
+
+from symaware_cli.core import AgentGroup, Level, SubscriberError
 from symaware_cli.core.column import Array, Column
 from symaware_cli.recording.error import LogError
 from symaware_cli.runtime.activity import Activity
@@ -90,6 +95,11 @@ class Run:
         done: How many steps were made.
         is_under_way: Whether the first instant has come.
         is_at_step: Whether the present instant is one at which the world has moved.
+        status: How it ended, as `Summary` says it; None while it goes on.
+        failure: Why it failed, if it did.
+        signal: The signal that ended it, if one did.
+        imposed: Control inputs that stand in for what the components of a group request, whatever that is: which rows,
+            and what for each row of the group.
     """
 
     def __init__(
@@ -105,12 +115,16 @@ class Run:
         self.asynchronous = terms.mode == "asynchronous"
         self.agenda = Agenda(0 if self.asynchronous else simulation.environment.time_step)
         self.switchboard = Switchboard(simulation.events)
-        self.interruption = Interruption(terms.timeout, terms.turn_limit, self._give_up)
+        self.interruption = Interruption(terms.timeout, terms.turn_limit, self._give_up if terms.may_exit else None)
         self.next_step = simulation.environment.time_step
         self.motion = Motion(simulation, self.interruption)
         self.began = 0
         self.is_under_way = self.is_at_step = False
         self.done = 0
+        self.status: str | None = None
+        self.failure: RunError | None = None
+        self.signal: int | None = None
+        self.imposed: dict[AgentGroup, tuple[NDArray[np.bool_], Array]] = {}
         self._terms = terms
         self._company = company
         self._steps = steps
@@ -118,6 +132,8 @@ class Run:
         self._on_progress = on_progress
         self._progress_due = 0.0
         self._waited = 0.0  # for others, before the run [s]
+        self._spent = 0.0  # wall time in this run's own hands [s]
+        self._course = self._begin_to_end()
         self.observer = Observer(simulation)
         self._world = WorldScope(simulation, self.observer)
         self.pacer = Pacer(terms.pace) if terms.pace else None
@@ -138,49 +154,125 @@ class Run:
             self.outside = Outside()
 
     def execute(self) -> Summary:
-        """Make the run, whatever becomes of it, and finish its log."""
-        simulation = self.simulation
-        started = time.monotonic()
-        status, failure, ending = "finished", None, ""
-        with self.interruption as interruption, deadline(self._terms.timeout, self.recorder), exits_refused():
-            interruption.shield()
+        """Make the run, whatever becomes of it, and finish its log.
+
+        Raises:
+            LogError: The log cannot be written.
+        """
+        self.advance()
+        return self.summary
+
+    def advance(self, steps: int | None = None) -> None:
+        """Make some steps, or fewer where the run ends before; its log is finished with its end.
+
+        The first call lets the components take up their work, even if no steps are asked for. Between two calls no turn
+        is in progress, and nothing of the process is as the run needs it: signals are handled as before.
+
+        Args:
+            steps: How many; None for all that are left.
+
+        Raises:
+            LogError: The log cannot be written.
+        """
+        with self._in_progress():
             try:
-                ending = self._begin_to_end()
+                ending = self._proceed(steps)
+                if ending is not None:
+                    self._end("finished", ending)
             except Interrupted as signal:
-                status, ending = "interrupted", f"ended by {signal}"
-                interruption.shield()
-                self._announce_end("interrupted", "run", f"ended by {signal}", level=Level.WARNING)
+                self.signal = signal.number
+                self._cut_off(f"ended by {signal}")
             except RunError as error:
-                status, failure = "failed", error
-                interruption.shield()
+                self.interruption.shield()
                 self._announce_end("failed", error.source, str(error), level=Level.ERROR, **error.data)
+                self._end("failed", error.problem, error)
             except LogError as error:
-                if self._company:
-                    with suppress(SubscriberError, LogError):
-                        self._company.end("failed", str(error), None)
+                self._abandon("failed", str(error))
                 raise
-            for activity in self.activities:
-                # A subscriber that raises now has nothing to end any more.
-                with suppress(SubscriberError):
-                    activity.end()
-            if self._company:
-                with suppress(SubscriberError):
-                    self._company.end(status, failure.problem if failure else ending, failure)
-            if self.outside:
-                self.outside.close()
-            self.workers.close()
-            if self.recorder:
-                outcome = {"status": status, "steps": self.done, "time": simulation.clock.now}
-                self.recorder.finish(simulation.clock.now, self.done, outcome)
-        return summarise(self, status, failure, time.monotonic() - started - self._waited)
+
+    def leave(self, reason: str) -> None:
+        """End a run between two steps, unless it is over; its log ends with the present state.
+
+        Args:
+            reason: Why, in one sentence.
+
+        Raises:
+            LogError: The log cannot be written.
+        """
+        if self.status is not None:
+            return
+        with self._in_progress():
+            if self.is_under_way:
+                self.observer.look(self.simulation.clock.now)
+                if self.recorder:
+                    self.recorder.record(self.simulation.clock.now, self.done)
+            self._cut_off(reason)
+
+    @property
+    def summary(self) -> Summary:
+        """The figures of the run so far."""
+        return summarise(self, self.status or "interrupted", self.failure, self._spent - self._waited)
+
+    @contextmanager
+    def _in_progress(self) -> Iterator[None]:
+        """Have the process as a run needs it."""
+        started = time.monotonic()
+        # Numbers that are not finite fail where they are written, with who wrote them; a warning of NumPy would only
+        # add noise.
+        with np.errstate(all="ignore"), self.interruption, exits_refused():
+            with deadline(self._terms.timeout if self._terms.may_exit else None, self.recorder):
+                self.interruption.shield()
+                try:
+                    yield
+                finally:
+                    self._spent += time.monotonic() - started
+
+    def _proceed(self, steps: int | None) -> str | None:
+        """Make some steps, and say why the run is over if it is."""
+        course = self._course
+        try:
+            if not self.is_under_way:
+                next(course)
+            for _ in repeat(None) if steps is None else repeat(None, steps):
+                next(course)
+        except StopIteration as end:
+            return str(end.value)
+        return None
+
+    def _cut_off(self, reason: str) -> None:
+        self.interruption.shield()
+        self._announce_end("interrupted", "run", reason, level=Level.WARNING)
+        self._end("interrupted", reason)
+
+    def _end(self, status: str, ending: str, failure: RunError | None = None) -> None:
+        """Give up all that is under way, and finish the log."""
+        self._abandon(status, ending, failure)
+        if self.recorder:
+            now = self.simulation.clock.now
+            self.recorder.finish(now, self.done, {"status": status, "steps": self.done, "time": now})
+
+    def _abandon(self, status: str, ending: str, failure: RunError | None = None) -> None:
+        """Give up all that is under way."""
+        self.status, self.failure = status, failure
+        self._course.close()
+        for activity in self.activities:
+            # A subscriber that raises now has nothing to end any more.
+            with suppress(SubscriberError, LogError):
+                activity.end()
+        if self._company:
+            with suppress(SubscriberError, LogError):
+                self._company.end(status, failure.problem if failure else ending, failure)
+        if self.outside:
+            self.outside.close()
+        self.workers.close()
 
     def _give_up(self) -> None:
         """End the process: somebody insists, and the run does not come to its end."""
         said = "; the log ends without an outcome" if self.recorder else ""
         leave(130, f"interrupted again{said}", self.recorder)
 
-    def _begin_to_end(self) -> str:
-        """Make the whole run, and say why it ended where it did.
+    def _begin_to_end(self) -> Generator[None, None, str]:
+        """Make the whole run with a pause before each step, and say why it ended where it did.
 
         Raises:
             RunError: Something went wrong, whatever it was.
@@ -204,7 +296,8 @@ class Run:
             for fault in self._terms.faults:
                 fault.await_turn(self)
             self.motion.announce_contacts()
-            reason = self._loop()
+            yield
+            reason = yield from self._loop()
             waiting = [each for activity in self.activities for each in activity.end()]
             if waiting:
                 reason += f"; {len(waiting)} turns still waited: {waiting[0]}" + (", ..." if len(waiting) > 1 else "")
@@ -215,13 +308,13 @@ class Run:
             raise blame_subscriber(simulation, error) from error
         except LivelockError as error:
             raise blame_circle(simulation, error) from error
-        except (RunError, LogError, Interrupted):
+        except (RunError, LogError, Interrupted, GeneratorExit):
             raise
         except BaseException as error:
             raise RunError("run", "symaware", simulation.clock.now, describe(error), error) from error
 
-    def _loop(self) -> str:
-        """Go from instant to instant, and say why the last one was the last."""
+    def _loop(self) -> Generator[None, None, str]:
+        """Go from instant to instant with a pause before each step but the first, and say why the last was the last."""
         simulation, recorder, agenda = self.simulation, self.recorder, self.agenda
         entries = agenda.entries
         clock, exchange, observer = simulation.clock, simulation.exchange, self.observer
@@ -257,6 +350,8 @@ class Run:
                 agenda.run()
             while exchange.flush() and entries:
                 agenda.run()
+            if self.imposed:
+                self._impose()
             if recorder:
                 recorder.record(now, self.done)
             if "iterated" in events.wanted:
@@ -300,12 +395,20 @@ class Run:
                 self._progress(upcoming)
             if self.done == self._steps:
                 break
+            yield
         observer.look(clock.now)
         if recorder:
             recorder.record(clock.now, self.done)
         self.interruption.unshield()
         self.interruption.shield()
         return f"{self.done} steps made" + (f"; never {until.text}" if until is not None else "")
+
+    def _impose(self) -> None:
+        """Put control inputs in the place of those that components have requested."""
+        for group, (rows, values) in self.imposed.items():
+            requested = group.control_input
+            if not np.array_equal(requested[rows], values[rows]):
+                group.control_input = np.where(rows[:, None], values, requested)
 
     def _is_over(self, until: Expression) -> bool:
         try:

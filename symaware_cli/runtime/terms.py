@@ -24,6 +24,7 @@ class Terms:
         timeout: Wall time after which the run is ended [s]; None for never.
         faults: What is to go wrong.
         workers: How many processes compute what is to compute in a process of its own; None for one for each core.
+        may_exit: Whether the process may be ended where the run heeds neither a second signal nor its time-out.
     """
 
     mode: Literal["synchronous", "asynchronous"] = "synchronous"
@@ -33,3 +34,4 @@ class Terms:
     timeout: float | None = None
     faults: Sequence[Fault] = ()
     workers: int | None = None
+    may_exit: bool = True
