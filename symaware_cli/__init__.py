@@ -1,8 +1,10 @@
 """SymAware: declarative scenarios for multi-agent systems with situational awareness.
 
-What stands in ``__all__`` is the public API for authors of plugins; all else may change.
+What stands in ``__all__`` is the public API, for whoever runs scenarios from Python (docs/python.md) and for authors of
+plugins (docs/plugins.md); all else may change.
 """
 
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from symaware_cli import processor
@@ -13,6 +15,10 @@ __version__ = "0.1.0"
 processor.pin()
 
 if TYPE_CHECKING:
+    from symaware_cli.api.outline import GroupOutline, Outline
+    from symaware_cli.api.result import RunFailedError, RunInterrupted, RunResult
+    from symaware_cli.api.scenario import Scenario, load
+    from symaware_cli.api.stepping import SteppedSimulation
     from symaware_cli.core import (
         Agent,
         AgentGroup,
@@ -70,7 +76,12 @@ if TYPE_CHECKING:
         nanoseconds,
         seconds,
     )
-    from symaware_cli.recording.reader import open_log
+    from symaware_cli.processor import ProcessorWarning
+    from symaware_cli.recording.error import LogError
+    from symaware_cli.recording.reader import Log, open_log
+    from symaware_cli.recording.series import Series
+    from symaware_cli.scenario.place import DistributionError, Place
+    from symaware_cli.scenario.problem import ScenarioError
 
 __all__ = [
     "Agent",
@@ -86,33 +97,47 @@ __all__ = [
     "Controller",
     "Cylinder",
     "Delivery",
+    "DistributionError",
     "Entity",
     "Environment",
     "EnvironmentParameters",
     "Event",
     "GroupCommunicationReceiver",
     "GroupComponent",
+    "GroupOutline",
     "Happening",
     "KnowledgeDatabase",
     "Level",
     "Links",
+    "Log",
+    "LogError",
     "Mesh",
     "Message",
     "MessageBatch",
     "Model",
     "Observation",
     "Obstacle",
+    "Outline",
     "Parameters",
     "PerceptionSystem",
+    "Place",
     "Polygon",
     "Port",
+    "ProcessorWarning",
     "Quantity",
     "RiskEstimator",
     "Roster",
+    "RunFailedError",
+    "RunInterrupted",
+    "RunResult",
+    "Scenario",
+    "ScenarioError",
     "Scenery",
     "ScriptedPath",
+    "Series",
     "Shape",
     "Snapshot",
+    "SteppedSimulation",
     "TimeSeries",
     "Topology",
     "TopologyError",
@@ -126,21 +151,34 @@ __all__ = [
     "Vehicle",
     "Wall",
     "WorldError",
+    "load",
     "nanoseconds",
     "open_log",
     "seconds",
 ]
 
 
+#: Where each name is at home that is not at home in `symaware_cli.core`.
+_HOMES = {
+    "symaware_cli.api.outline": ("GroupOutline", "Outline"),
+    "symaware_cli.api.result": ("RunFailedError", "RunInterrupted", "RunResult"),
+    "symaware_cli.api.scenario": ("Scenario", "load"),
+    "symaware_cli.api.stepping": ("SteppedSimulation",),
+    "symaware_cli.processor": ("ProcessorWarning",),
+    "symaware_cli.recording.error": ("LogError",),
+    "symaware_cli.recording.reader": ("Log", "open_log"),
+    "symaware_cli.recording.series": ("Series",),
+    "symaware_cli.scenario.place": ("DistributionError", "Place"),
+    "symaware_cli.scenario.problem": ("ScenarioError",),
+}
+
+
 def __getattr__(name: str) -> Any:
     """Import what is asked for, so that the command line starts without NumPy."""
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    if name == "open_log":
-        from symaware_cli.recording import reader as home
-    else:
-        from symaware_cli import core as home  # type: ignore[no-redef]
-    return getattr(home, name)
+    home = next((home for home, names in _HOMES.items() if name in names), "symaware_cli.core")
+    return getattr(import_module(home), name)
 
 
 def __dir__() -> list[str]:

@@ -4,7 +4,8 @@ from pathlib import Path
 
 from symaware_cli import open_log
 from symaware_cli.recording.reader import Log
-from symaware_cli.scenario.execution import execute, open_scenario
+from symaware_cli.scenario.execution import execute
+from symaware_cli.scenario.files import open_scenario
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios"
 

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from symaware_cli.cli.progress import progress
+from symaware_cli.api.progress import progress
+from symaware_cli.api.report import size_in_words
 from symaware_cli.cli.terminal import (
     DATA_LOST,
     INTERRUPTED,
@@ -21,7 +22,6 @@ from symaware_cli.cli.terminal import (
     is_lively,
     names,
     print_json,
-    size_in_words,
     span,
     trouble_shown,
 )

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from symaware_cli.cli.progress import progress
-from symaware_cli.cli.terminal import DATA_LOST, INTERRUPTED, Json, is_lively, print_json, size_in_words, trouble_shown
+from symaware_cli.api.progress import progress
+from symaware_cli.api.report import size_in_words
+from symaware_cli.cli.terminal import DATA_LOST, INTERRUPTED, Json, is_lively, print_json, trouble_shown
 
 if TYPE_CHECKING:
     from symaware_cli.recording.merging import Merged

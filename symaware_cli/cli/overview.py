@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from symaware_cli.cli.terminal import printable, size_in_words
+from symaware_cli.api.report import size_in_words
+from symaware_cli.cli.terminal import printable
 from symaware_cli.recording.overview import Overview
 
 #: How many columns of a channel are named.

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
+from symaware_cli.api.report import size_in_words
 from symaware_cli.cli.terminal import (
     DATA_LOST,
     INTERRUPTED,
@@ -17,7 +18,6 @@ from symaware_cli.cli.terminal import (
     instant,
     names,
     print_json,
-    size_in_words,
     span,
     trouble_shown,
 )
@@ -70,7 +70,7 @@ def plot(
     measures = _measures(size, as_json)
     with trouble_shown(as_json):
         from symaware_cli.recording.reader import open_log
-        from symaware_cli.scenario.execution import unused_path
+        from symaware_cli.scenario.files import unused_path
         from symaware_cli.viewing.plotting.plot import plot
         from symaware_cli.viewing.plotting.request import Request, SeriesName
 

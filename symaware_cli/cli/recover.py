@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from symaware_cli.cli.terminal import DATA_LOST, Json, print_json, size_in_words, trouble_shown
+from symaware_cli.api.report import size_in_words
+from symaware_cli.cli.terminal import DATA_LOST, Json, print_json, trouble_shown
 
 if TYPE_CHECKING:
     from symaware_cli.recording.reader import Log
@@ -33,7 +34,7 @@ def recover(
 
         log = open_log(path)
         if log.verify() and output is None:
-            from symaware_cli.scenario.execution import unused_path
+            from symaware_cli.scenario.files import unused_path
 
             output = unused_path(f"{path.stem}.recovered", path.parent)
         recovery = None if output is None else write(log, output)

@@ -161,11 +161,3 @@ def trouble_shown(as_json: bool = False) -> Iterator[None]:
 def printable(text: str) -> str:
     """A text from a log without what would break lines or be taken for commands by a terminal."""
     return text if text.isprintable() else "".join(each if each.isprintable() else ascii(each)[1:-1] for each in text)
-
-
-def size_in_words(size: int) -> str:
-    """Put a number of bytes into a few characters."""
-    for unit, scale in (("GB", 1e9), ("MB", 1e6), ("kB", 1e3)):
-        if size >= scale:
-            return f"{size / scale:.1f} {unit}"
-    return f"{size} B"

@@ -211,7 +211,7 @@ class LogWriter:
             length = _MESSAGE_HEADER + len(data)
             if 9 + length > LARGEST_CHUNK:
                 topic = self._summary.channels[channel_id - 1].topic
-                raise LogError(
+                raise OutputError(
                     f"cannot write the log {self.path}: a message of {len(data):,} bytes on {topic} is larger than "
                     f"{LARGEST_CHUNK:,}, the most that a log holds in one"
                 )
@@ -371,4 +371,4 @@ class LogWriter:
         raise self._error from error
 
     def _refuse(self) -> None:
-        raise self._error or LogError(f"the log {self.path} is closed")
+        raise self._error or OutputError(f"the log {self.path} is closed")

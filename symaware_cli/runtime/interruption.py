@@ -43,7 +43,7 @@ class Interruption:
     Where nothing may be left half done, `shield` holds the signal back and `unshield` delivers it. Who interrupts a
     second time gives the run a second to finish its log; then the process ends. Where native code keeps the interpreter
     from hearing of a Ctrl-C at all, the operating system ends the process at the next one. A process that is not the
-    run's own is not ended: there, a second signal raises `KeyboardInterrupt` wherever the run is.
+    run's own is not ended: there, a second signal is delivered wherever the run is, and the next one is not held back.
 
     The context may be entered again and again. In other threads than the main one no signals are handled, and turns
     have no limit.
@@ -146,7 +146,7 @@ class Interruption:
         """Somebody interrupts again: the run has a little time to end, and none if that happens once more."""
         if self._give_up is None:
             self._give_back()
-            raise KeyboardInterrupt
+            self._raise(Interrupted("a second signal", signal.SIGINT))
         for each in (signal.SIGINT, signal.SIGTERM):
             signal.signal(each, signal.SIG_DFL)
         self._patience = threading.Timer(PATIENCE, self._give_up)

@@ -13,7 +13,6 @@ from itertools import repeat
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-
 from numpy.typing import NDArray
 
 from symaware_cli.core import AgentGroup, Level, SubscriberError
@@ -219,13 +218,16 @@ class Run:
         started = time.monotonic()
         # Numbers that are not finite fail where they are written, with who wrote them; a warning of NumPy would only
         # add noise.
-        with np.errstate(all="ignore"), self.interruption, exits_refused():
-            with deadline(self._terms.timeout if self._terms.may_exit else None, self.recorder):
-                self.interruption.shield()
-                try:
-                    yield
-                finally:
-                    self._spent += time.monotonic() - started
+        limit = self._terms.timeout if self._terms.may_exit else None
+        with np.errstate(all="ignore"), self.interruption, deadline(limit, self.recorder), exits_refused():
+            self.interruption.shield()
+            try:
+                yield
+            except Interrupted as interrupted:
+                # Somebody insisted while the run was about to end.
+                raise KeyboardInterrupt(str(interrupted)) from None
+            finally:
+                self._spent += time.monotonic() - started
 
     def _proceed(self, steps: int | None) -> str | None:
         """Make some steps, and say why the run is over if it is."""

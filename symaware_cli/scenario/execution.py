@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import errno
 import json
-import tempfile
 import warnings
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any
@@ -16,96 +14,21 @@ import numpy as np
 
 from symaware_cli import processor
 from symaware_cli.core import Event, Level, nanoseconds
-from symaware_cli.runtime.run import run
+from symaware_cli.runtime.run import Run
 from symaware_cli.runtime.summary import Summary
-from symaware_cli.scenario.build import Built, build
+from symaware_cli.scenario.build import Built
+from symaware_cli.scenario.files import RESOLVED
 from symaware_cli.scenario.versions import versions
 
 if TYPE_CHECKING:
+    from symaware_cli.recording.recorder import Recorder
     from symaware_cli.recording.writer import LogWriter
+    from symaware_cli.runtime.distributed.company import Company
     from symaware_cli.scenario.place import Place
-
-#: The attachment that a log is run again from.
-RESOLVED = "resolved.yaml"
-
-#: Characters that mean something else in the names of files somewhere.
-_SPECIAL = frozenset("\\:\0")
-
-#: What is said of names that no file can have, or none beside those that are there.
-_NO_FILE = (errno.ENAMETOOLONG, errno.ENOTDIR, errno.EEXIST, errno.EISDIR, errno.EINVAL, errno.EILSEQ)
 
 _MEDIA_TYPES = {".toml": "application/toml", ".yaml": "application/yaml", ".yml": "application/yaml"}
 
 
-def open_scenario(path: Path, overrides: Sequence[str] = (), seed: int | None = None) -> Built:
-    """Build what a scenario file describes, or what a log is the record of.
-
-    Raises:
-        ScenarioError: The scenario has problems.
-        LogError: The log cannot be read, or holds no scenario.
-    """
-    if path.suffix != ".mcap":
-        return build(path, overrides, seed)
-    from symaware_cli.recording.error import LogError
-    from symaware_cli.recording.reader import open_log
-
-    attachments = open_log(path).attachments
-    resolved = attachments.get(RESOLVED)
-    if resolved is None:
-        raise LogError(f"{path} holds no scenario to run again")
-    with tempfile.TemporaryDirectory() as folder:
-        extracted = Path(folder) / RESOLVED
-        for name, content in attachments.items():
-            _extract(name, content, Path(folder))
-        extracted.write_bytes(resolved)
-        built = build(extracted, overrides, seed, name=f"{path}:{RESOLVED}")
-    written = {
-        name.removeprefix("scenario/"): content for name, content in attachments.items() if name.startswith("scenario/")
-    }
-    return replace(built, files=written)
-
-
-def is_read(built: Built, path: Path, scenario: Path) -> bool:
-    """Whether a path is one of the files that a scenario was read from, by whatever name.
-
-    Args:
-        built: The scenario.
-        path: Where something is to be written.
-        scenario: The scenario file, or the log it was taken from.
-    """
-    files = [scenario, *(scenario.parent / name for name in built.files)]
-    return path.exists() and any(file.exists() and path.samefile(file) for file in files)
-
-
-def _extract(name: str, content: bytes, folder: Path) -> None:
-    """Lay out a file of the scenario, such as a mesh; whatever else a log calls an attachment stays where it is."""
-    inner = PurePosixPath(name)
-    if inner.parts[:1] != ("scenario",) or ".." in inner.parts or not _SPECIAL.isdisjoint(name) or len(inner.parts) < 2:
-        return
-    if inner.parts[1] == RESOLVED:
-        return  # that name is taken
-    path = folder.joinpath(*inner.parts[1:])
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(content)
-    except OSError as error:
-        from symaware_cli.recording.error import OutputError, reason
-
-        if error.errno not in _NO_FILE:
-            raise OutputError(f"cannot lay out the scenario of the log in {folder}: {reason(error)}") from error
-
-
-def unused_path(name: str, folder: Path = Path(), suffix: str = ".mcap") -> Path:
-    """Return a path for a file that overwrites none: ``name.mcap``, else ``name-2.mcap`` and so on."""
-    path, number = folder / f"{name}{suffix}", 1
-    while path.exists():
-        number += 1
-        path = folder / f"{name}-{number}{suffix}"
-    return path
-
-
-# Numbers that are not finite fail where they are written, with who wrote them; a warning of NumPy would only add noise.
-@np.errstate(all="ignore")
 def execute(
     built: Built,
     log: Path | None,
@@ -113,7 +36,25 @@ def execute(
     timeout: float | None = None,
     place: Place | None = None,
 ) -> Summary:
-    """Run a scenario, or one process's share of it.
+    """Run a scenario, or one process's share of it; see `prepared`.
+
+    Raises:
+        LogError: The log cannot be written.
+    """
+    with prepared(built, log, on_progress, timeout, place) as run:
+        return run.execute()
+
+
+@contextmanager
+def prepared(
+    built: Built,
+    log: Path | None,
+    on_progress: Callable[[int], None] | None = None,
+    timeout: float | None = None,
+    place: Place | None = None,
+    may_exit: bool = True,
+) -> Iterator[Run]:
+    """Have the run of a scenario, or of one process's share of it, with its world and its log.
 
     Args:
         built: What to run; it cannot be run twice.
@@ -121,6 +62,7 @@ def execute(
         on_progress: Called now and then with simulated time in nanoseconds.
         timeout: Wall time after which the run is ended [s].
         place: Where this process stands among those that share the run; None where it is alone.
+        may_exit: Whether the process may be ended where the run heeds neither a second signal nor its time-out.
 
     Raises:
         LogError: The log cannot be written.
@@ -132,43 +74,56 @@ def execute(
     """
     shortfall = processor.shortfall()
     if shortfall:
-        warnings.warn(shortfall, processor.ProcessorWarning, stacklevel=2)
+        warnings.warn(shortfall, processor.ProcessorWarning, stacklevel=3)
+    terms = replace(built.terms, timeout=timeout, may_exit=may_exit)
     with ExitStack() as stack:
         stack.enter_context(built.simulation.environment)
-        recorder = company = share = None
-        recording, terms = built.document.recording, replace(built.terms, timeout=timeout)
-        omit: Sequence[str] = recording.omit
-        messages = recording.messages
-        if place is not None:
-            # Imported for those who need it: the code for frames is slow to load.
-            from symaware_cli.scenario import distribution
+        company, share = _company(stack, built, place)
+        recorder = None if log is None else _recorder(stack, built, log, place, share)
+        yield Run(built.simulation, built.steps, recorder, on_progress, terms, company)
 
-            company = distribution.company(built, place)
-            stack.callback(company.port.close)
-            share = distribution.part(place, company)
-            if place.role == "member":
-                # The host has the world and carries all messages.
-                omit, messages = [*omit, "world", "applied"], "none"
-        if log is not None:
-            from symaware_cli.recording.recorder import Recorder
-            from symaware_cli.recording.writer import LogWriter
 
-            writer = stack.enter_context(LogWriter(log))
-            notes = _attach(writer, built, share)
-            recorder = Recorder(
-                writer,
-                built.simulation.environment,
-                built.simulation.groups,
-                interval=nanoseconds(recording.interval),
-                omit=omit,
-                quantities=built.quantities,
-                events=recording.events,
-                messages=messages,
-                own=None if share is None else frozenset(share["agents"]),
-            )
-            for note in notes:
-                recorder.event(Event("geometry-reduced", "environment", 0, Level.WARNING, note))
-        return run(built.simulation, built.steps, recorder, on_progress, terms, company)
+def _company(stack: ExitStack, built: Built, place: Place | None) -> tuple[Company | None, dict[str, Any] | None]:
+    """Take a place among those that share a run, and say what part of it that is."""
+    if place is None:
+        return None, None
+    # Imported for those who need it: the code for frames is slow to load.
+    from symaware_cli.scenario import distribution
+
+    company = distribution.company(built, place)
+    stack.callback(company.port.close)
+    return company, distribution.part(place, company)
+
+
+@np.errstate(all="ignore")  # as while it runs
+def _recorder(
+    stack: ExitStack, built: Built, log: Path, place: Place | None, share: Mapping[str, Any] | None
+) -> Recorder:
+    from symaware_cli.recording.recorder import Recorder
+    from symaware_cli.recording.writer import LogWriter
+
+    recording = built.document.recording
+    omit: Sequence[str] = recording.omit
+    messages = recording.messages
+    if place is not None and place.role == "member":
+        # The host has the world and carries all messages.
+        omit, messages = [*omit, "world", "applied"], "none"
+    writer = stack.enter_context(LogWriter(log))
+    notes = _attach(writer, built, share)
+    recorder = Recorder(
+        writer,
+        built.simulation.environment,
+        built.simulation.groups,
+        interval=nanoseconds(recording.interval),
+        omit=omit,
+        quantities=built.quantities,
+        events=recording.events,
+        messages=messages,
+        own=None if share is None else frozenset(share["agents"]),
+    )
+    for note in notes:
+        recorder.event(Event("geometry-reduced", "environment", 0, Level.WARNING, note))
+    return recorder
 
 
 def _attach(writer: LogWriter, built: Built, part: Mapping[str, Any] | None) -> Sequence[str]:

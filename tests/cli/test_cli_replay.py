@@ -18,7 +18,8 @@ from simulating import COMMAND
 from small_disk import on_a_small_disk
 
 from symaware_cli.recording import wire
-from symaware_cli.scenario.execution import execute, open_scenario
+from symaware_cli.scenario.execution import execute
+from symaware_cli.scenario.files import open_scenario
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 SHOWN = "4 agents: bodies tinted by risk, trails of 3.6 s, intents and uncertainties of all; tabs for everybody"

@@ -18,7 +18,8 @@ from symaware_cli.models.integrator import DoubleIntegrator, SingleIntegrator
 from symaware_cli.models.unicycle import Unicycle
 from symaware_cli.recording.digest import digest
 from symaware_cli.scenario.build import build
-from symaware_cli.scenario.execution import execute, open_scenario
+from symaware_cli.scenario.execution import execute
+from symaware_cli.scenario.files import open_scenario
 from symaware_cli.scenario.problem import ScenarioError
 
 BALL = {"circle": {"radius": 0.1}}

@@ -6,7 +6,8 @@ import yaml
 from symaware_cli import open_log
 from symaware_cli.recording.digest import digest
 from symaware_cli.scenario.build import build
-from symaware_cli.scenario.execution import execute, open_scenario
+from symaware_cli.scenario.execution import execute
+from symaware_cli.scenario.files import open_scenario
 from symaware_cli.scenario.problem import ScenarioError
 
 TETRAHEDRON = """mtllib paint/red.mtl

@@ -7,7 +7,8 @@ from symaware_cli import open_log
 from symaware_cli.recording.digest import digest
 from symaware_cli.recording.overview import overview
 from symaware_cli.scenario.build import build
-from symaware_cli.scenario.execution import execute, open_scenario
+from symaware_cli.scenario.execution import execute
+from symaware_cli.scenario.files import open_scenario
 
 BALL = {"shape": {"circle": {"radius": 0.2}}, "position": [0, 0], "mass": 1.0, "velocity": [1.0, 0.0]}
 BUS = {"shape": {"circle": {"radius": 0.2}}, "path": {"times": [0, 1], "positions": [[5, 0], [6, 0]]}}

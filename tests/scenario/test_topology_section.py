@@ -335,7 +335,7 @@ def test_a_fault_of_a_link_is_drawn_from_the_chance_of_the_link(tmp_path):
 def test_a_repeated_run_is_taken_from_the_log_alone(tmp_path):
     log = ran(tmp_path, SCENARIO)
     again = tmp_path / "again.mcap"
-    from symaware_cli.scenario.execution import open_scenario
+    from symaware_cli.scenario.files import open_scenario
 
     execute(open_scenario(log.path), again)
     assert digest(log).channels == digest(open_log(again)).channels

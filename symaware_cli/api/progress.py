@@ -4,11 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from importlib.util import find_spec
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 
 @contextmanager
 def progress(name: str, start: int, end: int, shown: bool) -> Iterator[Callable[[int], None] | None]:
-    """Show a bar of simulated time on the terminal.
+    """Show a bar of simulated time, on the terminal or in a notebook.
 
     Args:
         name: What goes on.
@@ -22,7 +27,6 @@ def progress(name: str, start: int, end: int, shown: bool) -> Iterator[Callable[
     if not shown:
         yield None
         return
-    from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
     columns = (
@@ -32,6 +36,16 @@ def progress(name: str, start: int, end: int, shown: bool) -> Iterator[Callable[
         TextColumn("ends in"),
         TimeRemainingColumn(compact=True),
     )
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+    with Progress(*columns, console=_console(), transient=True) as bar:
         task = bar.add_task(name, total=max(end - start, 1), simulated=0.0, whole=end / 1e9)
         yield lambda now: bar.update(task, completed=now - start, simulated=now / 1e9)
+
+
+def _console() -> Console:
+    from rich.console import Console
+
+    console = Console(stderr=True)
+    if console.is_jupyter and find_spec("ipywidgets") is None:
+        # Rich draws in a notebook by a package that need not be there; a line that is written over does as well.
+        return Console(stderr=True, force_jupyter=False, force_terminal=True)
+    return console

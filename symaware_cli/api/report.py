@@ -1,0 +1,95 @@
+"""How scenarios and runs are shown to people: as lines of text, and as tables in a notebook."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from html import escape
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    from symaware_cli.runtime.pacer import Pace
+    from symaware_cli.runtime.summary import Extreme, Summary
+
+
+class Report(NamedTuple):
+    """A headline with facts under it.
+
+    Attributes:
+        headline: One line.
+        facts: What each fact is about, and the fact.
+    """
+
+    headline: str
+    facts: Sequence[tuple[str, str]]
+
+    @property
+    def text(self) -> str:
+        """The report as lines."""
+        return "\n".join([self.headline, *(f"  {label:<14} {fact}" for label, fact in self.facts)])
+
+    @property
+    def html(self) -> str:
+        """The report as a table; it has no colours, so that it suits every theme."""
+        cell = "text-align: left; vertical-align: top"
+        rows = "".join(
+            f'<tr><th scope="row" style="{cell}">{escape(label)}</th><td style="{cell}">{escape(fact)}</td></tr>'
+            for label, fact in self.facts
+        )
+        caption = f'<caption style="text-align: left; font-weight: bold">{escape(self.headline)}</caption>'
+        return f"<table>{caption}<tbody>{rows}</tbody></table>"
+
+
+def summary_report(summary: Summary) -> Report:
+    """Lay out the summary of a run."""
+    agents = number(summary.agents, "agent")
+    facts = [
+        ("agents", f"{agents}, {summary.steps:,} steps, seed {summary.seed}"),
+        ("wall time", f"{summary.wall_time:.2f} s, {_factor(summary.real_time_factor)} real time"),
+    ]
+    if summary.warnings:
+        facts.append(("warnings", ", ".join(f"{count:,} {name}" for name, count in summary.warnings.items())))
+    if summary.pace:
+        facts.append(("pace", _pace(summary.pace)))
+    if summary.goals_reached:
+        facts.append(("goals reached", f"{len(summary.goals_reached)} of {agents}"))
+    facts.append(("contacts", f"{summary.contacts}"))
+    if summary.minimum_separation:
+        facts.append(("closest", _extreme(summary.minimum_separation, "m between the outlines of")))
+    if summary.highest_risk:
+        facts.append(("highest risk", _extreme(summary.highest_risk, "of")))
+    if summary.log:
+        size = size_in_words(summary.log_size or 0)
+        facts += [("recorded", f"{summary.updates:,} updates, {size}"), ("log", summary.log)]
+    return Report(f"{summary.name}: {summary.status} after {summary.simulated_time:g} s of simulated time", facts)
+
+
+def number(count: int, noun: str) -> str:
+    """A number of things, such as ``1 agent`` or ``1,000 agents``."""
+    return f"{count} {noun}{'s' if count != 1 else ''}"
+
+
+def listed(names: Iterable[str], most: int = 9) -> str:
+    """The names, or the first few of very many."""
+    names = list(names)
+    return ", ".join(names if len(names) <= most + 1 else [*names[:most], f"and {len(names) - most} more"])
+
+
+def size_in_words(size: int) -> str:
+    """Put a number of bytes into a few characters."""
+    for unit, scale in (("GB", 1e9), ("MB", 1e6), ("kB", 1e3)):
+        if size >= scale:
+            return f"{size / scale:.1f} {unit}"
+    return f"{size} B"
+
+
+def _pace(pace: Pace) -> str:
+    kept = f"{pace.factor:g} x real time, {pace.late:,} of {pace.instants:,} instants late"
+    return f"{kept}, by {1e3 * pace.worst:.3g} ms at most" if pace.late else kept
+
+
+def _factor(factor: float) -> str:
+    return f"{factor:,.0f} x" if factor >= 10 else f"{factor:.2g} x"
+
+
+def _extreme(extreme: Extreme, relation: str) -> str:
+    return f"{extreme.value:.3g} {relation} {' and '.join(extreme.who)} at {extreme.time:g} s"

@@ -1,0 +1,156 @@
+"""What came of a run: its figures, and what its log holds."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from symaware_cli.api.report import summary_report
+
+if TYPE_CHECKING:
+    from symaware_cli.api.live import LiveView
+    from symaware_cli.recording.journal import LoggedEvent
+    from symaware_cli.recording.reader import Log
+    from symaware_cli.recording.series import Series
+    from symaware_cli.runtime.run import Run
+    from symaware_cli.runtime.summary import Summary
+    from symaware_cli.viewing.plotting.content import Content
+    from symaware_cli.viewing.plotting.request import Request
+
+
+class RunResult:
+    """A run that is over.
+
+    Attributes:
+        summary: Its figures.
+        log_path: Its log; None if it was not recorded.
+        viewer: The viewer that shows it; None where none was asked for.
+    """
+
+    def __init__(self, summary: Summary, viewer: LiveView | None = None) -> None:
+        self.summary = summary
+        self.log_path = Path(summary.log) if summary.log else None
+        self.viewer = viewer
+
+    @property
+    def status(self) -> str:
+        """``finished``, ``failed`` or ``interrupted``."""
+        return self.summary.status
+
+    @cached_property
+    def log(self) -> Log:
+        """The log, opened.
+
+        Raises:
+            LogError: The run was not recorded, or the log cannot be read any more.
+        """
+        from symaware_cli.recording.error import LogError
+        from symaware_cli.recording.reader import open_log
+
+        if self.log_path is None:
+            raise LogError(f"the run of {self.summary.name} was not recorded")
+        return open_log(self.log_path)
+
+    def series(self, name: str, field: str) -> Series:
+        """What was recorded over time, as arrays; see `Log.series`.
+
+        Args:
+            name: A group, an agent, or an entity of the environment.
+            field: Such as ``world`` (the true state), ``state`` (the believed one), ``control`` or ``risk``.
+
+        Raises:
+            LogError: There is no such name or field, or the run was not recorded.
+        """
+        return self.log.series(name, field)
+
+    @cached_property
+    def events(self) -> Sequence[LoggedEvent]:
+        """What happened, in its order.
+
+        Raises:
+            LogError: The run was not recorded.
+        """
+        return list(self.log.events())
+
+    def plot(self, path: str | os.PathLike[str], request: Request | None = None) -> Content:
+        """Draw a figure of the run into a file; see `symaware_cli.viewing.plotting.plot.plot`.
+
+        Raises:
+            LogError: There is nothing to plot, matplotlib is not installed, or the run was not recorded.
+        """
+        from symaware_cli.viewing.plotting.plot import plot
+
+        return plot(self.log, path, request)
+
+    def __repr__(self) -> str:
+        summary = self.summary
+        log = f", log {summary.log}" if summary.log else ""
+        return f"<RunResult {summary_report(summary).headline}, seed {summary.seed}{log}>"
+
+    def __str__(self) -> str:
+        return summary_report(self.summary).text
+
+    def _repr_html_(self) -> str:
+        return summary_report(self.summary).html
+
+
+class RunFailedError(RuntimeError):
+    """A run failed; its log is finished, and tells of it.
+
+    The exception of the component or environment that brought it about is the cause of this one.
+
+    Attributes:
+        run: The run as far as it went.
+        source: The dotted path of what failed, such as ``agents.robot.2.steer`` or ``environment``.
+        plugin: The entry-point name of the plugin that failed.
+        time: Simulated time [s].
+        problem: What happened, in one sentence.
+    """
+
+    def __init__(self, message: str, run: RunResult, source: str, plugin: str, time: float, problem: str) -> None:
+        super().__init__(message)
+        self.run = run
+        self.source = source
+        self.plugin = plugin
+        self.time = time
+        self.problem = problem
+
+
+class RunInterrupted(KeyboardInterrupt):
+    """Ctrl-C or SIGTERM ended a run; its log is finished.
+
+    Attributes:
+        run: The run as far as it went.
+    """
+
+    def __init__(self, message: str, run: RunResult) -> None:
+        super().__init__(message)
+        self.run = run
+
+
+def result_of(run: Run, viewer: LiveView | None = None, recorded: bool = True) -> RunResult:
+    """What came of a run that is over, and went on to its end or to its time-out.
+
+    Args:
+        run: The run.
+        viewer: The viewer that shows it.
+        recorded: Whether its log, if there is one, is the user's to keep.
+
+    Raises:
+        RunFailedError: It failed.
+        RunInterrupted: A signal ended it.
+    """
+    summary = run.summary if recorded else replace(run.summary, log=None, log_size=None)
+    result = RunResult(summary, viewer)
+    failure = run.failure
+    if failure is not None:
+        raise RunFailedError(
+            str(failure), result, failure.source, failure.plugin, failure.time / 1e9, failure.problem
+        ) from failure.__cause__
+    if run.signal is not None:
+        raise RunInterrupted(f"{result.summary.name} was interrupted", result)
+    return result

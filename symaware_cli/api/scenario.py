@@ -1,0 +1,239 @@
+"""A scenario: what Python users load, check, run and start."""
+
+from __future__ import annotations
+
+import math
+import os
+import threading
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from symaware_cli.api.changes import Changes, texts
+from symaware_cli.api.result import RunResult, result_of
+
+if TYPE_CHECKING:
+    from symaware_cli.api.outline import Outline
+    from symaware_cli.api.stepping import SteppedSimulation
+    from symaware_cli.core import Event
+    from symaware_cli.scenario.build import Built
+    from symaware_cli.scenario.place import Place
+
+FilePath = str | os.PathLike[str]
+
+Mode = Literal["synchronous", "asynchronous"]
+
+
+def load(path: FilePath, changes: Changes | None = None, *, seed: int | None = None) -> Scenario:
+    """Read a scenario and check all of it.
+
+    Args:
+        path: A scenario in YAML or TOML, or a log to take it from.
+        changes: Values that replace those of the file, by their paths, such as ``{"agents.robot.count": 8}``.
+        seed: A seed that wins over the scenario's.
+
+    Raises:
+        ScenarioError: The scenario has problems; its text has every one with its place, as `symaware validate` shows
+            them.
+        LogError: The log cannot be read, or holds no scenario.
+    """
+    scenario = Scenario(path, changes, seed=seed)
+    scenario.outline = scenario.validate()
+    return scenario
+
+
+class Scenario:
+    """A scenario file, with changes to it.
+
+    The file is read anew by each run, so that an edit counts from the next run on. `load` checks it as well.
+
+    Attributes:
+        path: The file.
+        changes: What replaces values of the file, as ``path=value``.
+        seed: The seed that wins over the file's, if there is one.
+        outline: What the file described when it was loaded; None where it was not checked.
+    """
+
+    def __init__(self, path: FilePath, changes: Changes | None = None, *, seed: int | None = None) -> None:
+        self.path = Path(path)
+        self.changes = texts(changes)
+        self.seed = seed
+        self.outline: Outline | None = None
+
+    def validate(
+        self,
+        changes: Changes | None = None,
+        *,
+        seed: int | None = None,
+        mode: Mode | None = None,
+        duration: float | None = None,
+        pace: float | None = None,
+    ) -> Outline:
+        """Check the scenario as it is now, without running it; for the arguments, see `run`.
+
+        Raises:
+            ScenarioError: It has problems.
+            LogError: The log cannot be read, or holds no scenario.
+        """
+        from symaware_cli.api.outline import outline
+
+        built = self._build(changes, seed, mode, duration, pace)
+        with built.simulation.environment:
+            return outline(built)
+
+    def run(
+        self,
+        changes: Changes | None = None,
+        *,
+        seed: int | None = None,
+        mode: Mode | None = None,
+        duration: float | None = None,
+        pace: float | None = None,
+        output: FilePath | None = None,
+        record: bool = True,
+        timeout: float | None = None,
+        progress: bool | Callable[[float], object] = False,
+        on_event: Callable[[Event], object] | None = None,
+        live: bool | str = False,
+        place: Place | None = None,
+        may_exit: bool = False,
+    ) -> RunResult:
+        """Run the scenario to its end.
+
+        Args:
+            changes: Further values that replace those of the file, for this run.
+            seed: A seed that wins over all others.
+            mode: In place of the scenario's ``run.mode``.
+            duration: In place of ``run.duration`` [s].
+            pace: In place of ``run.pace``: simulated seconds for each second of wall time, or infinity for as fast as
+                possible.
+            output: The log; replaced if it exists. By default NAME.mcap, or NAME-2.mcap and so on, in the present
+                folder.
+            record: Whether to write a log.
+            timeout: Wall time after which the run is ended and its log finished [s]; it counts as interrupted then.
+            progress: True to show a bar, on the terminal or in a notebook; or what to call now and then with the
+                simulated time that is reached [s].
+            on_event: Called with each event that does not recur with every step, turn or message.
+            live: True to show the run in a viewer while it goes on, or the URL of a viewer that runs already.
+            place: Where this process stands among those that share the run: `Place.host` or `Place.member`.
+            may_exit: Whether the process may be ended where the run heeds neither a second Ctrl-C nor its time-out, as
+                a command may. Otherwise a second Ctrl-C ends the run wherever it is, within the record of an instant
+                if need be.
+
+        Raises:
+            ScenarioError: The scenario has problems; no log was written.
+            RunFailedError: A component or the environment failed. The log is finished.
+            RunInterrupted: Ctrl-C or SIGTERM ended the run. The log is finished.
+            LogError: The log cannot be written, or it would replace a file of the scenario.
+            DistributionError: This process cannot have its place.
+            TransportError: The others cannot be reached from there.
+
+        Warns:
+            ProcessorWarning: On another processor the run may differ in its last bits.
+        """
+        from symaware_cli.api.progress import progress as bar
+        from symaware_cli.scenario.execution import prepared
+
+        built = self._build(changes, seed, mode, duration, pace)
+        log = self._log(built, output) if record else None
+        viewer = None
+        if live:
+            from symaware_cli.api.live import LiveView
+
+            viewer = LiveView(log, live if isinstance(live, str) else None)
+        try:
+            if on_event:
+                built.simulation.events.subscribe("*", on_event)
+            end = built.steps * built.simulation.environment.time_step
+            with bar(built.document.name, 0, end, progress is True) as shown:
+                told = _in_seconds(progress) if callable(progress) else shown
+                path = viewer.path if viewer else log
+                with prepared(built, path, told, timeout, place, may_exit) as run:
+                    run.advance()
+            return result_of(run, viewer, recorded=record)
+        except BaseException as error:
+            if viewer and not hasattr(error, "run"):
+                viewer.close()
+            raise
+
+    def start(
+        self,
+        changes: Changes | None = None,
+        *,
+        seed: int | None = None,
+        mode: Mode | None = None,
+        duration: float | None = None,
+        pace: float | None = None,
+        output: FilePath | None = None,
+        on_event: Callable[[Event], object] | None = None,
+    ) -> SteppedSimulation:
+        """Start the scenario, to be stepped; use it in a ``with`` statement, which finishes the log.
+
+        Args:
+            changes: See `run`.
+            seed: See `run`.
+            mode: See `run`.
+            duration: See `run`.
+            pace: See `run`; time between two steps counts.
+            output: The log; replaced if it exists. By default there is none.
+            on_event: See `run`.
+
+        Raises:
+            ScenarioError: The scenario has problems.
+            RunFailedError: A component failed as it took up its work.
+            LogError: The log cannot be written, or it would replace a file of the scenario.
+        """
+        from symaware_cli.api.stepping import SteppedSimulation
+
+        built = self._build(changes, seed, mode, duration, pace)
+        log = None if output is None else self._log(built, output)
+        if on_event:
+            built.simulation.events.subscribe("*", on_event)
+        return SteppedSimulation(built, log)
+
+    def _build(
+        self, changes: Changes | None, seed: int | None, mode: Mode | None, duration: float | None, pace: float | None
+    ) -> Built:
+        from symaware_cli.scenario.files import open_scenario
+
+        asked: dict[str, Any] = {"run.mode": mode, "run.duration": duration, "run.pace": pace}
+        options = {path: value for path, value in asked.items() if value is not None}
+        if pace == math.inf:
+            options["run.pace"] = None
+        built = open_scenario(
+            self.path,
+            (*self.changes, *texts(changes), *texts(options)),
+            self.seed if seed is None else seed,
+        )
+        if built.terms.turn_limit is not None and threading.current_thread() is not threading.main_thread():
+            warnings.warn("`run.turn_limit` holds in the main thread only", RuntimeWarning, stacklevel=3)
+        return built
+
+    def _log(self, built: Built, output: FilePath | None) -> Path:
+        """Where to record a run."""
+        from symaware_cli.scenario.files import check_output, unused_path
+
+        if output is None:
+            return unused_path(built.document.name)
+        check_output(built, Path(output), self.path)
+        return Path(output)
+
+    def __repr__(self) -> str:
+        changes = "".join(f", {change}" for change in self.changes)
+        seed = "" if self.seed is None else f", seed={self.seed}"
+        found = f": {self.outline.headline}" if self.outline else ""
+        return f"<Scenario {self.path}{changes}{seed}{found}>"
+
+    def __str__(self) -> str:
+        return self.outline.report.text if self.outline else repr(self)
+
+    def _repr_html_(self) -> str | None:
+        return self.outline.report.html if self.outline else None
+
+
+def _in_seconds(call: Callable[[float], object]) -> Callable[[int], None]:
+    def tell(now: int) -> None:
+        call(now / 1e9)
+
+    return tell

@@ -1,0 +1,279 @@
+"""A simulation that whoever started it steps, watches and controls."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from symaware_cli.api.report import Report, number
+from symaware_cli.api.result import RunResult, result_of
+from symaware_cli.core.column import frozen, is_finite
+from symaware_cli.scenario.execution import prepared
+from symaware_cli.scenario.problem import nearest
+
+if TYPE_CHECKING:
+    from symaware_cli.core import AgentGroup, Event, Quantity
+    from symaware_cli.scenario.build import Built
+
+Array = NDArray[np.float64]
+
+
+class SteppedSimulation:
+    """A simulation between two steps; made by `Scenario.start`.
+
+    A step lets all components take their turns at the present instant, and then the world move by one time step, as in
+    any run: stepped to its end, it leaves the very log that `Scenario.run` writes. Leaving the ``with`` block before
+    ends the run as interrupted, with its log finished. Ctrl-C within a step ends it as well; between two steps it is
+    up to the caller.
+    """
+
+    def __init__(self, built: Built, log: Path | None) -> None:
+        """Let the components take up their work.
+
+        Args:
+            built: What to run; it cannot be run twice.
+            log: Where to record it, or None for nowhere.
+
+        Raises:
+            RunFailedError: A component could not.
+            LogError: The log cannot be written.
+        """
+        self._simulation = built.simulation
+        self._steps = built.steps
+        self._events: list[Event] = []
+        simulation = built.simulation
+        self._rows = {id: (group, row) for group in simulation.groups for row, id in enumerate(group.ids)}
+        self._named = {group.name: group for group in simulation.groups}
+        simulation.events.subscribe("*", self._events.append)
+        self._stack = ExitStack()
+        self._run = self._stack.enter_context(prepared(built, log, may_exit=False))
+        try:
+            self._advance(0)
+        except BaseException:
+            self._stack.close()
+            raise
+
+    def step(self, count: int = 1) -> int:
+        """Make steps; fewer where the run ends before.
+
+        Args:
+            count: How many, at least 1.
+
+        Returns:
+            How many were made. The last one may be none, where the run ends because its ``until`` holds.
+
+        Raises:
+            RuntimeError: The run is over already.
+            RunFailedError: A component or the environment failed.
+            RunInterrupted: Ctrl-C or SIGTERM ended the run within the step.
+            LogError: The log cannot be written.
+        """
+        if count < 1:
+            raise ValueError(f"a number of steps is at least 1, not {count}")
+        if self.done:
+            raise RuntimeError(f"the run of {self._simulation.name} is over: {self._run.status}")
+        before = self._run.done
+        self._advance(count)
+        return self._run.done - before
+
+    def finish(self) -> RunResult:
+        """Make all steps that are left, and return what came of the run; see `step` for what it raises."""
+        if not self.done:
+            self._advance(None)
+        return self.result
+
+    def _advance(self, steps: int | None) -> None:
+        self._events.clear()
+        self._run.advance(steps)
+        if self.done:
+            result_of(self._run)
+
+    @property
+    def done(self) -> bool:
+        """Whether the run is over."""
+        return self._run.status is not None
+
+    @property
+    def now(self) -> int:
+        """Simulated time [ns]."""
+        return self._simulation.clock.now
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+        return self._simulation.clock.now / 1e9
+
+    @property
+    def steps(self) -> int:
+        """How many steps were made."""
+        return self._run.done
+
+    @property
+    def groups(self) -> Mapping[str, Sequence[str]]:
+        """The ids of the agents of each group, in the order of rows."""
+        return {name: group.ids for name, group in self._named.items()}
+
+    @property
+    def events(self) -> Sequence[Event]:
+        """What has happened since before the last call of `step`; at first, since the start.
+
+        Events that recur with every step, turn or message are not among them.
+        """
+        return tuple(self._events)
+
+    @property
+    def result(self) -> RunResult:
+        """What came of the run.
+
+        Raises:
+            RuntimeError: It goes on.
+        """
+        if not self.done:
+            raise RuntimeError(f"the run of {self._simulation.name} goes on")
+        return RunResult(self._run.summary)
+
+    def state(self, name: str, *columns: str) -> Array:
+        """The true state of a group or an agent.
+
+        Args:
+            name: A group, or an agent. The name of a group without a count is its agent's.
+            columns: The names of columns to return; by default all, in the order of `state_columns`.
+
+        Returns:
+            Read-only; shape (n, columns) for a group, (columns,) for an agent.
+
+        Raises:
+            KeyError: There is no such name or column.
+        """
+        group, row = self._find(name)
+        return _part(self._simulation.environment.state(group), row, group.model.state, columns)
+
+    def belief(self, name: str, *columns: str) -> Array:
+        """What agents believe of their own state; as `state`."""
+        group, row = self._find(name)
+        return _part(group.awareness.state, row, group.model.state, columns)
+
+    def control(self, name: str, *columns: str) -> Array:
+        """The control input that was requested last; as `state`, with the columns of `control_columns`."""
+        group, row = self._find(name)
+        return _part(group.control_input, row, group.model.control_input, columns)
+
+    def state_columns(self, name: str) -> tuple[str, ...]:
+        """The names of the elements of a state of a group or an agent."""
+        return tuple(quantity.name for quantity in self._find(name)[0].model.state)
+
+    def control_columns(self, name: str) -> tuple[str, ...]:
+        """The names of the elements of a control input of a group or an agent."""
+        return tuple(quantity.name for quantity in self._find(name)[0].model.control_input)
+
+    def set_control(self, name: str, values: ArrayLike | None) -> None:
+        """Control a group or an agent from outside, from the next step on.
+
+        The values stand in for whatever the components request, and for the inputs of agents that a failure or a fault
+        has taken out of the run, until other values or None are set. The components go on as before, with all else
+        that they do. The model limits the values as any request; the log has both, as ``control_requested`` and
+        ``control``.
+
+        Args:
+            name: A group, or an agent.
+            values: Shape (n, nu) for a group, or (nu,) for all of its agents alike; (nu,) for an agent. None gives
+                the control back to the components.
+
+        Raises:
+            KeyError: There is no such name.
+            TypeError: The values are not real numbers.
+            ValueError: They do not have that shape, or are not finite.
+        """
+        group, row = self._find(name)
+        chosen = np.zeros(len(group), bool)
+        chosen[slice(None) if row is None else row] = True
+        rows, held = self._run.imposed.get(group, (np.zeros(len(group), bool), np.zeros_like(group.control_input)))
+        if values is None:
+            rows = rows & ~chosen
+        else:
+            held = held.copy()
+            held[chosen] = self._control_input(name, group, row, values)
+            rows = rows | chosen
+        if rows.any():
+            self._run.imposed[group] = rows, held
+        else:
+            self._run.imposed.pop(group, None)
+
+    def _control_input(self, name: str, group: AgentGroup, row: int | None, values: ArrayLike) -> Array:
+        given = frozen(values)
+        one = group.control_input.shape[1:]
+        shapes = [one] if row is not None else [group.control_input.shape, one]
+        if given.shape not in shapes:
+            columns = ", ".join(self.control_columns(name))
+            expected = " or ".join(str(shape) for shape in shapes)
+            raise ValueError(f"the control input of {name} ({columns}) has shape {expected}, not {given.shape}")
+        if not is_finite(given):
+            raise ValueError(f"the control input of {name} is not finite: {given.tolist()}")
+        return given
+
+    def _find(self, name: str) -> tuple[AgentGroup, int | None]:
+        """The group that a name is of, and the row if it is an agent's."""
+        if name in self._rows:
+            return self._rows[name]
+        if name in self._named:
+            return self._named[name], None
+        raise KeyError(_unknown("group or agent", name, [*self._named, *self._rows]))
+
+    def close(self) -> None:
+        """End the run if it goes on, and finish its log; to do it twice does nothing."""
+        self._leave("ended between two steps")
+
+    def _leave(self, reason: str) -> None:
+        with self._stack:
+            self._run.leave(reason)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._leave(f"ended between two steps by {kind.__name__}" if kind else "ended between two steps")
+
+    @property
+    def _report(self) -> Report:
+        headline = f"{self._simulation.name}: {self._run.status or 'at'} {self.time:g} s, step {self.steps:,} of "
+        facts = []
+        for name, group in self._named.items():
+            imposed = self._run.imposed.get(group)
+            outside = f", {int(imposed[0].sum())} controlled from outside" if imposed else ""
+            columns = ", ".join(str(quantity) for quantity in self.state_columns(group.ids[0]))
+            facts.append((name, f"{number(len(group), 'agent')}{outside}; state: {columns}"))
+        return Report(f"{headline}{self._steps:,}", facts)
+
+    def __repr__(self) -> str:
+        return f"<SteppedSimulation {self._report.headline}>"
+
+    def __str__(self) -> str:
+        return self._report.text
+
+    def _repr_html_(self) -> str:
+        return self._report.html
+
+
+def _part(values: Array, row: int | None, quantities: Sequence[Quantity], columns: Sequence[str]) -> Array:
+    """Some columns of a row, or of all rows, read-only."""
+    values = values if row is None else values[row]
+    if not columns:
+        return frozen(values)
+    names = [quantity.name for quantity in quantities]
+    unknown = next((name for name in columns if name not in names), None)
+    if unknown is not None:
+        raise KeyError(_unknown("column", unknown, names))
+    return frozen(values[..., [names.index(name) for name in columns]])
+
+
+def _unknown(what: str, name: str, known: Sequence[str]) -> str:
+    near = nearest(name, known)
+    return f"there is no {what} {name!r}" + (f"; did you mean {near!r}?" if near else "")
