@@ -64,7 +64,7 @@ def summary_report(summary: Summary) -> Report:
 
 
 def number(count: int, noun: str) -> str:
-    """A number of things, such as ``1 agent`` or ``1,000 agents``."""
+    """A number of things, such as ``1 agent`` or ``4 agents``."""
     return f"{count} {noun}{'s' if count != 1 else ''}"
 
 

@@ -83,9 +83,7 @@ class Interruption:
         # Only the main thread may handle signals; elsewhere whoever runs us decides.
         if threading.current_thread() is threading.main_thread():
             for number in (signal.SIGINT, signal.SIGTERM):
-                # What was not installed from Python could not be put back.
-                if signal.getsignal(number) is not None:
-                    self._previous[number] = signal.signal(number, self._handle)
+                self._previous[number] = signal.signal(number, self._handle)
             if self._give_up:
                 _hear_once(signal.SIGINT)
             if self._timeout is not None or self._turn_limit is not None:
@@ -120,7 +118,8 @@ class Interruption:
             signal.setitimer(signal.ITIMER_REAL, 0.0)
         while self._previous:
             number, handler = self._previous.popitem()
-            signal.signal(number, handler)
+            # What was not installed from Python cannot be put back.
+            signal.signal(number, signal.SIG_DFL if handler is None else handler)
 
     def _handle(self, number: int, frame: FrameType | None) -> None:
         now = time.monotonic()

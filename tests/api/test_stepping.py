@@ -238,5 +238,5 @@ def test_what_is_shown_tells_where_it_stands(scenario):
     with scenario.start() as simulation:
         simulation.step(2)
         simulation.set_control("robot.0", [0.0, 0.0])
-        assert repr(simulation) == "<SteppedSimulation swap: at 0.1 s, step 2 of 40>"
+        assert repr(simulation) == "<SteppedSimulation swap: stands at 0.1 s, step 2 of 40>"
         assert "1 controlled from outside" in simulation._repr_html_()
