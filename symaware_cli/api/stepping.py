@@ -243,7 +243,9 @@ class SteppedSimulation:
 
     @property
     def _report(self) -> Report:
-        headline = f"{self._simulation.name}: {self._run.status or 'stands'} at {self.time:g} s, step {self.steps:,} of "
+        headline = (
+            f"{self._simulation.name}: {self._run.status or 'stands'} at {self.time:g} s, step {self.steps:,} of "
+        )
         facts = []
         for name, group in self._named.items():
             imposed = self._run.imposed.get(group)
