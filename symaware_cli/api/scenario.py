@@ -7,9 +7,11 @@ import os
 import threading
 import warnings
 from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+from symaware_cli import processor
 from symaware_cli.api.changes import Changes, texts
 from symaware_cli.api.result import RunResult, result_of
 
@@ -136,13 +138,16 @@ class Scenario:
         from symaware_cli.scenario.execution import prepared
 
         built = self._build(changes, seed, mode, duration, pace)
-        log = self._log(built, output) if record else None
+        _warn_of_processor()
         viewer = None
-        if live:
-            from symaware_cli.api.live import LiveView
+        with ExitStack() as stack:
+            stack.enter_context(built.simulation.environment)
+            log = self._log(built, output) if record else None
+            if live:
+                from symaware_cli.api.live import LiveView
 
-            viewer = LiveView(log, live if isinstance(live, str) else None)
-        try:
+                viewer = LiveView(log, live if isinstance(live, str) else None)
+                stack.callback(viewer.close)
             if on_event:
                 built.simulation.events.subscribe("*", on_event)
             end = built.steps * built.simulation.environment.time_step
@@ -151,11 +156,9 @@ class Scenario:
                 path = viewer.path if viewer else log
                 with prepared(built, path, told, timeout, place, may_exit) as run:
                     run.advance()
-            return result_of(run, viewer, recorded=record)
-        except BaseException as error:
-            if viewer and not hasattr(error, "run"):
-                viewer.close()
-            raise
+            # The run is over, and whoever looks at the viewer may go on.
+            stack.pop_all()
+        return result_of(run, viewer, recorded=record)
 
     def start(
         self,
@@ -183,14 +186,22 @@ class Scenario:
             ScenarioError: The scenario has problems.
             RunFailedError: A component failed as it took up its work.
             LogError: The log cannot be written, or it would replace a file of the scenario.
+
+        Warns:
+            ProcessorWarning: See `run`.
         """
         from symaware_cli.api.stepping import SteppedSimulation
 
         built = self._build(changes, seed, mode, duration, pace)
-        log = None if output is None else self._log(built, output)
-        if on_event:
-            built.simulation.events.subscribe("*", on_event)
-        return SteppedSimulation(built, log)
+        _warn_of_processor()
+        with ExitStack() as stack:
+            stack.enter_context(built.simulation.environment)
+            log = None if output is None else self._log(built, output)
+            if on_event:
+                built.simulation.events.subscribe("*", on_event)
+            simulation = SteppedSimulation(built, log)
+            stack.pop_all()
+        return simulation
 
     def _build(
         self, changes: Changes | None, seed: int | None, mode: Mode | None, duration: float | None, pace: float | None
@@ -230,6 +241,13 @@ class Scenario:
 
     def _repr_html_(self) -> str | None:
         return self.outline.report.html if self.outline else None
+
+
+def _warn_of_processor() -> None:
+    """Warn whoever called our caller where another processor may compute other last bits."""
+    shortfall = processor.shortfall()
+    if shortfall:
+        warnings.warn(shortfall, processor.ProcessorWarning, stacklevel=3)
 
 
 def _in_seconds(call: Callable[[float], object]) -> Callable[[int], None]:

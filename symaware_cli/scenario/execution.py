@@ -40,7 +40,13 @@ def execute(
 
     Raises:
         LogError: The log cannot be written.
+
+    Warns:
+        ProcessorWarning: On another processor the run may differ in its last bits.
     """
+    shortfall = processor.shortfall()
+    if shortfall:
+        warnings.warn(shortfall, processor.ProcessorWarning, stacklevel=2)
     with prepared(built, log, on_progress, timeout, place) as run:
         return run.execute()
 
@@ -68,13 +74,7 @@ def prepared(
         LogError: The log cannot be written.
         DistributionError: This process cannot have that place.
         TransportError: The others cannot be reached from there.
-
-    Warns:
-        ProcessorWarning: On another processor the run may differ in its last bits.
     """
-    shortfall = processor.shortfall()
-    if shortfall:
-        warnings.warn(shortfall, processor.ProcessorWarning, stacklevel=3)
     terms = replace(built.terms, timeout=timeout, may_exit=may_exit)
     with ExitStack() as stack:
         stack.enter_context(built.simulation.environment)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -40,7 +41,7 @@ class Place:
         *,
         bind: str = "127.0.0.1",
         name: str | None = None,
-        key_file: Path | None = None,
+        key_file: str | os.PathLike[str] | None = None,
         wait: float = 60.0,
     ) -> Self:
         """The place of the process that keeps the world.
@@ -54,7 +55,7 @@ class Place:
             wait: For how long it waits for the others [s].
         """
         address = f"[{bind}]:{port}" if ":" in bind else f"{bind}:{port}"
-        return cls("host", address, _listed(only), name, key_file, wait)
+        return cls("host", address, _listed(only), name, _path(key_file), wait)
 
     @classmethod
     def member(
@@ -63,7 +64,7 @@ class Place:
         only: str | Sequence[str],
         *,
         name: str | None = None,
-        key_file: Path | None = None,
+        key_file: str | os.PathLike[str] | None = None,
         wait: float = 60.0,
     ) -> Self:
         """The place of a process that joins.
@@ -75,8 +76,12 @@ class Place:
             key_file: The key that all share; needed unless nothing but this machine is reached.
             wait: For how long it tries to reach the host [s].
         """
-        return cls("member", address, _listed(only), name, key_file, wait)
+        return cls("member", address, _listed(only), name, _path(key_file), wait)
 
 
 def _listed(only: str | Sequence[str]) -> Sequence[str]:
     return [only] if isinstance(only, str) else only
+
+
+def _path(file: str | os.PathLike[str] | None) -> Path | None:
+    return None if file is None else Path(file)

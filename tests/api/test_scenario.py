@@ -3,6 +3,7 @@
 import asyncio
 import math
 import os
+import pickle
 import signal
 import subprocess
 import sys
@@ -134,6 +135,22 @@ def test_progress_and_events_are_told(path):
     sa.load(path).run(record=False, progress=reached.append, on_event=events.append)
     assert reached[0] == 0.05
     assert {event.name for event in events} >= {"started", "contact", "finished"}
+
+
+@pytest.mark.parametrize("argument", ["progress", "on_event"])
+def test_a_function_that_raises_ends_the_run_and_says_so(path, argument):
+    def refuse(_):
+        raise ValueError("enough")
+
+    with pytest.raises(sa.RunFailedError, match="ValueError: enough"):
+        sa.load(path).run(output="a.mcap", **{argument: refuse})
+    assert sa.open_log("a.mcap").outcome["status"] == "failed"
+
+
+def test_scenarios_and_results_go_to_other_processes(path):
+    scenario = pickle.loads(pickle.dumps(sa.load(path)))
+    run = pickle.loads(pickle.dumps(scenario.run(duration=0.1)))
+    assert run.series("robot", "world").values.shape == (3, 3, 3)
 
 
 def test_a_bar_is_shown_where_it_is_asked_for(path, capsys):

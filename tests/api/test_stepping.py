@@ -118,8 +118,9 @@ def test_control_from_outside_replaces_the_controller_until_it_is_given_back(sce
     assert (applied.values == [0.0, 2.0]).all(axis=1).sum() == 11
 
 
-def test_control_of_an_agent_without_components_moves_it(scenario):
-    with scenario.start() as simulation:
+@pytest.mark.parametrize("mode", ["synchronous", "asynchronous"])
+def test_control_of_an_agent_without_components_moves_it(scenario, mode):
+    with scenario.start(mode=mode) as simulation:
         simulation.set_control("lone", [1.0, -1.0])
         simulation.step(20)
         assert simulation.state("lone") == pytest.approx([10.0, 8.0])
@@ -150,6 +151,15 @@ def test_control_that_does_not_fit_is_refused_and_changes_nothing(scenario, name
         assert "outside" not in str(simulation)
         with pytest.raises(KeyError):
             simulation.set_control("robots", [0.0, 0.0])
+
+
+def test_control_from_outside_holds_at_instants_between_steps_too(path):
+    late = {"agents.robot.components.steer.period": 0.03}
+    with sa.load(path, late).start(mode="asynchronous") as simulation:
+        simulation.set_control("robot", [0.0, 2.0])
+        start = simulation.state("robot", "x", "y")
+        simulation.step(10)
+        assert (simulation.state("robot", "x", "y") == start).all()
 
 
 def test_events_are_those_of_the_last_call(scenario):
