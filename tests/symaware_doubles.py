@@ -3,6 +3,7 @@
 import contextlib
 import ctypes
 import itertools
+import multiprocessing
 import os
 import random
 import signal
@@ -418,7 +419,7 @@ class Unruly(GroupComponent):
     class Parameters(Parameters):
         """What, and when."""
 
-        how: Literal["exit", "interrupt", "leave", "thread", "print", "catch", "hold", "release"] = Field(
+        how: Literal["exit", "interrupt", "leave", "thread", "process", "print", "catch", "hold", "release"] = Field(
             "exit", description="What it does."
         )
         at: float = Field(0.2, description="When [s].")
@@ -435,6 +436,8 @@ class Unruly(GroupComponent):
                 raise SystemExit(0)
             case "thread":
                 threading.Thread(target=self.linger, name="lingering").start()
+            case "process":
+                multiprocessing.get_context("spawn").Process(target=time.sleep, args=[1000.0], name="child").start()
             case "print":
                 print("printed by a plugin")
                 ctypes.CDLL(None).puts(b"printed by a library")

@@ -26,7 +26,7 @@ def main() -> None:
 
         application()
     except SystemExit as end:
-        if threading.active_count() > 1:
+        if threading.active_count() > 1 or "multiprocessing.process" in sys.modules:
             from symaware_cli.cli.threads import do_not_wait
 
             do_not_wait(end.code)

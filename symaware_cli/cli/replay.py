@@ -79,6 +79,8 @@ def replay(
             WRONG_INPUT,
             as_json,
         )
+    if save and save.suffix.lower() != ".rrd":
+        fail(f"--save writes a recording of Rerun; end the name of the file in .rrd, not {save}", WRONG_INPUT, as_json)
     if screenshot and screenshot.suffix.lower() != ".png":
         fail(f"--screenshot writes a PNG; end the name of the file in .png, not {screenshot}", WRONG_INPUT, as_json)
     if at is not None and not screenshot:

@@ -1,4 +1,4 @@
-"""Threads that plugins have left behind: the interpreter would wait for them for ever."""
+"""Threads and processes that plugins have left behind: the interpreter would wait for them for ever."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import sys
 import threading
 import time
 from pathlib import Path
+from typing import Any
 
 from symaware_cli.core import Component, GroupComponent
 
@@ -15,12 +16,12 @@ _PATIENCE = 2.0
 
 
 def do_not_wait(status: str | int | None) -> None:
-    """End the process if there are threads that go on some time after all work is done, and say which.
+    """End the process if threads or child processes go on some time after all work is done, and say which.
 
     Args:
         status: With what the process is about to exit.
     """
-    if _left():
+    if _left() or _children():
         threading.Thread(
             target=_watch, args=(status if isinstance(status, int) else int(bool(status)),), daemon=True
         ).start()
@@ -32,12 +33,25 @@ def _left() -> list[threading.Thread]:
     return [each for each in threading.enumerate() if each is not main and each.is_alive() and not each.daemon]
 
 
+def _children() -> list[Any]:
+    """The child processes that `multiprocessing` waits for."""
+    multiprocessing = sys.modules.get("multiprocessing")
+    return [] if multiprocessing is None else [each for each in multiprocessing.active_children() if not each.daemon]
+
+
 def _watch(status: int) -> None:
     time.sleep(_PATIENCE)
-    names = [f"`{thread.name}`{_origin(thread)}" for thread in _left()]
-    if not names:
+    threads = [f"`{thread.name}`{_origin(thread)}" for thread in _left()]
+    children = _children()
+    if not threads and not children:
         return
-    sys.stderr.write(f"symaware: threads that go on after the end are not waited for: {', '.join(names)}\n")
+    if threads:
+        sys.stderr.write(f"symaware: threads that go on after the end are not waited for: {', '.join(threads)}\n")
+    if children:
+        names = ", ".join(f"`{child.name}`" for child in children)
+        sys.stderr.write(f"symaware: processes that go on after the end are ended: {names}\n")
+        for child in children:
+            child.kill()
     sys.stderr.flush()
     sys.stdout.flush()
     os._exit(status)

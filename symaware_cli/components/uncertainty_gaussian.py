@@ -176,7 +176,7 @@ class GaussianUncertainty(GroupComponent):
         now, observation, lag = self.now, self._group.awareness.observation, self._lag
         own, tracker = copy(self._own), copy(self._tracker)
         own.remember_input(now, self.environment.applied_input(self._group), self.environment.time_step)
-        if observation is not None and observation is not self._observation:
+        if observation is not None and not observation.repeats(self._observation):
             lag = max(lag, now - observation.time)
             if observation.time >= own.time and observation.state is not None:
                 own.advance(observation.time)

@@ -14,13 +14,14 @@ from symaware_cli.core.component import (
     UncertaintyEstimator,
 )
 from symaware_cli.core.entity import Entity, Obstacle, Pose, ScriptedPath
-from symaware_cli.core.environment import Attempts, Environment, EnvironmentParameters, WorldError
+from symaware_cli.core.environment import Environment, EnvironmentParameters, WorldError
 from symaware_cli.core.event import Event, EventBus, Level, SubscriberError, Subscription
 from symaware_cli.core.knowledge import KnowledgeDatabase
 from symaware_cli.core.message import EVERYBODY, Delivery, Exchange, Message, MessageBatch
 from symaware_cli.core.model import Model, Quantity
 from symaware_cli.core.plugin import Parameters, Plugin
 from symaware_cli.core.reading import Frame, Image, Measurement, Reading, Scan
+from symaware_cli.core.refusal import Attempts, RefusalError
 from symaware_cli.core.scenery import Scenery
 from symaware_cli.core.series import TimeSeries
 from symaware_cli.core.shape import Box, Circle, Cylinder, Mesh, Polygon, Shape, Urdf, Wall
@@ -78,6 +79,7 @@ __all__ = [
     "Pose",
     "Quantity",
     "Reading",
+    "RefusalError",
     "RiskEstimator",
     "Roster",
     "Scan",

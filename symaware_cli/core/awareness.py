@@ -72,6 +72,17 @@ class Observation:
     position_deviation: float
     velocity_deviation: float
 
+    def repeats(self, other: Observation | None) -> bool:
+        """Whether this is the same measurement as another, which may have come from another process."""
+        if self is other:
+            return True
+        if other is None or self.time != other.time:
+            return False
+        own = self.state is other.state or (
+            self.state is not None and other.state is not None and np.array_equal(self.state, other.state)
+        )
+        return own and self.tracks.repeats(other.tracks)
+
 
 class GroupAwareness:
     """The awareness that the agents of a group have: of themselves as columns, of others sparsely.

@@ -68,15 +68,15 @@ class Column:
 
     Attributes:
         fresh: Something was written since this was last set to False; the runtime uses it to look for NaN.
-        origin: The array that was written last as a whole, even if `restore` put some of its rows back; None if rows
-            were written since. By it a component knows again what it has written.
+        writes: How often the whole or a row was written; `restore` does not count. By it a component knows whether
+            somebody has written since it did, also in another process.
     """
 
-    __slots__ = ("_array", "_changed", "_every", "_own", "_shape", "fresh", "origin")
+    __slots__ = ("_array", "_changed", "_every", "_own", "_shape", "fresh", "writes")
 
     def __init__(self, values: ArrayLike) -> None:
         self._array = frozen(values)
-        self.origin: Array | None = self._array
+        self.writes = 0
         self._own = False  # whether nobody else was given the array, so that it may be written in place
         self._shape = self._array.shape[1:]
         self._changed: set[int] = set()
@@ -96,7 +96,7 @@ class Column:
         if array.shape != self._array.shape:
             raise ValueError(f"expected an array of shape {self._array.shape}, not {array.shape}")
         self._array, self._own = array, False
-        self.origin = array
+        self.writes += 1
         self._every = self.fresh = True
 
     def row(self, index: int) -> Array:
@@ -118,16 +118,16 @@ class Column:
         if not self._own:
             self._array, self._own = self._array.copy(), True
         self._array[index] = value
-        self.origin = None
+        self.writes += 1
         self._changed.add(index)
         self.fresh = True
 
     def restore(self, rows: Sequence[int], before: Array) -> None:
         """Put back some rows of what was written as they were in an earlier array of the column."""
-        origin, array = self.origin, self.values.copy()
+        writes, array = self.writes, self.values.copy()
         array[rows] = before[rows]
         self.values = array
-        self.origin = origin
+        self.writes = writes
 
     def exchange(self, values: Array) -> Array:
         """Put an array in place that was read here before, which counts as no change, and return the present one."""

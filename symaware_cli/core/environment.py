@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Self
 
@@ -17,6 +16,7 @@ from symaware_cli.core.entity import Obstacle, Pose
 from symaware_cli.core.plugin import Parameters, Plugin
 from symaware_cli.core.rays import BodiesInPlane, rays_in_plane
 from symaware_cli.core.reading import Image
+from symaware_cli.core.refusal import Attempts, RefusalError
 from symaware_cli.core.scenery import Scenery
 from symaware_cli.core.time import nanoseconds, seconds
 from symaware_cli.core.world import Contact, Roster, Snapshot
@@ -35,44 +35,11 @@ class EnvironmentParameters(Parameters):
     time_step: float = Field(0.05, ge=1e-6, le=1e6, description="Simulated time between two steps [s].")
 
 
-class WorldError(ValueError):
-    """A world cannot do what a scenario asks of it.
+class WorldError(RefusalError):
+    """A world cannot do what a scenario asks of it; `path` is one of the scenario."""
 
-    Attributes:
-        path: Where in the scenario that is asked, such as ``("agents", "robot", "model")``.
-        others: What else it cannot do, if several things were tried.
-    """
-
-    def __init__(self, message: str, *path: str) -> None:
-        super().__init__(message)
-        self.path = path or ("environment",)
-        self.others: Sequence[WorldError] = ()
-
-
-class Attempts:
-    """Tries all that a scenario asks of a world, so that an author learns at once of everything that cannot be."""
-
-    def __init__(self) -> None:
-        self._failed: list[WorldError] = []
-
-    @contextmanager
-    def one(self) -> Iterator[None]:
-        """Try one of them; where it fails, the next one follows."""
-        try:
-            yield
-        except WorldError as error:
-            self._failed.append(error)
-
-    def conclude(self) -> None:
-        """End with the first that failed, which knows of the others.
-
-        Raises:
-            WorldError: One failed.
-        """
-        if self._failed:
-            first, *rest = self._failed
-            first.others = rest
-            raise first
+    def __init__(self, message: str, *path: str | int) -> None:
+        super().__init__(message, *(path or ("environment",)))
 
 
 class Environment(Plugin, ABC):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, MutableSequence
 from collections.abc import Set as AbstractSet
 from copy import deepcopy
 from typing import Any, NoReturn
@@ -119,6 +119,11 @@ class KnownArray(np.ndarray[Any, Any]):
     def __array_finalize__(self, parent: Any) -> None:
         self.known_as = getattr(parent, "known_as", "")
 
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name != "known_as" and not self.flags.writeable:
+            _refuse(self)
+        super().__setattr__(name, value)
+
     def __array_wrap__(self, array: Any, context: Any = None, return_scalar: bool = False) -> Any:
         return array if array.ndim else array[()]
 
@@ -159,8 +164,9 @@ class KnownVector(AwarenessVector):
 def readonly(value: Any, name: str) -> Any:
     """Return a value that nobody can change, and that changes to the original do not reach.
 
-    Lists and tuples become tuples, mappings and arrays refuse to be changed, and so do sets and awareness vectors;
-    texts, numbers and time series cannot be changed anyway. Objects of other classes stay what they are.
+    Lists and tuples, and what else is a sequence that can be changed, become tuples; mappings and arrays refuse to be
+    changed, and so do sets and awareness vectors; texts, numbers and time series cannot be changed anyway. Objects of
+    other classes stay what they are.
 
     Args:
         value: What.
@@ -190,9 +196,9 @@ def _readonly(value: Any, name: str, outer: tuple[int, ...]) -> Any:
             return _array(np.array(value), name)
     elif isinstance(value, AwarenessVector):
         return _vector(value, name)
-    elif isinstance(value, bytearray):
+    elif isinstance(value, bytearray | memoryview):
         return bytes(value)
-    elif not isinstance(value, list | tuple | Mapping | AbstractSet):
+    elif not isinstance(value, tuple | MutableSequence | Mapping | AbstractSet):
         return value
     if id(value) in outer:
         raise ValueError(f"the knowledge `{name}` contains itself")

@@ -11,26 +11,15 @@ from pydantic import BaseModel, Field
 
 from symaware_cli.core.message import Indices
 from symaware_cli.core.plugin import Parameters, Plugin
+from symaware_cli.core.refusal import RefusalError
 from symaware_cli.core.world import Roster
 
 if TYPE_CHECKING:
     from symaware_cli.core.environment import Environment
 
 
-class TopologyError(ValueError):
-    """A topology cannot be as its parameters want it.
-
-    Attributes:
-        path: Which parameter, such as ``("edges", 3)``.
-        names: What would be right in its place, where that can be listed.
-        name: What stands there.
-    """
-
-    def __init__(self, message: str, *path: str | int, name: str | None = None, names: tuple[str, ...] = ()) -> None:
-        super().__init__(message)
-        self.path = path
-        self.name = name
-        self.names = names
+class TopologyError(RefusalError):
+    """A topology cannot be as its parameters want it; `path` is one of these, such as ``("edges", 3)``."""
 
 
 class Links:

@@ -52,6 +52,13 @@ class Tracks:
         self.covariances = None if covariances is None else frozen(covariances)
         self.ages = frozen(np.zeros(len(others)) if ages is None else ages)
 
+    def repeats(self, other: Tracks) -> bool:
+        """Whether these are the same tracks as others, of the same instant; NaN equals NaN."""
+        return self.time == other.time and all(
+            np.array_equal(getattr(self, name), getattr(other, name), equal_nan=True)
+            for name in ("others", "pointers", "positions", "velocities", "ages")
+        )
+
     @classmethod
     def of(
         cls,

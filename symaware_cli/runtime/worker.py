@@ -241,7 +241,7 @@ def group_data(group: AgentGroup, *, sees_world: bool = False) -> dict[str, Any]
     awareness = group.awareness
     data: dict[str, Any] = {
         "state": awareness.state,
-        "control_input": group.control_input,
+        "control_input": (group.control_input, group.control_column.writes),
         "world": awareness.world,
         "observation": awareness.observation,
         "seen": awareness.seen,
@@ -267,7 +267,8 @@ def _series_data(column: SeriesColumn) -> tuple[Any, ...]:
 def _take_group_data(group: AgentGroup, data: Mapping[str, Any]) -> None:
     awareness = group.awareness
     awareness.state_column = _column(awareness.state_column, data["state"])
-    group.control_column.values = data["control_input"]
+    group.control_column.values, writes = data["control_input"]
+    group.control_column.writes = writes
     awareness.world, awareness.observation = data["world"], data["observation"]
     awareness.seen, awareness.told, awareness.readings = data["seen"], data["told"], data["readings"]
     for own, known in zip(group.knowledge, data["knowledge"], strict=True):

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from symaware_cli.core import AgentGroup, Environment, Links, Roster, Topology, TopologyError, nanoseconds
+from symaware_cli.core import AgentGroup, Environment, Links, RefusalError, Roster, Topology, TopologyError, nanoseconds
 from symaware_cli.network.channel.parameters import ChannelParameters
 from symaware_cli.network.network import Exemption, Network, Stretch, links_of
 from symaware_cli.scenario.document import LinkUse, TopologyUse
@@ -100,7 +100,8 @@ class NetworkBuilder:
         try:
             stretch.topology.initialise(self._environment, self._seed)
         except TopologyError as error:
-            self._explain(error, (*path, "with", *error.path))
+            for each in (error, *error.others):
+                self._explain(each, (*path, "with", *each.path))
             return False
         except KeyboardInterrupt:
             raise
@@ -128,7 +129,7 @@ class NetworkBuilder:
     def _blame(self, stretch: Stretch, path: Path, error: BaseException) -> None:
         self._report("broken-plugin", f"{quoted(stretch.use)} cannot lay its links: {words(error)}", (*path, "use"))
 
-    def _explain(self, error: TopologyError, path: Path) -> None:
+    def _explain(self, error: RefusalError, path: Path) -> None:
         listed = ", ".join(error.names[:6]) + (", ..." if len(error.names) > 6 else "")
         self._report(
             "unknown-target" if error.name is not None else "invalid-value",

@@ -126,7 +126,8 @@ def test_options_that_mean_nothing_are_told(options, said, hello, command, tmp_p
 
 def test_a_log_is_not_overwritten_by_what_is_made_of_it(hello, command):
     before = hello.read_bytes()
-    done = command("replay", hello, "--save", hello)
+    Path("same.rrd").symlink_to(hello)
+    done = command("replay", hello, "--save", "same.rrd")
     assert done.returncode == 2
     assert "it is what is read" in done.stderr
     assert hello.read_bytes() == before
@@ -183,11 +184,11 @@ def test_a_log_without_models_is_a_damaged_one(command, tmp_path):
 def test_a_full_disk_is_told_and_what_was_there_stays(hello, tmp_path):
     folder = tmp_path / "disk"
     folder.mkdir()
-    line = [*COMMAND, "replay", str(hello), "--save", "old"]
-    done = on_a_small_disk(folder, line, size="256k")
+    line = [*COMMAND, "replay", str(hello), "--save", "old.rrd"]
+    done = on_a_small_disk(folder, line, size="256k", then="mv old old.rrd")
     assert done.returncode == 1
-    assert "cannot write old: the disk is full" in done.stderr
-    assert done.stdout.split() == ["old"]
+    assert "cannot write old.rrd: the disk is full" in done.stderr
+    assert done.stdout.split() == ["old.rrd"]
 
 
 def test_a_file_that_may_not_grow_is_told_and_nothing_stays(hello, command, tmp_path):
@@ -199,6 +200,14 @@ def test_a_file_that_may_not_grow_is_told_and_nothing_stays(hello, command, tmp_
     assert done.returncode == 1
     assert "cannot write a.rrd: the file would be larger than allowed here" in done.stderr
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", ["a.png", "a.jpg", "a"])
+def test_a_recording_that_is_called_something_else_is_refused(name, hello, command):
+    done = command("replay", hello, "--save", name)
+    assert done.returncode == 2
+    assert "end the name of the file in .rrd" in done.stderr
+    assert not Path(name).exists()
 
 
 def test_a_folder_that_is_not_there_is_told(hello, command):

@@ -195,6 +195,14 @@ def test_waypoints_come_before_the_goal():
         assert np.hypot(*(places[:, 0] - waypoint).T).min() < 0.5
 
 
+def test_a_goal_near_the_start_is_not_reached_before_the_waypoints():
+    around = [[2.0, 0.0], [2.0, 2.0]]
+    robot = team(MODELS["single integrator"], [[0.0, 0.0]], [[0.0, 0.05]], knowledge={"waypoints": around})
+    summary, events, _ = travel({"robot": robot}, 200)
+    assert [event.name for event in events] == ["waypoint-reached", "waypoint-reached", "goal-reached"]
+    assert summary.goals_reached
+
+
 def test_a_goal_that_is_a_state_is_reached_as_a_whole_the_shorter_way_round():
     weights = {"x": 1.0, "y": 1.0, "heading": 0.5}
     robot = team(MODELS["unicycle"], [[0.0, 0.0, 3.0]], [[-3.0, 0.5, -3.0]], state_weight=weights)

@@ -2,7 +2,8 @@
 
 import copy
 import pickle
-from collections import OrderedDict, namedtuple
+from array import array
+from collections import OrderedDict, UserList, deque, namedtuple
 from types import MappingProxyType
 
 import numpy as np
@@ -40,6 +41,10 @@ CHANGES = {
     "append in an array of objects": (np.array([[1], None], object), lambda known: known[0].append(2)),
     "add to a set": ({1}, lambda known: known.add(2)),
     "update a set": ({1}, lambda known: known.__ior__({2})),
+    "append to a queue": (deque([1]), lambda known: known.append(2)),
+    "append to an array of numbers": (array("d", [1.0]), lambda known: known.append(2.0)),
+    "append to a list of a class of its own": (UserList([1]), lambda known: known.append(2)),
+    "give an array another shape": (np.zeros(2), lambda known: setattr(known, "shape", (2, 1))),
     "set the state of a vector": (AwarenessVector("a", [1.0]), lambda known: setattr(known, "state", [2.0])),
 }
 

@@ -76,6 +76,14 @@ def test_what_cannot_be_is_said_with_its_place(topology, parameters, problem, pa
     assert caught.value.path == path
 
 
+def test_all_edges_that_cannot_be_are_said_at_once():
+    edges = (("robot.0", "robot.0"), ("rover", "robot.1"), ("robot.1", "robot.1"))
+    with pytest.raises(TopologyError) as caught:
+        laid(Graph, world(4), edges=edges)
+    told = [caught.value, *caught.value.others]
+    assert [each.path for each in told] == [("edges", 0), ("edges", 1, 0), ("edges", 2)]
+
+
 def test_a_random_graph_has_as_many_links_as_its_probability_says():
     links = laid(Random, world(150), probability=0.1).links(0)
     assert stats.binomtest(len(links) // 2, 150 * 149 // 2, 0.1).pvalue > 1e-3

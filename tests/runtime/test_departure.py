@@ -90,6 +90,15 @@ def test_a_thread_that_goes_on_is_named_and_not_waited_for(unruly, tmp_path):
     assert json.loads(done.stdout)["status"] == "finished"
 
 
+def test_a_process_that_goes_on_is_named_and_ended(unruly, tmp_path):
+    began = time.monotonic()
+    done = unruly("process")
+    assert time.monotonic() - began < 60.0
+    assert done.returncode == 0, done.stderr
+    assert "processes that go on after the end are ended: `child`" in done.stderr
+    assert open_log(tmp_path / "unruly.mcap").outcome["status"] == "finished"
+
+
 def test_a_log_without_an_outcome_is_told_of(command, doubles, tmp_path):
     """As where native code ends the process, which nothing in it can prevent."""
 

@@ -227,6 +227,10 @@ LOOKING = {
     "risk.time-to-collision": {"risk": {"use": "risk.time-to-collision", "with": {"reach": 9.0}}},
     "control.velocity-obstacle": {"steer": {"use": "control.velocity-obstacle", "with": {"speed": 1.0}}},
     "control.mpc": {"steer": {"use": "control.mpc", "with": {"speed": 1.0, "steps": 6, "horizon": 1.5}}},
+    "control.risk-aware": {
+        "risk": {"use": "risk.time-to-collision", "with": {"reach": 9.0}},
+        "brake": {"use": "control.risk-aware", "with": {"caution": 0.01, "bound": 0.9}},
+    },
     "perception.range": {"see": {"use": "perception.range", "with": {"range": 9.0, "position_noise": 0.1}}},
     "perception.lidar": {"scan": {"use": "perception.lidar", "with": {"range": 9.0, "rays": 12}}},
 }
@@ -235,7 +239,7 @@ LOOKING = {
 @pytest.mark.parametrize("environment", ["kinematic", "pymunk", "pybullet"])
 @pytest.mark.parametrize("use", sorted(LOOKING))
 def test_what_looks_at_the_world_gives_the_same_bytes_in_workers(use, environment, ran):
-    """The process follows the world, with all that moves in it."""
+    """The process follows the world, with all that moves in it, and knows what it has seen and written before."""
     logs = []
     for where in ("here", "process"):
         components = {
@@ -243,6 +247,8 @@ def test_what_looks_at_the_world_gives_the_same_bytes_in_workers(use, environmen
             "belief": {"use": "uncertainty.gaussian"},
             "steer": {"use": "control.go-to-goal"},
         }
+        # What the others look at is not new at each of their turns.
+        components = {name: {**each, "period": 0.3} for name, each in components.items()}
         for name, component in LOOKING[use].items():
             components[name] = {**component, "run_in": where, "period": 0.1}
         robot = {
@@ -250,7 +256,7 @@ def test_what_looks_at_the_world_gives_the_same_bytes_in_workers(use, environmen
             "model": {"use": "unicycle"},
             "entity": {"shape": {"circle": {"radius": 0.3}}},
             "state": [[0, 0, 0], [4, 1, 3], [2, -3, 1.5]],
-            "knowledge": {"goal": [[4, 1], [0, 0], [2, 3]]},
+            "knowledge": {"goal": [[0.3, 0.05], [0, 0], [2, 3]]},  # one of which is reached
             "components": components,
         }
         other = {

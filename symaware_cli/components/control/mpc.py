@@ -61,6 +61,7 @@ class Turn(NamedTuple):
         passed: How many waypoints lie behind.
         distance: What remains to the goal [m].
         way: The way to it.
+        is_other_way: Whether it is not the one of the turn before.
     """
 
     control_input: Array
@@ -69,6 +70,7 @@ class Turn(NamedTuple):
     passed: int
     distance: float
     way: Way
+    is_other_way: bool
 
 
 class ModelPredictiveControl(Component):
@@ -249,10 +251,11 @@ class ModelPredictiveControl(Component):
         state = agent.self_state
         position = model.positions(state[None])[0]
         way = self._present_way(self._way)
-        passed = way.passed(position, self._passed if way is self._way else 0, self.parameters.passing)
+        other = way is not self._way
+        passed = way.passed(position, 0 if other else self._passed, self.parameters.passing)
         distance = way.remaining(position)
         if self._planned is not None and self.now < self._planned + self._step:
-            return Turn(self._held, None, self._slows, passed, distance, way)
+            return Turn(self._held, None, self._slows, passed, distance, way, other)
         requested = model.limit(agent.control_input[None])
         rest = None
         if self._plan is not None and self._planned is not None:
@@ -269,8 +272,8 @@ class ModelPredictiveControl(Component):
         given = {"reference": way.reference(state, places), **others, **obstacles}
         decision = self._solver.replan(state, given, previous_input=requested[0], rest=rest)
         if decision.plan is None or (others and self._presses(decision.plan, others)):
-            return Turn(_slowest(model, state, requested), decision, True, passed, distance, way)
-        return Turn(decision.plan.inputs[0], decision, False, passed, distance, way)
+            return Turn(_slowest(model, state, requested), decision, True, passed, distance, way, other)
+        return Turn(decision.plan.inputs[0], decision, False, passed, distance, way, other)
 
     def _presses(self, plan: Plan, others: Mapping[str, Array]) -> bool:
         """Whether a plan soon comes closer to others than it should, and than the agent is already."""
@@ -289,7 +292,7 @@ class ModelPredictiveControl(Component):
             elif value.slows and not self._slows:
                 self.emit("slowed", "slows down, because its plan comes too close to others")
         self._slows = value.slows
-        if value.way is not self._way:
+        if value.is_other_way:
             self._way, self._passed = value.way, 0
             if self._reached:
                 self._reached = False
@@ -297,7 +300,8 @@ class ModelPredictiveControl(Component):
         for number in range(self._passed, value.passed):
             self.emit("waypoint-reached", f"reached its waypoint {number}", number=number)
         self._passed = value.passed
-        if not self._reached and value.distance <= self.parameters.tolerance:
+        arrived = self._way.is_behind(self._passed) and value.distance <= self.parameters.tolerance
+        if arrived and not self._reached:
             self._reached = True
             self.emit("goal-reached", "reached its goal", distance=value.distance)
 

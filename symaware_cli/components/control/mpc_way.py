@@ -98,6 +98,10 @@ class Way:
             return passed + int(np.square(away).sum() <= within * within)
         return passed
 
+    def is_behind(self, passed: int) -> bool:
+        """Whether all waypoints lie behind where so many do."""
+        return passed == len(self._waypoints)
+
     def ahead(self, position: Array, passed: int, travelled: Array) -> Array:
         """The positions to aim at, along the shortest way.
 

@@ -56,7 +56,7 @@ class RiskAware(GroupComponent):
         self._stopped = np.zeros(len(group), bool)
         self._last: int | None = None
         self._requested: Array | None = None
-        self._written: Array | None = None
+        self._written: int | None = None
 
     def _compute(self) -> tuple[Array, Array, Array]:
         group, parameters = self._group, self.parameters
@@ -65,7 +65,7 @@ class RiskAware(GroupComponent):
         elapsed = 0.0 if self._last is None else (self.now - self._last) / SECOND
         factor = np.minimum(wanted, self._factor + parameters.recovery * elapsed)
         requested = group.control_input
-        if group.control_column.origin is self._written and self._requested is not None:
+        if group.control_column.writes == self._written and self._requested is not None:
             # Nobody chose anew since the last turn: slow down the choice, not what was made of it.
             requested = self._requested
         return requested, group.model.slowed(group.awareness.state, requested, factor), factor
@@ -73,7 +73,7 @@ class RiskAware(GroupComponent):
     def _update(self, value: tuple[Array, Array, Array]) -> None:
         self._requested, slowed, factor = value
         self._group.control_input = slowed
-        self._written = self._group.control_input
+        self._written = self._group.control_column.writes
         self._last = self.computed_at
         self._tell(factor)
         self._factor = factor

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BeforeValidator, Field
 
-from symaware_cli.core import Environment, Links, Topology, TopologyError, TopologyParameters
+from symaware_cli.core import Attempts, Environment, Links, Topology, TopologyError, TopologyParameters
 from symaware_cli.core.message import Indices
 from symaware_cli.network.chance import Words, agent_keys, link_keys, uniforms
 
@@ -161,12 +161,19 @@ class Graph(StillTopology):
         """The links of every pair."""
         senders: list[int] = []
         receivers: list[int] = []
+        attempts = Attempts()
         for number, (one, other) in enumerate(self.parameters.edges):
-            if one == other and one in self.roster:
-                raise TopologyError(f"`{one}` cannot be linked with itself", "edges", number)
-            ends = self.find_members(one, "edges", number, 0), self.find_members(other, "edges", number, 1)
-            senders += [each for each in ends[0] for _ in ends[1]]
-            receivers += [each for _ in ends[0] for each in ends[1]]
+            ends: list[list[int]] = []
+            with attempts.one():
+                if one == other and one in self.roster:
+                    raise TopologyError(f"`{one}` cannot be linked with itself", "edges", number)
+            for place, end in enumerate((one, other)):
+                with attempts.one():
+                    ends.append(self.find_members(end, "edges", number, place))
+            if len(ends) == 2:
+                senders += [each for each in ends[0] for _ in ends[1]]
+                receivers += [each for _ in ends[0] for each in ends[1]]
+        attempts.conclude()
         both_ways = not self.parameters.directed
         return Links.of(len(self.roster), np.array(senders), np.array(receivers), both_ways=both_ways)
 
