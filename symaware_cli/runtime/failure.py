@@ -48,7 +48,7 @@ def describe(error: BaseException) -> str:
     """Put an exception into one line."""
     try:
         text = " ".join(str(error).split())
-    except Exception:  # an exception of a plugin may be as broken as the plugin
+    except BaseException:  # an exception of a plugin may be as broken as the plugin
         text = ""
     return f"{type(error).__name__}: {text}" if text else type(error).__name__
 

@@ -14,6 +14,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from symaware_cli.core import Component, Environment, GroupComponent, Model, Topology, Transport
+from symaware_cli.runtime.failure import describe
 from symaware_cli.scenario.problem import nearest, quoted
 
 #: What a scenario can use, and the entry-point group where it is registered.
@@ -173,8 +174,8 @@ def _imported(point: metadata.EntryPoint, origin: str) -> Any:
     except KeyboardInterrupt:
         raise
     except BaseException as error:
-        text = f"{type(error).__name__}: {' '.join(str(error).split())}".removesuffix(": ")
-        raise PluginError("broken-plugin", f"{origin} cannot be imported: {text}{place_of(error)}") from error
+        text = describe(error) + place_of(error)
+        raise PluginError("broken-plugin", f"{origin} cannot be imported: {text}") from error
 
 
 def place_of(error: BaseException) -> str:

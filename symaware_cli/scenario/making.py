@@ -7,6 +7,7 @@ from typing import Any
 
 from symaware_cli.core import GroupComponent, Plugin
 from symaware_cli.core.column import FARTHEST
+from symaware_cli.runtime.failure import describe
 from symaware_cli.scenario.catalogue import Catalogue, PluginError, place_of
 from symaware_cli.scenario.check import check
 from symaware_cli.scenario.compose import Composition
@@ -163,7 +164,7 @@ def mapping(value: Any) -> Mapping[str, Any]:
 
 def words(error: BaseException) -> str:
     """Return what an error says: a refusal in its own words, anything else with its type and place."""
-    text = " ".join(str(error).split())
-    if isinstance(error, ValueError | NotImplementedError) and text:
-        return text
-    return f"{type(error).__name__}: {text}".removesuffix(": ") + place_of(error)
+    told = describe(error)
+    if isinstance(error, ValueError | NotImplementedError) and ": " in told:
+        return told.partition(": ")[2]
+    return told + place_of(error)

@@ -241,6 +241,12 @@ def test_a_required_parameter_beside_with_is_one_problem(problems: Problems) -> 
             r"`broken.crashing-check` cannot work here: ZeroDivisionError: division by zero \(faulty.py, line \d+\)",
         ),
         (
+            {"components": {"c": {"use": "broken.unprintable"}}},
+            "broken-plugin",
+            "components.c.use",
+            r"`broken.unprintable` cannot be made: WordlessError \(faulty.py, line \d+\)",
+        ),
+        (
             {"components": {"c": {"use": "broken.leaving-check"}}},
             "unsuitable",
             "components.c",

@@ -83,6 +83,17 @@ class Leaves(_Idle):
         raise SystemExit(3)
 
 
+class Unprintable(_Idle):
+    """Raises what cannot say what it is."""
+
+    def __init__(self) -> None:
+        class WordlessError(Exception):
+            def __str__(self) -> str:
+                raise KeyboardInterrupt
+
+        raise WordlessError
+
+
 class CrashingCheck(_Idle):
     """Cannot even check."""
 
