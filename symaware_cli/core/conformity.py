@@ -36,8 +36,12 @@ def faults_of(model: Model, state: Array | None = None, step: float = 0.1) -> It
     inputs = np.tile(np.zeros(nu) if bounds is None else np.clip(0.0, *bounds), (count, 1))
     step = model.time_step or step
     x, u = columns(states), columns(inputs)
-    yield from _elements("derivative", lambda: model.derivative(x, u, np), nx, count, needed=True)
-    yield from _elements("successor", lambda: model.successor(x, u, step, np), nx, count)
+    parts = list(_elements("derivative", lambda: model.derivative(x, u, np), nx, count, needed=True))
+    parts += _elements("successor", lambda: model.successor(x, u, step, np), nx, count)
+    yield from parts
+    if not parts:  # which these are made of, where a model does not say otherwise
+        yield from _array("exact_step", lambda: model.exact_step(states, inputs, step), (count, nx), may_be_none=True)
+        yield from _array("turn_rate", lambda: model.turn_rate(states, inputs), (count,))
     if bounds is not None:
         yield from _array("limit", lambda: model.limit(inputs), (count, nu))
     yield from _array("positions", lambda: model.positions(states), (count, d))

@@ -43,6 +43,7 @@ def imaginary(values):
 BROKEN = [
     *((name, how) for name in ("derivative", "successor") for how in (longer, shorter)),
     *((name, how) for name in ("positions", "velocity", "limit", "jacobian") for how in (wider, narrower, imaginary)),
+    *((name, how) for name in ("exact_step", "turn_rate") for how in (wider, narrower)),
     *((name, how) for name in ("noise_deviation", "noise_covariance", "slowed") for how in (wider, narrower)),
     ("follow_velocity", narrower),
     ("input_bounds", lambda bounds: (bounds[0], longer(bounds[1]))),
@@ -93,6 +94,7 @@ class Changed:
             "derivative": (rows[0].T, rows[1].T, np),
             "successor": (rows[0].T, rows[1].T, step, np),
             "positions": rows[:1],
+            "exact_step": (*rows, step),
             "limit": rows[1:],
             "noise_deviation": (step,),
             "noise_covariance": (step,),
