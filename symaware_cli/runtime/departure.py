@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, NoReturn
 
@@ -28,8 +28,8 @@ class ExitError(BaseException):
         super().__init__(f"os._exit({status}) would end the process, and its log without an outcome")
 
 
-#: How many runs are under way in this process, and the lock that goes with the number.
-_runs, _lock = 0, threading.Lock()
+#: How many runs are under way, in which process, and the lock that goes with the number.
+_runs, _owner, _lock = 0, 0, threading.Lock()
 
 
 @contextmanager
@@ -48,22 +48,20 @@ def exits_refused() -> Iterator[None]:
 
 
 def _count(more: int) -> None:
-    global _runs
+    global _runs, _owner
     with _lock:
-        if not _runs:
-            os._exit = _refusal(os.getpid())  # type: ignore[assignment]
         _runs += more
-        if not _runs:
+        if _runs == more:  # the first
+            _owner = os.getpid()
+            os._exit = _refuse
+        elif not _runs:
             os._exit = _exit
 
 
-def _refusal(owner: int) -> Callable[[int], NoReturn]:
-    def refuse(status: int) -> NoReturn:
-        if os.getpid() != owner:
-            _exit(status)
-        raise ExitError(status)
-
-    return refuse
+def _refuse(status: int) -> NoReturn:
+    if os.getpid() != _owner:
+        _exit(status)
+    raise ExitError(status)
 
 
 def leave(status: int, words: str, recorder: Recorder | None = None) -> NoReturn:

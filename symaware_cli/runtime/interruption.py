@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import _signal  # type: ignore[import-not-found]
 import ctypes
 import signal
 import sys
@@ -16,6 +17,9 @@ from symaware_cli.runtime.departure import PATIENCE
 
 #: Signals that follow each other within this are one: some programs pass on what their process group has got [s].
 _TWICE = 0.1
+
+#: What ends a run.
+_SIGNALS = int(signal.SIGINT), int(signal.SIGTERM)
 
 
 class Interrupted(BaseException):
@@ -82,8 +86,9 @@ class Interruption:
     def __enter__(self) -> Interruption:
         # Only the main thread may handle signals; elsewhere whoever runs us decides.
         if threading.current_thread() is threading.main_thread():
-            for number in (signal.SIGINT, signal.SIGTERM):
-                self._previous[number] = signal.signal(number, self._handle)
+            # What `signal.signal` itself calls: its enumerations take 20 us, and this may happen with every step.
+            for number in _SIGNALS:
+                self._previous[number] = _signal.signal(number, self._handle)
             if self._give_up:
                 _hear_once(signal.SIGINT)
             if self._timeout is not None or self._turn_limit is not None:
@@ -101,7 +106,7 @@ class Interruption:
         if self._timeout is not None:
             self._deadline = now + self._timeout
             intervals.append(max(self._timeout, 1e-3))
-        self._previous[signal.SIGALRM] = signal.signal(signal.SIGALRM, self._on_alarm)
+        self._previous[signal.SIGALRM] = _signal.signal(signal.SIGALRM, self._on_alarm)
         signal.setitimer(signal.ITIMER_REAL, min(intervals), min([*intervals, 1.0]))
 
     def __exit__(
@@ -119,7 +124,7 @@ class Interruption:
         while self._previous:
             number, handler = self._previous.popitem()
             # What was not installed from Python cannot be put back.
-            signal.signal(number, signal.SIG_DFL if handler is None else handler)
+            _signal.signal(number, _signal.SIG_DFL if handler is None else handler)
 
     def _handle(self, number: int, frame: FrameType | None) -> None:
         now = time.monotonic()
