@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from symaware_cli.cli.progress import progress
+from symaware_cli.api.progress import progress
+from symaware_cli.api.report import size_in_words
 from symaware_cli.cli.terminal import (
     DATA_LOST,
     FAILED,
@@ -24,7 +25,6 @@ from symaware_cli.cli.terminal import (
     is_lively,
     names,
     print_json,
-    size_in_words,
     span,
     trouble_shown,
 )

@@ -14,8 +14,6 @@ from typing import Annotated, Any, NoReturn, TextIO
 
 import typer
 
-from symaware_cli.api.report import size_in_words as size_in_words
-
 FAILED, WRONG_INPUT, DATA_LOST, INTERRUPTED = 1, 2, 3, 130
 
 ScenarioPath = Annotated[
