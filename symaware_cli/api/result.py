@@ -121,7 +121,7 @@ class RunFailedError(RuntimeError):
 
 
 class RunInterrupted(KeyboardInterrupt):
-    """Ctrl-C or SIGTERM ended a run; its log is finished.
+    """Ctrl-C or SIGTERM ended a run, or came as it ended; its log is finished.
 
     Attributes:
         run: The run as far as it went.

@@ -189,6 +189,11 @@ class Interruption:
 
         return work
 
+    @property
+    def held(self) -> int | None:
+        """The signal that is held back, if there is one."""
+        return self._pending.number if self._pending else None
+
     def shield(self) -> None:
         """Hold signals back."""
         self._shielded = True

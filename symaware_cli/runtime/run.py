@@ -96,7 +96,7 @@ class Run:
         is_at_step: Whether the present instant is one at which the world has moved.
         status: How it ended, as `Summary` says it; None while it goes on.
         failure: Why it failed, if it did.
-        signal: The signal that ended it, if one did.
+        signal: The signal that ended it, or came as it ended by itself; None where there was none.
         imposed: Control inputs that stand in for what the components of a group request, whatever that is: which rows,
             and what for each row of the group.
     """
@@ -176,8 +176,13 @@ class Run:
         with self._in_progress():
             try:
                 ending = self._proceed(steps)
-                if ending is not None:
+                if ending is None:
+                    self.interruption.unshield()
+                    self.interruption.shield()
+                else:
                     self._end("finished", ending)
+                    # It came too late for the run, and not for whoever made it.
+                    self.signal = self.interruption.held
             except Interrupted as signal:
                 self.signal = signal.number
                 self._cut_off(f"ended by {signal}")

@@ -185,6 +185,16 @@ def test_ctrl_c_finishes_the_log_and_is_raised(path):
     assert signal.getsignal(signal.SIGINT) is handler
 
 
+def test_ctrl_c_as_a_run_ends_is_not_lost(path):
+    def press(event):
+        if event.name == "finished":
+            signal.raise_signal(signal.SIGINT)
+
+    with pytest.raises(sa.RunInterrupted) as caught:
+        sa.load(path).run(on_event=press)
+    assert caught.value.run.log.outcome["status"] == "finished"
+
+
 @pytest.mark.parametrize("thread", ["main", "other"])
 def test_a_time_out_returns_the_run_as_interrupted(path, thread):
     runs = []

@@ -236,6 +236,14 @@ def test_ctrl_c_within_a_step_ends_the_run(path):
     assert sa.open_log("a.mcap").outcome["status"] == "interrupted"
 
 
+def test_ctrl_c_as_a_step_ends_is_not_kept_for_the_next(scenario):
+    with scenario.start(output="a.mcap") as simulation:
+        simulation._simulation.events.subscribe("stepped", lambda event: signal.raise_signal(signal.SIGINT))
+        with pytest.raises(sa.RunInterrupted):
+            simulation.step()
+    assert sa.open_log("a.mcap").outcome["status"] == "interrupted"
+
+
 def test_a_run_that_ends_by_its_condition_is_done_then(path):
     scenario = sa.load(path, {"run.until": "time >= 0.5"})
     with scenario.start(output="steps.mcap") as simulation:
