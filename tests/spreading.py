@@ -167,7 +167,6 @@ def differences(log: Log, other: Log) -> dict[str, tuple[Counter[Any], Counter[A
     """
     said = [contents(each) for each in (log, other)]
     for each, content in zip((log, other), said, strict=True):
-        content.pop("/messages/columns", None)
         content["/messages"] = Counter(map(repr, each.communications()))
     found = {}
     for topic in sorted(said[0].keys() | said[1].keys()):

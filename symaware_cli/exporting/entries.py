@@ -130,7 +130,7 @@ def recurring_source(selection: Selection) -> EntrySource:
     return EntrySource(RECURRING, rows)
 
 
-def message_source(selection: Selection, roster: Sequence[str] = ()) -> EntrySource:
+def message_source(selection: Selection, roster: Sequence[str]) -> EntrySource:
     """Make the table of messages between agents, of which a roster tells who they are."""
 
     def rows(time: int, message: Any) -> Iterable[Sequence[Any]]:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from symaware_cli.exporting import entries, rows
 from symaware_cli.exporting.selection import Selection
 from symaware_cli.exporting.table import Column, Table, Values
-from symaware_cli.recording import wire
+from symaware_cli.recording import journal, wire
 from symaware_cli.recording.reader import Log
 from symaware_cli.recording.sensing import IMAGE, MEASUREMENT, SCAN, sensors
 
@@ -98,19 +98,16 @@ def sources_of(log: Log, selection: Selection) -> dict[str, Source]:
     for name in log.manifest.get("entities", {}):
         if selection.has_agent(name):
             sources |= _Group(log, name, (name,), {}, np.ones(1, bool), extents).sources(selection)
-    journal: Mapping[str, tuple[str, Source]] = {
+    singles: Mapping[str, tuple[str, Source]] = {
         "events": ("/events", entries.event_source(selection)),
         "recurring": ("/events/recurring", entries.recurring_source(selection)),
-        "messages": ("/messages", entries.message_source(selection)),
-        "message_columns": (
-            "/messages/columns",
-            entries.message_source(selection, log.manifest.get("roster", ())),
-        ),
         "contacts": ("/contacts", entries.contact_source(selection)),
         "timing": ("/timing", entries.timing_source()),
     }
-    kinds = {"message_columns": "messages"}
-    return sources | dict(each for kind, each in journal.items() if selection.has_field(kinds.get(kind, kind)))
+    if selection.has_field("messages"):
+        told = entries.message_source(selection, log.manifest.get("roster", ()))
+        sources |= dict.fromkeys(journal.MESSAGES, told)
+    return sources | dict(each for kind, each in singles.items() if selection.has_field(kind))
 
 
 def _extents(log: Log, selection: Selection) -> dict[str, Extent]:

@@ -115,12 +115,20 @@ def _message(message: Any, channel: ChannelInfo) -> None:
 
 def _message_columns(message: Any, channel: ChannelInfo) -> None:
     counts = {len(message.senders), len(message.receivers), len(message.sequences)}
-    if len(counts) > 1 or len(message.reason) not in (0, len(message.senders)):
+    optional = {len(message.reason), len(message.sizes), len(message.rows)}
+    if len(counts) > 1 or not optional <= {0, len(message.senders)}:
         raise ValueError("columns of different lengths")
+    _require_below(message.rows, len(message.says), "what is said")
     _require_below(message.reason, len(message.reasons), "a reason")
     for places in (message.senders, message.receivers, message.says):
         _require_roster(_array(places), channel)
     for said in message.said:
+        if said.texts:
+            if len(said.texts) != len(message.says) or said.values:
+                raise ValueError(f"{len(said.texts)} texts for {len(message.says)} agents")
+            for text in set(said.texts):
+                read_json(text)
+            continue
         # As Python's whole numbers, which do not overflow.
         size = len(message.says)
         for extent in said.shape:

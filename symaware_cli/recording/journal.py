@@ -8,6 +8,10 @@ import numpy as np
 
 from symaware_cli.recording.text import read_json
 
+#: The topics of messages between agents. Earlier versions wrote a `Message` for each on the first, and `MessageColumns`
+#: for those of groups on the second; now there is the first alone, with `MessageColumns`.
+MESSAGES = ("/messages", "/messages/columns")
+
 
 @dataclass(frozen=True, slots=True)
 class LoggedEvent:
@@ -113,12 +117,8 @@ def event(time: int, message: Any) -> LoggedEvent:
     return LoggedEvent(time, message.name, message.source, level, message.text, data)
 
 
-def communication(time: int, message: Any) -> Communication:
-    """Make an entry of a generated `Message`.
-
-    Raises:
-        ValueError: Its payload is not JSON.
-    """
+def _former(time: int, message: Any) -> Communication:
+    """Make an entry of a generated `Message`, as earlier versions wrote them."""
     return Communication(
         time=time,
         id=message.id,
@@ -134,7 +134,7 @@ def communication(time: int, message: Any) -> Communication:
 
 
 def communications(time: int, message: Any, roster: Sequence[str]) -> list[Communication]:
-    """Make entries of a generated `Message`, or of a `MessageColumns`, which tells of many.
+    """Make entries of a generated `MessageColumns`, or of a `Message`, as earlier versions wrote them.
 
     Args:
         time: When, simulated ns.
@@ -145,10 +145,15 @@ def communications(time: int, message: Any, roster: Sequence[str]) -> list[Commu
         ValueError: Its payload is not JSON, its columns do not fit together, or it names who is not in the roster.
     """
     if not hasattr(message, "sequences"):
-        return [communication(time, message)]
-    said = _said(message)
-    reasons = [message.reasons[number] for number in message.reason] or [""] * len(message.senders)
-    stage = _name(message, "stage")
+        return [_former(time, message)]
+    count, stage, said = len(message.senders), _name(message, "stage"), _said(message)
+    reasons = [message.reasons[number] for number in message.reason] or [""] * count
+    payloads: list[dict[str, Any] | None] = [None] * count
+    if said:
+        places = {sender: place for place, sender in enumerate(message.says)}
+        rows = message.rows or [places.get(sender) for sender in message.senders]
+        payloads = [None if row is None else said[row] for row in rows]
+    columns = (message.senders, message.receivers, message.sequences, reasons, payloads)
     try:
         return [
             Communication(
@@ -160,24 +165,28 @@ def communications(time: int, message: Any, roster: Sequence[str]) -> list[Commu
                 stage=stage,
                 sent_time=message.sent_time,
                 reason=reason,
-                payload=said.get(sender),
-                size=message.size,
+                payload=payload,
+                size=size,
             )
-            for sender, receiver, sequence, reason in zip(
-                message.senders, message.receivers, message.sequences, reasons, strict=True
+            for sender, receiver, sequence, reason, payload, size in zip(
+                *columns, message.sizes or [message.size] * count, strict=True
             )
         ]
     except IndexError:
         raise ValueError(f"messages between more agents than the {len(roster)} of the roster") from None
 
 
-def _said(message: Any) -> dict[int, dict[str, Any]]:
-    """What each sender says in a generated `MessageColumns`."""
-    said: dict[int, dict[str, Any]] = {sender: {} for sender in message.says}
+def _said(message: Any) -> list[dict[str, Any]]:
+    """What each in `says` says in a generated `MessageColumns`."""
+    said: list[dict[str, Any]] = [{} for _ in message.says]
     for column in message.said:
-        table = np.array(column.values).reshape(len(message.says), *column.shape)
-        for sender, values in zip(message.says, table, strict=True):
-            said[sender][column.name] = values.tolist()
+        if column.texts:
+            known = {text: read_json(text) for text in set(column.texts)}
+            values = [known[text] for text in column.texts]
+        else:
+            values = np.array(column.values).reshape(len(message.says), *column.shape).tolist()
+        for payload, value in zip(said, values, strict=True):
+            payload[column.name] = value
     return said
 
 

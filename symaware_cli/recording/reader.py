@@ -55,8 +55,7 @@ _MESSAGES = {
     "/world//control": "Rows",
     "/events": "Event",
     "/events/recurring": "Recurring",
-    "/messages": "Message",
-    "/messages/columns": "MessageColumns",
+    **dict.fromkeys(journal.MESSAGES, "MessageColumns"),
     "/contacts": "Contact",
     TIMING: "Timing",
 }
@@ -290,7 +289,7 @@ class Log(McapFile):
     def communications(self, start: int | None = None, end: int | None = None) -> Iterator[Communication]:
         """Iterate over the stages of messages between agents; see `events`."""
         roster = self.manifest.get("roster", [])
-        for message in self.messages(("/messages", "/messages/columns"), start, end):
+        for message in self.messages(journal.MESSAGES, start, end):
             if message.channel.carries("Message") or message.channel.carries("MessageColumns"):
                 with self._readable(message):
                     entries = journal.communications(message.time, message.decode(), roster)
@@ -489,7 +488,7 @@ class Log(McapFile):
                     rows=rows.get(_owner(info.topic)),
                     roster=roster,
                     width=self._width(info),
-                    message=_MESSAGES.get(_pattern(info.topic)),
+                    message=_expected(info),
                 )
                 for number, info in self._channels.items()
             }
@@ -513,6 +512,13 @@ class Log(McapFile):
         if state and info.topic.endswith("/state"):
             return len(state)
         return len(_split(info.metadata.get("columns", ""))) or None
+
+
+def _expected(info: ChannelInfo) -> str | None:
+    """What message a channel must have; None where that is not known."""
+    if info.topic == journal.MESSAGES[0] and info.carries("Message"):
+        return "Message"  # as earlier versions wrote them
+    return _MESSAGES.get(_pattern(info.topic))
 
 
 def open_log(path: str | os.PathLike[str]) -> Log:

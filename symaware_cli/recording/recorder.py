@@ -7,8 +7,9 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
-from symaware_cli.core import AgentGroup, Contact, Environment, Event, Level, Message, Quantity
+from symaware_cli.core import AgentGroup, Contact, Environment, Event, Level, Quantity
 from symaware_cli.network.traffic import Traffic
 from symaware_cli.recording import symaware_v1_pb2 as v1
 from symaware_cli.recording import wire
@@ -91,8 +92,7 @@ class Recorder:
         self._recurring = writer.channel("/events/recurring", "Recurring") if events == "all" else None
         self._pending: list[tuple[str, str]] = []
         self._pending_time = 0
-        self._messages = writer.channel("/messages", "Message")
-        self._message_columns: int | None = None
+        self._messages = writer.channel("/messages", "MessageColumns")
         self._stages = {"all": ("sent", "delivered", "dropped"), "dropped": ("dropped",), "none": ()}[messages]
         self._contacts = writer.channel("/contacts", "Contact", {"units": "m"})
         self._groups = []
@@ -106,7 +106,6 @@ class Recorder:
         self._entities = None if "world" in omit else EntityChannels(writer, environment)
         postures = [PostureChannels(writer, environment, name) for name in environment.obstacles if "world" not in omit]
         self._postures = [posture for posture in postures if posture.says_something]
-        self._rank = {id: rank for rank, id in enumerate(environment.roster.ids)}
         writer.flush_in_background()
 
     @property
@@ -179,68 +178,34 @@ class Recorder:
         )
         self.writer.add(self._contacts, now, record.SerializeToString(deterministic=True))
 
-    def message(self, message: Message, now: int, *, delivered: bool) -> None:
-        """Record that a message was sent, or delivered."""
-        if ("delivered" if delivered else "sent") not in self._stages:
-            return
-        record = self._stage(message, v1.Message.DELIVERED if delivered else v1.Message.SENT)
-        if not delivered:
-            record.payload = as_json(message.payload)
-            record.size = len(record.payload)
-        self._add_message(record, now)
-
-    def lost(self, message: Message, now: int, reason: str) -> None:
-        """Record that a message was lost on its way."""
-        if "dropped" not in self._stages:
-            return
-        record = self._stage(message, v1.Message.DROPPED)
-        record.reason = reason
-        self._add_message(record, now)
-
     def traffic(self, traffic: Traffic, now: int) -> None:
         """Record messages of a batch that reached a stage together."""
         if traffic.stage not in self._stages:
             return
-        if any(column.dtype == object for column in traffic.delivery.batch.columns.values()):
-            for message, why in traffic.messages(self._environment.roster.ids):
-                if traffic.stage == "dropped":
-                    self.lost(message, now, why)
-                else:
-                    self.message(message, now, delivered=traffic.stage == "delivered")
-            return
-        if self._message_columns is None:
-            self._message_columns = self.writer.channel("/messages/columns", "MessageColumns")
         delivery, batch = traffic.delivery, traffic.delivery.batch
-        record = v1.MessageColumns(
-            stage=_STAGES[traffic.stage], kind=batch.kind, sent_time=delivery.sent_time, size=int(traffic.sizes[0])
-        )
-        reason = None
+        record = v1.MessageColumns(stage=_STAGES[traffic.stage], kind=batch.kind, sent_time=delivery.sent_time)
+        reason = sizes = says = rows = None
+        if len(np.unique(traffic.sizes)) == 1:
+            record.size = int(traffic.sizes[0])
+        else:
+            sizes = traffic.sizes[delivery.rows]
         if traffic.reason is not None:
             numbers, reason = np.unique(traffic.reason, return_inverse=True)
             record.reasons.extend(traffic.reasons[number] for number in numbers.tolist())
-        says = None
         if traffic.stage == "sent":
             says = batch.senders
+            rows = delivery.rows if (says[1:] == says[:-1]).any() else None
             for name, values in batch.columns.items():
-                record.said.add(name=name, shape=values.shape[1:], values=values.reshape(-1).tolist())
-        columns = wire.encode_message_columns(delivery.senders, delivery.receivers, delivery.sequences, reason, says)
+                if values.dtype == object:
+                    record.said.add(name=name, texts=_texts(values))
+                else:
+                    record.said.add(name=name, shape=values.shape[1:], values=values.reshape(-1).tolist())
+        columns = wire.encode_message_columns(
+            delivery.senders, delivery.receivers, delivery.sequences, reason, says, sizes, rows
+        )
         self._write_recurring(now)
         # Fields may stand in any order, and these are written without an object for each number.
-        self.writer.add(self._message_columns, now, record.SerializeToString(deterministic=True) + columns)
-
-    def _stage(self, message: Message, stage: v1.Message.Stage) -> v1.Message:
-        return v1.Message(
-            id=(self._rank[message.sender] << 32) | message.sequence,
-            sender=message.sender,
-            receiver=message.receiver,
-            kind=message.kind,
-            stage=stage,
-            sent_time=message.sent_time,
-        )
-
-    def _add_message(self, record: v1.Message, now: int) -> None:
-        self._write_recurring(now)
-        self.writer.add(self._messages, now, record.SerializeToString(deterministic=True))
+        self.writer.add(self._messages, now, record.SerializeToString(deterministic=True) + columns)
 
     def finish(self, now: int, steps: int, outcome: Mapping[str, Any]) -> None:
         """End the log."""
@@ -256,3 +221,16 @@ class Recorder:
             steps=steps,
             pace=self.pace() if self.pace else (0.0, 0, 0, 0.0),
         )
+
+
+def _texts(values: NDArray[Any]) -> list[str]:
+    """Values as JSON; of what is told to many or by many, each is written once."""
+    written: dict[object, str] = {}
+    texts = []
+    for value in values.tolist():
+        key = value if type(value) is str else id(value)
+        text = written.get(key)
+        if text is None:
+            text = written[key] = as_json(value)
+        texts.append(text)
+    return texts

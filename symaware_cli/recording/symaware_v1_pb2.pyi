@@ -130,16 +130,18 @@ class Message(_message.Message):
     def __init__(self, id: _Optional[int] = ..., sender: _Optional[str] = ..., receiver: _Optional[str] = ..., kind: _Optional[str] = ..., stage: _Optional[_Union[Message.Stage, str]] = ..., sent_time: _Optional[int] = ..., reason: _Optional[str] = ..., payload: _Optional[str] = ..., size: _Optional[int] = ...) -> None: ...
 
 class MessageColumns(_message.Message):
-    __slots__ = ("stage", "kind", "sent_time", "size", "senders", "receivers", "sequences", "reasons", "reason", "says", "said")
+    __slots__ = ("stage", "kind", "sent_time", "size", "senders", "receivers", "sequences", "reasons", "reason", "says", "said", "sizes", "rows")
     class Said(_message.Message):
-        __slots__ = ("name", "shape", "values")
+        __slots__ = ("name", "shape", "values", "texts")
         NAME_FIELD_NUMBER: _ClassVar[int]
         SHAPE_FIELD_NUMBER: _ClassVar[int]
         VALUES_FIELD_NUMBER: _ClassVar[int]
+        TEXTS_FIELD_NUMBER: _ClassVar[int]
         name: str
         shape: _containers.RepeatedScalarFieldContainer[int]
         values: _containers.RepeatedScalarFieldContainer[float]
-        def __init__(self, name: _Optional[str] = ..., shape: _Optional[_Iterable[int]] = ..., values: _Optional[_Iterable[float]] = ...) -> None: ...
+        texts: _containers.RepeatedScalarFieldContainer[str]
+        def __init__(self, name: _Optional[str] = ..., shape: _Optional[_Iterable[int]] = ..., values: _Optional[_Iterable[float]] = ..., texts: _Optional[_Iterable[str]] = ...) -> None: ...
     STAGE_FIELD_NUMBER: _ClassVar[int]
     KIND_FIELD_NUMBER: _ClassVar[int]
     SENT_TIME_FIELD_NUMBER: _ClassVar[int]
@@ -151,6 +153,8 @@ class MessageColumns(_message.Message):
     REASON_FIELD_NUMBER: _ClassVar[int]
     SAYS_FIELD_NUMBER: _ClassVar[int]
     SAID_FIELD_NUMBER: _ClassVar[int]
+    SIZES_FIELD_NUMBER: _ClassVar[int]
+    ROWS_FIELD_NUMBER: _ClassVar[int]
     stage: Message.Stage
     kind: str
     sent_time: int
@@ -162,7 +166,9 @@ class MessageColumns(_message.Message):
     reason: _containers.RepeatedScalarFieldContainer[int]
     says: _containers.RepeatedScalarFieldContainer[int]
     said: _containers.RepeatedCompositeFieldContainer[MessageColumns.Said]
-    def __init__(self, stage: _Optional[_Union[Message.Stage, str]] = ..., kind: _Optional[str] = ..., sent_time: _Optional[int] = ..., size: _Optional[int] = ..., senders: _Optional[_Iterable[int]] = ..., receivers: _Optional[_Iterable[int]] = ..., sequences: _Optional[_Iterable[int]] = ..., reasons: _Optional[_Iterable[str]] = ..., reason: _Optional[_Iterable[int]] = ..., says: _Optional[_Iterable[int]] = ..., said: _Optional[_Iterable[_Union[MessageColumns.Said, _Mapping]]] = ...) -> None: ...
+    sizes: _containers.RepeatedScalarFieldContainer[int]
+    rows: _containers.RepeatedScalarFieldContainer[int]
+    def __init__(self, stage: _Optional[_Union[Message.Stage, str]] = ..., kind: _Optional[str] = ..., sent_time: _Optional[int] = ..., size: _Optional[int] = ..., senders: _Optional[_Iterable[int]] = ..., receivers: _Optional[_Iterable[int]] = ..., sequences: _Optional[_Iterable[int]] = ..., reasons: _Optional[_Iterable[str]] = ..., reason: _Optional[_Iterable[int]] = ..., says: _Optional[_Iterable[int]] = ..., said: _Optional[_Iterable[_Union[MessageColumns.Said, _Mapping]]] = ..., sizes: _Optional[_Iterable[int]] = ..., rows: _Optional[_Iterable[int]] = ...) -> None: ...
 
 class Scan(_message.Message):
     __slots__ = ("rows", "measured", "range", "angles", "distances", "poses")

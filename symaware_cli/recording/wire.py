@@ -207,6 +207,8 @@ def encode_message_columns(
     sequences: ArrayLike,
     reason: ArrayLike | None = None,
     says: ArrayLike | None = None,
+    sizes: ArrayLike | None = None,
+    rows: ArrayLike | None = None,
 ) -> bytes:
     """Encode the long columns of a `MessageColumns` message; the rest of it may stand before or behind them.
 
@@ -216,6 +218,8 @@ def encode_message_columns(
         sequences: (m,) the number of each among those of its sender.
         reason: (m,) indices in the message's `reasons`; None if nothing was dropped.
         says: (s,) who says something, as indices in the roster; None if that is not repeated.
+        sizes: (m,) bytes; None if all are the same.
+        rows: (m,) places in `says`; None if nobody says several things.
     """
     return b"".join(
         (
@@ -224,6 +228,8 @@ def encode_message_columns(
             _packed(7, sequences, _INDEX),
             b"" if reason is None else _packed(9, reason, _INDEX),
             b"" if says is None else _packed(10, says, _INDEX),
+            b"" if sizes is None else _packed(12, sizes, _INDEX),
+            b"" if rows is None else _packed(13, rows, _INDEX),
         )
     )
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from symaware_cli.recording import journal
 from symaware_cli.recording.sensing import MEASUREMENT, sensors
 from symaware_cli.viewing.cast import Cast
 from symaware_cli.viewing.detail import Detail
@@ -177,7 +178,7 @@ def _overviews(cast: Cast, detail: Detail, content: Content) -> Iterable[Any]:
     if cast.agent_count > 1:
         yield _curves("Separation", ["+ curves/separation/**"])
     journals = [_log("Events", "log/events")]
-    if not content.topics.isdisjoint(("/messages", "/messages/columns")):
+    if not content.topics.isdisjoint(journal.MESSAGES):
         journals.append(_log("Messages", "log/messages"))
     modes = rrb.StateTimelineView(origin="modes", name="Modes")
     about = rrb.TextDocumentView(origin="about", name="About")

@@ -1,4 +1,4 @@
-"""Messages of many agents that are recorded together."""
+"""Messages that are recorded, a batch at a time."""
 
 import csv
 
@@ -7,9 +7,11 @@ import pytest
 from simulating import Team, simulation
 
 from symaware_cli import Delivery, MessageBatch, open_log
+from symaware_cli.core.message import objects
 from symaware_cli.exporting.conversion import export_tables
 from symaware_cli.exporting.text import CSV
 from symaware_cli.network.traffic import Traffic
+from symaware_cli.recording import symaware_v1_pb2 as v1
 from symaware_cli.recording.error import LogError
 from symaware_cli.recording.manifest import manifest
 from symaware_cli.recording.recorder import Recorder
@@ -17,35 +19,45 @@ from symaware_cli.recording.writer import LogWriter
 
 
 @pytest.fixture
-def columns(tmp_path):
-    """A log with two batches of messages in it."""
-    ready = simulation({"robot": Team(count=3)})
-    path = tmp_path / "log.mcap"
-    with LogWriter(path) as writer:
-        content = manifest(
-            name="test",
-            seed=1,
-            mode="synchronous",
-            steps=1,
-            environment=ready.environment,
-            groups=ready.groups,
-            uses={"robot": {"model": "test", "components": {}}},
-            indexed={"robot": True},
-        )
-        writer.attach("manifest.json", "application/json", content)
-        recorder = Recorder(writer, ready.environment, ready.groups)
-        said = {"goal": np.array([[1.0, 2.0], [3.0, 4.0]]), "risk": np.array([0.5, 0.25])}
-        batch = MessageBatch(np.array([0, 2]), said)
-        rows, receivers = np.array([0, 1, 1]), np.array([1, 0, 1])
-        sent = Delivery(batch, rows, receivers, np.array([7, 0, 1]), 50, np.full(3, 50))
-        sizes, reason = np.array([56, 56]), np.array([1, 2, 1], np.uint8)
-        recorder.traffic(Traffic("sent", sent, sizes), 50)
-        recorder.traffic(Traffic("dropped", sent, sizes, ("", "loss", "storm"), reason), 60)
-        recorder.finish(60, 1, {"status": "finished"})
-    return path
+def log_of(tmp_path):
+    """Records traffic among three robots, each ten nanoseconds after the one before; the first at 50 ns."""
+
+    def record(*traffic):
+        ready = simulation({"robot": Team(count=3)})
+        path = tmp_path / "log.mcap"
+        with LogWriter(path) as writer:
+            content = manifest(
+                name="test",
+                seed=1,
+                mode="synchronous",
+                steps=1,
+                environment=ready.environment,
+                groups=ready.groups,
+                uses={"robot": {"model": "test", "components": {}}},
+                indexed={"robot": True},
+            )
+            writer.attach("manifest.json", "application/json", content)
+            recorder = Recorder(writer, ready.environment, ready.groups)
+            for place, each in enumerate(traffic):
+                recorder.traffic(each, 50 + 10 * place)
+            recorder.finish(100, 1, {"status": "finished"})
+        return path
+
+    return record
 
 
-def test_messages_in_columns_read_like_single_ones(columns):
+@pytest.fixture
+def columns(log_of):
+    """A log with numbers that two of the robots say."""
+    said = {"goal": np.array([[1.0, 2.0], [3.0, 4.0]]), "risk": np.array([0.5, 0.25])}
+    batch = MessageBatch(np.array([0, 2]), said)
+    rows, receivers = np.array([0, 1, 1]), np.array([1, 0, 1])
+    sent = Delivery(batch, rows, receivers, np.array([7, 0, 1]), 50, np.full(3, 50))
+    sizes, reason = np.array([56, 56]), np.array([1, 2, 1], np.uint8)
+    return log_of(Traffic("sent", sent, sizes), Traffic("dropped", sent, sizes, ("", "loss", "storm"), reason))
+
+
+def test_each_message_of_a_batch_is_an_entry(columns):
     entries = list(open_log(columns).communications())
     assert [(entry.time, entry.stage, entry.sender, entry.receiver, entry.id, entry.reason) for entry in entries] == [
         (50, "SENT", "robot.0", "robot.1", 7, ""),
@@ -66,7 +78,7 @@ def test_messages_in_columns_read_like_single_ones(columns):
     }
 
 
-def test_they_are_exported_like_single_ones(columns, tmp_path):
+def test_each_is_a_row_of_the_table(columns, tmp_path):
     export_tables(open_log(columns), tmp_path / "tables", CSV)
     with open(tmp_path / "tables" / "messages.csv", newline="") as file:
         rows = list(csv.DictReader(file))
@@ -77,13 +89,59 @@ def test_they_are_exported_like_single_ones(columns, tmp_path):
     assert rows[0]["payload"] == '{"goal": [1.0, 2.0], "risk": 0.5}'
 
 
-def test_columns_that_do_not_fit_together_are_damage(tmp_path):
+def test_what_an_agent_says_besides_numbers_is_told_as_it_said_it(log_of):
+    said = {"word": objects(["fire", "fire", {"at": [1, 2.5]}]), "count": objects([1, True, None])}
+    batch = MessageBatch(np.array([1, 1, 2]), said, "word", np.array([0, 2, 0]))
+    places, sequences = np.arange(3), np.array([4, 5, 0])
+    delivery = Delivery(batch, places, batch.receivers, sequences, 50, np.full(3, 100))
+    sizes = np.array([44, 37, 50])
+    path = log_of(Traffic("sent", delivery, sizes), Traffic("delivered", delivery.some(slice(1, 3)), sizes))
+    assert [(each.stage, each.id, each.payload, each.size) for each in open_log(path).communications()] == [
+        ("SENT", (1 << 32) + 4, {"word": "fire", "count": 1}, 44),
+        ("SENT", (1 << 32) + 5, {"word": "fire", "count": True}, 37),
+        ("SENT", 2 << 32, {"word": {"at": [1, 2.5]}, "count": None}, 50),
+        ("DELIVERED", (1 << 32) + 5, None, 37),
+        ("DELIVERED", 2 << 32, None, 50),
+    ]
+
+
+@pytest.mark.parametrize(
+    "columns",
+    [
+        {"senders": [0, 1], "receivers": [1], "sequences": [0, 0]},
+        {"senders": [0], "receivers": [1], "sequences": [0], "sizes": [1, 2]},
+        {"senders": [0], "receivers": [1], "sequences": [0], "says": [0], "rows": [1]},
+        {"says": [0], "said": [v1.MessageColumns.Said(name="a", texts=["1", "2"])]},
+        {"says": [0], "said": [v1.MessageColumns.Said(name="a", texts=["no JSON"])]},
+    ],
+)
+def test_columns_that_do_not_fit_together_are_damage(tmp_path, columns):
     path = tmp_path / "damaged.mcap"
     with LogWriter(path) as writer:
-        channel = writer.channel("/messages/columns", "MessageColumns")
-        from symaware_cli.recording import symaware_v1_pb2 as v1
-
-        writer.add(channel, 5, v1.MessageColumns(senders=[0, 1], receivers=[1], sequences=[0, 0]).SerializeToString())
+        channel = writer.channel("/messages", "MessageColumns")
+        writer.add(channel, 5, v1.MessageColumns(**columns).SerializeToString())
         writer.finish({"status": "finished"})
-    with pytest.raises(LogError, match=r"on /messages/columns in .* do not fit together: at 5 ns"):
+    with pytest.raises(LogError, match=r"on /messages in .* do not fit together: at 5 ns"):
         list(open_log(path).communications())
+
+
+def test_logs_of_earlier_versions_tell_single_messages_and_those_of_groups_on_two_channels(log_of, tmp_path):
+    path = tmp_path / "former.mcap"
+    attachments = open_log(log_of()).attachments
+    with LogWriter(path) as writer:
+        writer.attach("manifest.json", "application/json", attachments["manifest.json"])
+        single, columns = writer.channel("/messages", "Message"), writer.channel("/messages/columns", "MessageColumns")
+        sent = v1.Message(id=5, sender="robot.0", receiver="robot.1", kind="word", stage=v1.Message.SENT, sent_time=50)
+        sent.payload, sent.size = '{"word": "fire"}', 16
+        writer.add(single, 50, sent.SerializeToString())
+        states = v1.MessageColumns(stage=v1.Message.SENT, kind="state", sent_time=50, size=40)
+        states.senders[:], states.receivers[:], states.sequences[:], states.says[:] = [2], [0], [1], [2]
+        states.said.add(name="speed", values=[1.5])
+        writer.add(columns, 50, states.SerializeToString())
+        writer.finish({"status": "finished"})
+    expected = [("robot.0", 5, {"word": "fire"}, 16), ("robot.2", (2 << 32) + 1, {"speed": 1.5}, 40)]
+    log = open_log(path)
+    assert [(each.sender, each.id, each.payload, each.size) for each in log.communications()] == expected
+    export_tables(log, tmp_path / "tables", CSV)
+    with open(tmp_path / "tables" / "messages.csv", newline="") as file:
+        assert [row["sender"] for row in csv.DictReader(file)] == ["robot.0", "robot.2"]

@@ -58,7 +58,7 @@ def recorded(tmp_path, faults, mode):
     assert summary.status == "finished", summary.failure
     log = open_log(tmp_path / "overlap.mcap")
     said = [(each.name, each.source, each.time) for each in log.events() if not each.name.startswith("fault")]
-    topics = log.channels.keys() - {"/timing", "/events", "/messages", "/messages/columns"}
+    topics = log.channels.keys() - {"/timing", "/events", "/messages"}
     return said, [(each.channel.topic, each.time, each.data) for each in log.messages(topics)]
 
 

@@ -63,7 +63,7 @@ class Messages(Drawing):
         """Write and draw the messages."""
         entries = [
             entry
-            for topic in ("/messages", "/messages/columns")
+            for topic in journal.MESSAGES
             for time, message in excerpt.entries.get(topic, ())
             for entry in journal.communications(time, message, self.cast.roster)
         ]

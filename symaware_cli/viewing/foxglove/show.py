@@ -84,8 +84,8 @@ class Show:
             }
         self._contacts = Layer(output, "/contacts")
         self._touching: dict[str, SceneEntity] = {}
-        self._takers |= {"/events": self._event, "/messages": self._message, "/contacts": self._contact}
-        self._takers["/messages/columns"] = self._message
+        self._takers |= {"/events": self._event, "/contacts": self._contact}
+        self._takers |= dict.fromkeys(journal.MESSAGES, self._message)
         self._takers = {topic: take for topic, take in self._takers.items() if topic in channels}
 
     @property
