@@ -195,6 +195,34 @@ def measure_replays(rounds: int) -> str:
     )
 
 
+def measure_messages(rounds: int) -> str:
+    """Measure how many messages are delivered, and lay out the results."""
+    lossy = "{delay: 0.02, jitter: 0.01, loss: 0.05}"
+    cases = {
+        "states of 1,000 agents at 10 Hz within range, with delays and losses": ["communication.py"],
+        "states, recorded": ["communication.py", "--record"],
+        "gossip of 1,000 agents": ["gossip.py"],
+        "gossip, recorded": ["gossip.py", "--record"],
+        "gossip with delays and losses": ["gossip.py", "--channel", lossy],
+    }
+    found: dict[str, list[float]] = {}
+    for number in range(rounds):
+        for name, (script, *arguments) in cases.items():
+            _tell(f"round {number + 1} of {rounds}: {name}")
+            figures = measure(Case([sys.executable, str(HERE / script), *arguments]))
+            found.setdefault(name, []).append(figures["deliveries_per_cpu_second"])
+    rows = [
+        (
+            name,
+            f"{statistics.median(each):,.0f} ({min(each):,.0f} to {max(each):,.0f})",
+            "" if name == "gossip with delays and losses" else ">= 200,000",
+        )
+        for name, each in found.items()
+    ]
+    about = "Deliveries per CPU-second, as `benchmarks/communication.py` and `benchmarks/gossip.py` measure them."
+    return "\n".join(["## Messages", "", about, "", *table(rows), ""])
+
+
 def spread(values: list[float]) -> str:
     """Median, with the least and the greatest."""
     return f"{statistics.median(values):.2g} ({min(values):.2g} to {max(values):.2g})"
@@ -217,6 +245,7 @@ def main() -> None:
     parser.add_argument("--original", metavar="PYTHON", help="an interpreter that can import symaware.base")
     parser.add_argument("--drones", metavar="PYTHON", help="an interpreter that can import gym_pybullet_drones")
     parser.add_argument("--no-replays", action="store_true", help="leave the replays out")
+    parser.add_argument("--no-messages", action="store_true", help="leave the messages out")
     parser.add_argument("--no-write", action="store_true", help="leave RESULTS.md as it is")
     arguments = parser.parse_args()
     if not arguments.no_peers:
@@ -236,6 +265,8 @@ def main() -> None:
     text = report(rates, memory, shares)
     if not arguments.no_replays:
         text += "\n" + measure_replays(arguments.rounds)
+    if not arguments.no_messages:
+        text += "\n" + measure_messages(arguments.rounds)
     print("\r" + " " * 60 + "\r", end="", file=sys.stderr)
     print(text)
     if not arguments.no_write:

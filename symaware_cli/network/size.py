@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -23,7 +23,20 @@ def message_sizes(batch: MessageBatch) -> NDArray[np.int64]:
     count = len(batch.senders)
     sizes = np.full(count, HEADER, np.int64)
     for values in batch.columns.values():
-        sizes += [_size(each) for each in values] if values.dtype == object else values.nbytes // max(count, 1)
+        sizes += _sizes(values.tolist()) if values.dtype == object else values.nbytes // max(count, 1)
+    return sizes
+
+
+def _sizes(values: Sequence[Any]) -> list[int]:
+    """The sizes of values, of which many say the same where it spreads."""
+    known: dict[object, int] = {}
+    sizes = []
+    for value in values:
+        key = value if type(value) is str else id(value)
+        size = known.get(key)
+        if size is None:
+            size = known[key] = _size(value)
+        sizes.append(size)
     return sizes
 
 
