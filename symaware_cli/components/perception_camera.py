@@ -93,7 +93,11 @@ class Camera(Sensor):
             elsewhere = np.linalg.norm(middle - positions, axis=1) > 1e-6
             targets[elsewhere] = middle
         size = parameters.width, parameters.height
-        lost = self.random.uniform(1)[:, 0] < parameters.dropout if parameters.dropout else np.zeros(count, bool)
+        lost = (
+            self.random.uniform(1, "dropout")[:, 0] < parameters.dropout
+            if parameters.dropout
+            else np.zeros(count, bool)
+        )
         images = [
             None
             if lost[row]
@@ -129,19 +133,19 @@ class Camera(Sensor):
         parameters = self.parameters
         if not parameters.depth_noise and not parameters.colour_noise:
             return images
-        # Lost ones draw, too, so that what an agent draws does not depend on it.
         pixels = parameters.width * parameters.height
+        errors = self.random.standard_normal(pixels, "depth") if parameters.depth_noise else None
+        shifts = self.random.standard_normal(3 * pixels, "colour") if parameters.colour_noise else None
         blurred: list[Image | None] = []
-        draws = self.random.standard_normal(pixels * (bool(parameters.depth_noise) + 3 * bool(parameters.colour_noise)))
-        for image, errors in zip(images, draws, strict=True):
+        for row, image in enumerate(images):
             if image is None:
                 blurred.append(None)
                 continue
             colour, depth = image.colour, image.depth
-            if parameters.depth_noise:
-                depth = np.maximum(depth + parameters.depth_noise * errors[:pixels].reshape(depth.shape), 0.0)
-            if parameters.colour_noise:
-                shift = parameters.colour_noise * errors[-3 * pixels :].reshape(colour.shape)
+            if errors is not None:
+                depth = np.maximum(depth + parameters.depth_noise * errors[row].reshape(depth.shape), 0.0)
+            if shifts is not None:
+                shift = parameters.colour_noise * shifts[row].reshape(colour.shape)
                 colour = np.clip(np.rint(colour + shift), 0, 255).astype(np.uint8)
             blurred.append(Image(colour, depth, image.segments))
         return blurred

@@ -63,10 +63,10 @@ class ContactSensor(Sensor):
         for row, impulse in self._hits[:present]:
             hits[row] = max(hits[row], impulse)
         if parameters.noise:
-            errors = parameters.noise * self.random.standard_normal(1)[:, 0]
+            errors = parameters.noise * self.random.standard_normal(1, "noise")[:, 0]
             hits = np.where(hits > 0.0, np.maximum(hits + errors, 0.0), 0.0)
         values = np.stack([np.array([len(others) for others in self._touching], float), hits], axis=1)
         if parameters.dropout:
-            values[self.random.uniform(1)[:, 0] < parameters.dropout] = np.nan
+            values[self.random.uniform(1, "dropout")[:, 0] < parameters.dropout] = np.nan
         values.flags.writeable = False
         return Measurement(self.now, QUANTITIES, values)

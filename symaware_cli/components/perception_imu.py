@@ -59,7 +59,7 @@ class InertialUnit(Sensor):
         self._bias = np.zeros((len(group), 6))
         if parameters.acceleration_bias or parameters.rate_bias:
             deviations = np.repeat([parameters.acceleration_bias, parameters.rate_bias], 3)
-            self._bias = deviations * self.random.standard_normal(6)
+            self._bias = deviations * self.random.standard_normal(6, "bias")
 
     def present(self) -> tuple[int, Array, Array]:
         """The instant, with the velocities and the attitudes of now."""
@@ -81,9 +81,9 @@ class InertialUnit(Sensor):
         values += self._bias
         if parameters.acceleration_noise or parameters.rate_noise:
             deviations = np.repeat([parameters.acceleration_noise, parameters.rate_noise], 3)
-            values += deviations * self.random.standard_normal(6)
+            values += deviations * self.random.standard_normal(6, "noise")
         if parameters.dropout:
-            values[self.random.uniform(1)[:, 0] < parameters.dropout] = np.nan
+            values[self.random.uniform(1, "dropout")[:, 0] < parameters.dropout] = np.nan
         values.flags.writeable = False
         return Measurement(self.now, QUANTITIES, values)
 

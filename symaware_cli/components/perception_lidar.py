@@ -82,11 +82,11 @@ class Lidar(Sensor):
         """Add errors, and miss some, in place; what then would be beyond the range is not seen."""
         parameters, width = self.parameters, distances.shape[1]
         if parameters.noise:
-            distances += parameters.noise * self.random.standard_normal(width)
+            distances += parameters.noise * self.random.standard_normal(width, "noise")
             np.maximum(distances, 0.0, out=distances)
             distances[distances > parameters.range] = np.inf
         if parameters.dropout:
-            distances[self.random.uniform(width) < parameters.dropout] = np.nan
+            distances[self.random.uniform(width, "dropout") < parameters.dropout] = np.nan
 
 
 def angles(rays: int, field_of_view: float) -> Array:

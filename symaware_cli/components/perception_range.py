@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from symaware_cli.core import AgentGroup, GroupComponent, Observation, Parameters, Snapshot, Tracks
+from symaware_cli.core import AgentGroup, GroupComponent, Observation, Parameters, Snapshot, Tracks, Turn
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -37,8 +37,8 @@ class RangePerception(GroupComponent):
     is as high as one likes) and, where obstacles hide, if none of them cuts the straight line between the middles of
     both: as the world has them, in `pybullet` by their very shapes. Bodies of agents hide nobody.
 
-    All errors are normal, without bias and independent of each other. What is drawn for an agent depends on its own
-    path and on whom it sees, and on nothing else.
+    All errors are normal, without bias and independent of each other. The error with which one sees another depends on
+    these two and on the turn, whoever else is seen.
 
     Late perception sees the world as it was: others and oneself. Until there is something to see, nothing is
     measured: agents believe what they believed at the start.
@@ -103,6 +103,12 @@ class RangePerception(GroupComponent):
         #: What was seen and is not old enough yet, but for the first.
         self._past: tuple[Sight, ...] = ()
 
+    @property
+    def turn(self) -> Turn:
+        """What keys the errors: late perception has those that it would have had in time."""
+        turn = super().turn
+        return turn._replace(instant=turn.instant - self._delay)
+
     def _compute(self) -> tuple[Observation, tuple[Sight, ...]]:
         parameters, count = self.parameters, len(self._group)
         sight, past = self._delayed(self._sight())
@@ -113,12 +119,14 @@ class RangePerception(GroupComponent):
         else:
             snapshot, rows, others = sight
             time, state = snapshot.time, self._own_state(snapshot)
-            if parameters.dropout:
-                noticed = self.random.uniform_of(np.bincount(rows, minlength=count)) >= parameters.dropout
-                rows, others = rows[noticed], others[noticed]
-            counts = np.bincount(rows, minlength=count)
             positions, velocities = snapshot.positions.take(others, 0), snapshot.velocities.take(others, 0)
-            self._blur(counts, positions, velocities)
+            self._blur(rows, others, positions, velocities)
+            if parameters.dropout:
+                drawn = self.random.uniform_of(rows, self.environment.roster.numbers[others], 1, "dropout")[:, 0]
+                noticed = drawn >= parameters.dropout
+                rows, others = rows[noticed], others[noticed]
+                positions, velocities = positions[noticed], velocities[noticed]
+            counts = np.bincount(rows, minlength=count)
             tracks = self._tracks(time, counts, others, positions, velocities)
         observation = Observation(
             time, state, self._state_deviation, tracks, parameters.position_noise, parameters.velocity_noise
@@ -150,7 +158,7 @@ class RangePerception(GroupComponent):
         """The own states with their errors; shape (n, nx)."""
         state = snapshot.states[self._number].copy()
         if self._state_deviation.any():
-            state += self._state_deviation * self.random.standard_normal(state.shape[1])
+            state += self._state_deviation * self.random.standard_normal(state.shape[1], "own state")
         state.flags.writeable = False
         return state
 
@@ -184,17 +192,18 @@ class RangePerception(GroupComponent):
         inside: NDArray[np.bool_] = ahead >= distance * math.cos(0.5 * self.parameters.field_of_view)
         return inside
 
-    def _blur(self, counts: Indices, positions: Array, velocities: Array) -> None:
+    def _blur(self, rows: Indices, others: Indices, positions: Array, velocities: Array) -> None:
         """Add the errors of measurement to positions and velocities of others, in place."""
-        deviations = (self.parameters.position_noise, self.parameters.velocity_noise)
-        noisy = [(values, each) for values, each in zip((positions, velocities), deviations, strict=True) if each]
-        if not noisy:
+        parameters, dimensions = self.parameters, positions.shape[1]
+        if not parameters.position_noise and not parameters.velocity_noise:
             return
-        dimensions = positions.shape[1]
-        draws = self.random.standard_normal_of(counts * (dimensions * len(noisy)))
-        errors = draws.reshape(len(positions), len(noisy), dimensions)
-        for number, (values, deviation) in enumerate(noisy):
-            values += deviation * errors[:, number]
+        numbers = self.environment.roster.numbers[others]
+        # Those of velocities come behind those of positions, which are the same with or without them.
+        width = 2 * dimensions if parameters.velocity_noise else dimensions
+        errors = self.random.standard_normal_of(rows, numbers, width, "others")
+        positions += parameters.position_noise * errors[:, :dimensions]
+        if parameters.velocity_noise:
+            velocities += parameters.velocity_noise * errors[:, dimensions:]
 
     def _tracks(self, time: int, counts: Indices, others: Indices, positions: Array, velocities: Array) -> Tracks:
         """What was seen, as of then."""

@@ -2,6 +2,7 @@
 
 from symaware_cli.core.agent import Agent, AgentGroup, Surroundings
 from symaware_cli.core.awareness import AwarenessDatabase, AwarenessVector, GroupAwareness, Observation
+from symaware_cli.core.chance import Turn, generator
 from symaware_cli.core.component import (
     CommunicationReceiver,
     CommunicationSender,
@@ -98,11 +99,13 @@ __all__ = [
     "Transport",
     "TransportError",
     "TransportParameters",
+    "Turn",
     "UncertaintyEstimator",
     "Urdf",
     "Vehicle",
     "Wall",
     "WorldError",
+    "generator",
     "nanoseconds",
     "seconds",
 ]

@@ -12,12 +12,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from symaware_cli.core.agent import Agent, AgentGroup, Surroundings
 from symaware_cli.core.awareness import AwarenessDatabase, AwarenessVector
+from symaware_cli.core.chance import AgentChance, GroupChance, Turn
 from symaware_cli.core.event import Event, Level, Subscriber, Subscription
 from symaware_cli.core.knowledge import KnowledgeDatabase
 from symaware_cli.core.message import Delivery, Message
 from symaware_cli.core.model import Quantity
 from symaware_cli.core.plugin import Plugin
-from symaware_cli.core.random import RowGenerators, generator
 from symaware_cli.core.real import real
 from symaware_cli.core.series import TimeSeries
 from symaware_cli.core.time import SECOND, nanoseconds
@@ -219,6 +219,12 @@ class BaseComponent(Plugin, ABC, Generic[Owner]):
         return instant
 
     @property
+    def turn(self) -> Turn:
+        """The turn that is under way, which keys what it draws, whenever its update lands."""
+        turn: Turn | None = self.__dict__.get("_turn_begun")
+        return Turn(self._surroundings.clock.now) if turn is None else turn
+
+    @property
     def time(self) -> float:
         """Simulated time in seconds."""
         return self._surroundings.clock.now / SECOND
@@ -281,11 +287,14 @@ class Component(BaseComponent[Agent]):
 
     @property
     def random(self) -> np.random.Generator:
-        """The component's own source of chance, keyed by the run's seed and its path."""
-        source: np.random.Generator | None = self.__dict__.get("_random")
+        """The component's own source of chance, keyed by the run's seed, its path and the turn.
+
+        In each turn it stands at a place of its own, however much was drawn in others; so ask for it in each.
+        """
+        source: AgentChance | None = self.__dict__.get("_random")
         if source is None:
-            source = self.__dict__["_random"] = generator(self._surroundings.seed, self.path)
-        return source
+            source = self.__dict__["_random"] = AgentChance(self._surroundings.seed, self.path)
+        return source.at(self.turn)
 
 
 class GroupComponent(BaseComponent[AgentGroup]):
@@ -308,13 +317,15 @@ class GroupComponent(BaseComponent[AgentGroup]):
         return f"agents.{self._group.ids[row]}.{self.name}"
 
     @property
-    def random(self) -> RowGenerators:
-        """A source of chance for each agent, keyed by the run's seed and the agent's path."""
-        source: RowGenerators | None = self.__dict__.get("_random")
+    def random(self) -> GroupChance:
+        """A source of chance for each agent, keyed by the run's seed, the agent's path and the turn."""
+        source: GroupChance | None = self.__dict__.get("_random")
         if source is None:
-            paths = [self.agent_path(row) for row in range(len(self._group))]
-            source = self.__dict__["_random"] = RowGenerators(self._surroundings.seed, paths)
-        return source
+            roster = self._surroundings.environment.roster
+            start = roster.start(self._group.name)
+            numbers = roster.numbers[start : start + len(self._group)]
+            source = self.__dict__["_random"] = GroupChance(self._surroundings.seed, f"component {self.name}", numbers)
+        return source.at(self.turn)
 
     def emit_for(self, row: int, name: str, text: str = "", *, level: Level = Level.INFO, **data: Any) -> None:
         """Fire an event on behalf of one agent of the group."""

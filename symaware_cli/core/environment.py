@@ -85,7 +85,7 @@ class Environment(Plugin, ABC):
         Args:
             groups: All groups, with their initial states.
             obstacles: The other bodies by name.
-            seed: The seed of the run, for `symaware_cli.core.random.generator`.
+            seed: The seed of the run, for `symaware_cli.generator`.
 
         Raises:
             ValueError: An obstacle has the name of a group.

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from symaware_cli.core.chance import Numbers, agent_numbers
 from symaware_cli.core.column import frozen
 from symaware_cli.core.model import Model
 
@@ -28,7 +29,7 @@ class Roster:
         dimensions: In how many dimensions they move, at most.
     """
 
-    __slots__ = ("_models", "_places", "counts", "dimensions", "groups", "ids", "starts")
+    __slots__ = ("_models", "_numbers", "_places", "counts", "dimensions", "groups", "ids", "starts")
 
     def __init__(self, members: Mapping[str, Sequence[str]], models: Mapping[str, Model] | None = None) -> None:
         """Put them in order.
@@ -43,9 +44,17 @@ class Roster:
         self.counts = tuple(len(members[group]) for group in self.groups)
         self.ids = tuple(id for group in self.groups for id in members[group])
         self.starts = tuple(int(start) for start in np.cumsum([0, *self.counts])[:-1])
+        self._numbers: Numbers | None = None
         self._places = {
             id: (number, row) for number, group in enumerate(self.groups) for row, id in enumerate(members[group])
         }
+
+    @property
+    def numbers(self) -> Numbers:
+        """What stands for the agents where something is drawn, by index; shape (n,)."""
+        if self._numbers is None:
+            self._numbers = agent_numbers(self.ids)
+        return self._numbers
 
     def place(self, id: str) -> tuple[int, int]:
         """Return the number of an agent's group (in `groups`) and its row there.

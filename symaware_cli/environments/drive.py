@@ -77,12 +77,13 @@ class Drive:
                 *path,
             )
 
-    def plan(self, state: Array, control_input: Array) -> Array:
+    def plan(self, state: Array, control_input: Array, time: int) -> Array:
         """Lay out the velocities of a time step.
 
         Args:
             state: Where the bodies are; shape (n, nx).
             control_input: The saturated control inputs; shape (n, nu).
+            time: When it begins, in nanoseconds.
 
         Returns:
             For each physics step the velocity of the position [m/s] and, of bodies that turn, the turn rate [rad/s];
@@ -95,7 +96,7 @@ class Drive:
             planned[number] = (after[:, columns] - at[:, columns]) * self._share
             at = after
         if self._noise:
-            planned += self._noise.draw()[:, columns] * self._noise_share
+            planned += self._noise.draw(time)[:, columns] * self._noise_share
         return planned
 
     def state(self, positions: Array, headings: Array, motion: Array) -> Array:

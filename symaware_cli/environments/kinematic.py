@@ -78,7 +78,7 @@ class KinematicEnvironment(ColumnEnvironment):
         for number, (model, noise) in enumerate(zip(self._models, self._noises, strict=True)):
             state = self._advance(model, self._states[number], self._applied[number])
             if noise:
-                state = state + noise.draw()
+                state = state + noise.draw(self._time)
             state.flags.writeable = False
             self._states[number] = state
         self._time += self.time_step

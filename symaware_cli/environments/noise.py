@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.core import AgentGroup
-from symaware_cli.core.random import RowGenerators
+from symaware_cli.core.chance import GroupChance, Turn, agent_numbers
 
 Array = NDArray[np.float64]
 
@@ -14,18 +14,21 @@ Array = NDArray[np.float64]
 class ProcessNoise:
     """Draws the noise that a group's model adds to the states of its agents in each step.
 
-    Each agent draws from a generator of its own, keyed by ``environment/<agent id>``, so that adding an agent changes
-    nobody's noise.
+    What an agent draws is keyed by its id and the step, so nobody else changes its noise.
     """
 
     def __init__(self, group: AgentGroup, covariance: Array, seed: int) -> None:
-        self._generators = RowGenerators(seed, [f"environment/{id}" for id in group.ids])
+        self._chance = GroupChance(seed, "environment", agent_numbers(group.ids))
         self._deviation = np.sqrt(np.diag(covariance))
         self._factor = None if _is_diagonal(covariance) else cholesky(covariance)
 
-    def draw(self) -> Array:
-        """The noise of one step; shape (n, nx)."""
-        numbers = self._generators.standard_normal(len(self._deviation))
+    def draw(self, time: int) -> Array:
+        """The noise of one step; shape (n, nx).
+
+        Args:
+            time: When the step begins, in nanoseconds.
+        """
+        numbers = self._chance.at(Turn(time)).standard_normal(len(self._deviation))
         if self._factor is None:
             return numbers * self._deviation
         noise = np.zeros_like(numbers)

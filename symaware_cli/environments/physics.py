@@ -196,9 +196,13 @@ class PhysicsEnvironment(ColumnEnvironment):
             if forces is not None or self._pushes:
                 self._push(forces)
             number, diverted = self._advance(number, substeps if settled and not self._pushes else number + 1)
+        self._shake(self._time)
         self._time += self.time_step
         self._touches.settle()
         self._read()
+
+    def _shake(self, time: int) -> None:
+        """Add the noise of a step that began then [ns] to groups without a drive."""
 
     def push(self, group: AgentGroup, rows: Sequence[int], change: Array) -> None:
         """Put the bodies of some agents elsewhere all at once, and give them another velocity."""
@@ -228,7 +232,7 @@ class PhysicsEnvironment(ColumnEnvironment):
     def _lay_out(self) -> None:
         """Plan the velocities of the time step."""
         for drive, number, part in self._parts:
-            planned = drive.plan(self._states[number], self._applied[number])
+            planned = drive.plan(self._states[number], self._applied[number], self._time)
             dimensions = len(drive.group.model.position)
             self._plan[:, part, :dimensions] = planned[..., :dimensions]
             if drive.turns:

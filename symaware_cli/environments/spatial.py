@@ -374,13 +374,15 @@ class PyBulletEnvironment(PhysicsEnvironment):
         agents = [self._body_of[index] for index in range(len(self.roster))]
         return [*agents, *(self._entities[name] for name in self._free)]
 
+    def _shake(self, time: int) -> None:
+        for vehicle, number in self._vehicles:
+            noise = self._noises[self.groups[number].name]
+            if noise:
+                vehicle.displace(range(len(self.groups[number])), noise.draw(time))
+
     def _read_others(self, velocities: Array) -> None:
         for vehicle, number in self._vehicles:
             state, velocity = vehicle.read()
-            noise = self._noises[self.groups[number].name]
-            if noise and self._time:
-                vehicle.displace(range(len(state)), noise.draw())
-                state, velocity = vehicle.read()
             state.flags.writeable = False
             self._states[number] = state
             group = self.groups[number]

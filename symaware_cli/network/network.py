@@ -252,7 +252,7 @@ class Network:
         Args:
             ledger: Remembers the links.
             rows: The links, as rows in it, each at most once; shape (m,).
-            numbers: Which message on its link each is; shape (m,).
+            numbers: Those of the messages on their links; shape (m,).
             now: In nanoseconds.
             sizes: In bytes; shape (m,).
             linked: Which of them are links at present; None for all.

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.core import Delivery
+from symaware_cli.core.chance import key_of, message_fractions
 from symaware_cli.core.message import Indices, Times
-from symaware_cli.network.chance import agent_keys, uniforms
 from symaware_cli.network.channel.channel import NO_LINK, REASONS, Channel, Fates
 from symaware_cli.network.channel.impairment import Impairment
 from symaware_cli.network.channel.ledger import Ledger
@@ -39,7 +39,7 @@ class Parcel:
         content: It, on its own.
         sizes: Of what each row of its batch says, in bytes; shape (s,).
         row: The link, as a row in the ledger.
-        number: Which message on its link it is.
+        number: Its number on the link.
         sent: When it was sent, in nanoseconds.
     """
 
@@ -110,7 +110,7 @@ class Passage:
         rows, new = ledger.rows(senders, receivers)
         if new is not None and network is not None:
             network.enter(ledger, new)
-        numbers, each = ledger.number(rows), sizes[sent.rows]
+        numbers, each = ledger.number(rows, now), sizes[sent.rows]
         impairment = self._impairment(senders, receivers, rows, numbers)
         victims: list[Parcel] = []
         if network is None:
@@ -174,8 +174,8 @@ class Passage:
 
     def _struck(self, disturbance: Disturbance, rows: Indices, numbers: Times) -> NDArray[np.bool_]:
         """Which messages a disturbance would lose: drawn from the link's chance, so that nobody else's matters."""
-        name = agent_keys(self._seed, [disturbance.name], "disturbances")
-        struck: NDArray[np.bool_] = uniforms(self._ledger.keys[rows] ^ name, numbers, _OWN_PAGE)[0] < disturbance.loss
+        keys = self._ledger.keys[rows] ^ np.uint64(key_of(self._seed, "disturbances", disturbance.name))
+        struck: NDArray[np.bool_] = message_fractions(keys, numbers, _OWN_PAGE)[0] < disturbance.loss
         return struck
 
     def _reason(self, name: str) -> int:

@@ -8,8 +8,8 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from symaware_cli.core import Component, Event, GroupComponent, Level, SubscriberError
+from symaware_cli.core.chance import Turn, key_of
 from symaware_cli.core.column import Array
-from symaware_cli.core.random import generator
 from symaware_cli.runtime.agenda import Phase
 from symaware_cli.runtime.computation import Computation
 from symaware_cli.runtime.expression import EvaluationError
@@ -21,6 +21,7 @@ from symaware_cli.runtime.scrutiny import Scrutiny
 from symaware_cli.runtime.supervision import Disturb, Supervision
 from symaware_cli.runtime.task import FAILED, Task
 from symaware_cli.runtime.timing import Duration
+from symaware_cli.runtime.turn import Turns, in_turn
 
 if TYPE_CHECKING:
     from symaware_cli.runtime.run import Run
@@ -58,6 +59,7 @@ class Activity:
         self._row_of = {id: row for row, id in enumerate(slot.group.ids)}
         self.supervision = Supervision(run.simulation, slot)
         self._computation = Computation(self)
+        self._turns = Turns()
         #: What the components of some rows are busy with, and how many turns were put off meanwhile.
         self._busy: dict[int, object] = {}
         self._backlog: Counter[int] = Counter()
@@ -76,6 +78,7 @@ class Activity:
             not self._guarded
             and not self._coroutines
             and timing.condition is None
+            and timing.trigger is None
             and not self._takes_time
             and not timing.in_process
             and timing.period != 0
@@ -100,11 +103,11 @@ class Activity:
             return
         step = self._simulation.environment.time_step
         if not timing.jitter:
-            Recurrence(self, None, timing.instants(step, run.agenda.grid, None)).enter()
+            Recurrence(self, None, timing.instants(step, run.agenda.grid)).enter()
             return
         for row, component in enumerate(self.slot.components):
-            random = generator(self._simulation.seed, f"{component.path}/jitter")
-            Recurrence(self, [row], timing.instants(step, run.agenda.grid, random)).enter()
+            key = key_of(self._simulation.seed, component.path, "jitter")
+            Recurrence(self, [row], timing.instants(step, run.agenda.grid, key)).enter()
 
     def _on_trigger(self, event: Event) -> None:
         """Enter a turn for those whom an event concerns; one turn, however many events fire before it."""
@@ -175,10 +178,12 @@ class Activity:
             components = self.slot.components
             with self.supervision.watched():
                 for row in rows:
+                    turn = self.begin_turn(row)
                     if self._coroutines:
-                        Task(self, row, components[row]).start()
+                        Task(self, row, components[row], turn).start()
                     else:
-                        self.attempt(row, components[row].compute_and_update)
+                        with in_turn(components[row], turn):
+                            self.attempt(row, components[row].compute_and_update)
         self.check(before)
         if self._timing.period == 0:
             for row in rows:
@@ -378,6 +383,10 @@ class Activity:
         with self.supervision.watched():
             call(value)
         self.check(before)
+
+    def begin_turn(self, row: int) -> Turn:
+        """Tell the turn of a component that begins now from all others."""
+        return self._turns.begin(row, self._simulation.clock.now)
 
     def occupy(self, row: int, turn: object) -> None:
         """A component is busy with a turn that may take time."""

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from symaware_cli.core import Event, Level
+from symaware_cli.core.chance import Turn
 from symaware_cli.runtime.agenda import Phase
 from symaware_cli.runtime.task import FAILED, computed
+from symaware_cli.runtime.turn import in_turn
 from symaware_cli.runtime.workers import Computed, WorkerError
 
 if TYPE_CHECKING:
     from symaware_cli.runtime.activity import Activity
 
-#: A row, what it is busy with, what it computed, and when, in nanoseconds.
-Landing = tuple[int, object, Any, int]
+#: A row, the turn that it is busy with, and what it computed then.
+Landing = tuple[int, Turn, Any]
 
 
 class Computation:
@@ -35,33 +37,36 @@ class Computation:
         """
         activity, agenda = self._activity, self._run.agenda
         now, landings = agenda.now, dict[int, list[Landing]]()
-        for row, value in self._values(rows):
+        turns = {row: activity.begin_turn(row) for row in rows}
+        for row, value in self._values(turns):
             if value is FAILED:
                 continue
-            turn = object()
+            turn = turns[row]
             activity.occupy(row, turn)
-            time = now + activity.supervision.latency(row)
+            time = now + activity.supervision.latency(row, turn)
             if time == now:
-                self._land([(row, turn, value, now)])
+                self._land([(row, turn, value)])
             else:
-                landings.setdefault(time, []).append((row, turn, value, now))
+                landings.setdefault(time, []).append((row, turn, value))
         for time, landing in sorted(landings.items()):
             agenda.put(time, activity.place, Phase.LANDING, landing[0][0], partial(self._land, landing))
 
-    def _values(self, rows: Sequence[int]) -> Iterator[tuple[int, Any]]:
+    def _values(self, turns: Mapping[int, Turn]) -> Iterator[tuple[int, Any]]:
         """Yield what each component computes, one after the other; in workers they compute all at once before."""
         activity, run, events = self._activity, self._run, self._events
         done: dict[int, Computed | WorkerError] | None = None
         if self._slot.timing.in_process:
-            done = activity.attempt(rows[0], run.workers.compute, self._slot, rows)
+            done = activity.attempt(next(iter(turns)), run.workers.compute, self._slot, turns)
             if done is FAILED:
                 return
-        for row in rows:
+        for row, turn in turns.items():
             component = self._slot.components[row]
             if "computing" in events.wanted:
                 component._announce("computing")
             if done is None:
-                yield row, activity.attempt(row, component._compute)
+                with in_turn(component, turn):
+                    value = activity.attempt(row, component._compute)
+                yield row, value
                 continue
             outcome = done[row]
             if isinstance(outcome, WorkerError):
@@ -77,13 +82,13 @@ class Computation:
         activity, wanted = self._activity, self._events.wanted
         before, landed = activity.present(), []
         with activity.supervision.watched():
-            for row, turn, value, computed_at in landing:
+            for row, turn, value in landing:
                 if not activity.vacate(row, turn):
                     continue
                 component = self._slot.components[row]
                 if "computed" in wanted:
                     component._announce("computed")
-                with computed(component, computed_at):
+                with in_turn(component, turn), computed(component, turn.instant):
                     activity.attempt(row, component.update, value)
                 landed.append(row)
         activity.check(before)

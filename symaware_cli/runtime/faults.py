@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.core import AgentGroup, Event, Level
-from symaware_cli.core.random import generator
+from symaware_cli.core.chance import GroupChance, agent_numbers
 from symaware_cli.network.disturbance import Disturbance
 from symaware_cli.runtime.agenda import OF_FAULTS, Phase
 from symaware_cli.runtime.timing import Duration, Trigger
+from symaware_cli.runtime.turn import Turns
 
 if TYPE_CHECKING:
     from symaware_cli.runtime.activity import Activity
@@ -197,9 +198,8 @@ class Error(Effect):
         begun = []
         for each in self.components:
             activity = each.activity(run)
-            paths = [f"agents.{activity.slot.group.ids[row]}.{activity.slot.name}" for row in each.rows]
-            randoms = [generator(run.simulation.seed, f"{path}/faults/{name}") for path in paths]
-            disturbance = partial(_mismeasure, self, each.rows, randoms)
+            noise = _Noise(self.deviation, activity.slot, run.simulation.seed, name)
+            disturbance = partial(_mismeasure, self, each.rows, noise)
             activity.disturb(disturbance)
             begun.append((activity, disturbance))
         return begun
@@ -210,20 +210,35 @@ class Error(Effect):
             activity.undisturb(disturbance)
 
 
-def _mismeasure(
-    error: Error,
-    rows: Sequence[int],
-    randoms: Sequence[np.random.Generator],
-    group: AgentGroup,
-    measured: Sequence[int],
-) -> None:
+class _Noise:
+    """The noise of one fault in what one component measures: keyed by both, the agent and the turn."""
+
+    def __init__(self, deviation: Array, slot: Slot, seed: int, fault: str) -> None:
+        self._deviation = deviation
+        self._seed = seed
+        self._purpose = f"component {slot.name} fault {fault}"
+        self._numbers = agent_numbers(slot.group.ids)
+        self._turns = Turns()
+
+    def draw(self, rows: Sequence[int], now: int) -> Array:
+        """The noise of some agents in the turn that ends now [ns]; shape (k, nx)."""
+        noise = np.zeros((len(rows), len(self._deviation)))
+        if not self._deviation.any():
+            return noise
+        turns = [self._turns.begin(row, now) for row in rows]
+        for turn in set(turns):
+            some = [place for place, each in enumerate(turns) if each == turn]
+            numbers = self._numbers[[rows[place] for place in some]]
+            chance = GroupChance(self._seed, self._purpose, numbers).at(turn)
+            noise[some] = self._deviation * chance.standard_normal(len(self._deviation))
+        return noise
+
+
+def _mismeasure(error: Error, rows: Sequence[int], noise: _Noise, group: AgentGroup, measured: Sequence[int]) -> None:
     """Add errors to what some agents have measured in a turn."""
     awareness, errors = group.awareness, np.zeros_like(group.awareness.state)
-    for row, random in zip(rows, randoms, strict=True):
-        if row in measured:
-            errors[row] = error.bias
-            if error.deviation.any():
-                errors[row] += error.deviation * random.standard_normal(len(error.deviation))
+    struck = sorted(set(rows).intersection(measured))
+    errors[struck] = error.bias + noise.draw(struck, group.surroundings.clock.now)
     if not errors.any():
         return
     awareness.state = awareness.state + errors

@@ -20,6 +20,7 @@ from symaware_cli.core import (
     SubscriberError,
     Surroundings,
 )
+from symaware_cli.core.chance import Turn
 from symaware_cli.core.event import RECURRING
 from symaware_cli.network.exchange import MemoryExchange
 from symaware_cli.network.network import Change, Network, Stretch
@@ -27,6 +28,7 @@ from symaware_cli.network.traffic import Traffic
 from symaware_cli.runtime.failure import RunError, describe
 from symaware_cli.runtime.interruption import Interrupted
 from symaware_cli.runtime.timing import STEADY, Timing
+from symaware_cli.runtime.turn import in_turn
 
 #: The links that began or ended are named in the event if they are no more than this.
 _MOST_LINKS_NAMED = 40
@@ -101,15 +103,19 @@ class Slot:
         """
         component = self.components[row]
         try:
-            if isinstance(component, GroupComponent):
-                component.initialise_component(self.group)
-            else:
-                agent = self.group.agents[row]
-                component.initialise_component(agent, agent.awareness_database, agent.knowledge_database)
+            with in_turn(component, Turn(now, -1)):
+                self._take_up(component, row)
         except (SubscriberError, Interrupted):
             raise
         except BaseException as error:
             raise RunError(component.path, self.use, now, describe(error), error) from error
+
+    def _take_up(self, component: Component | GroupComponent, row: int) -> None:
+        if isinstance(component, GroupComponent):
+            component.initialise_component(self.group)
+        else:
+            agent = self.group.agents[row]
+            component.initialise_component(agent, agent.awareness_database, agent.knowledge_database)
 
 
 class Simulation:

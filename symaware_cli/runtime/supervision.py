@@ -5,13 +5,10 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from dataclasses import astuple
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from symaware_cli.core import AgentGroup, GroupComponent
-from symaware_cli.core.random import generator
+from symaware_cli.core.chance import Turn, fraction
 from symaware_cli.runtime.restraint import restrained
 from symaware_cli.runtime.timing import Duration
 
@@ -42,7 +39,6 @@ class Supervision:
         self._is_group = isinstance(slot.components[0], GroupComponent)
         #: What faults say that computations of a row take, each as often as it was said.
         self._slowness: dict[int, Counter[Duration]] = {}
-        self._chances: dict[int, np.random.Generator] = {}
 
     @property
     def interferes(self) -> bool:
@@ -81,14 +77,13 @@ class Supervision:
             if not self._slowness[row]:
                 del self._slowness[row]
 
-    def latency(self, row: int) -> int:
-        """How long the present computation of a component takes, in nanoseconds."""
-        durations, random = self._slowness.get(row) or (self._slot.timing.latency,), self._chances.get(row)
-        if random is None and any(duration.is_drawn for duration in durations):
-            path = self._slot.components[row].path
-            random = self._chances[row] = generator(self._simulation.seed, f"{path}/latency")
-        # Sorted, so that draws do not depend on which fault began first.
-        return max(duration.draw(random) for duration in sorted(durations, key=astuple))
+    def latency(self, row: int, turn: Turn) -> int:
+        """How long the computation of a component takes in a turn, in nanoseconds."""
+        durations, drawn = self._slowness.get(row) or (self._slot.timing.latency,), 0.5
+        if any(duration.is_drawn for duration in durations):
+            # One draw for all that make it slow, so that faults do not change what is drawn for others.
+            drawn = fraction(self._simulation.seed, self._slot.components[row].path, "latency", *turn)
+        return max(duration.at(drawn) for duration in durations)
 
     def watched(self) -> AbstractContextManager[None]:
         """Put back what must not change of what is written, and let faults have their way with the rest."""

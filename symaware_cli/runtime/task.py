@@ -7,8 +7,10 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from symaware_cli.core import Component, Event, GroupComponent
+from symaware_cli.core.chance import Turn
 from symaware_cli.core.waiting import Happening, Mail, Sleep, Wait
 from symaware_cli.runtime.agenda import Phase
+from symaware_cli.runtime.turn import in_turn
 
 if TYPE_CHECKING:
     from symaware_cli.runtime.activity import Activity
@@ -47,10 +49,21 @@ class Task:
         waiting: What it waits for, if it waits.
     """
 
-    __slots__ = ("_activity", "_connection", "_coroutine", "_event", "_given_up", "_row", "component", "waiting")
+    __slots__ = (
+        "_activity",
+        "_connection",
+        "_coroutine",
+        "_event",
+        "_given_up",
+        "_row",
+        "_turn",
+        "component",
+        "waiting",
+    )
 
-    def __init__(self, activity: Activity, row: int, component: Component | GroupComponent) -> None:
+    def __init__(self, activity: Activity, row: int, component: Component | GroupComponent, turn: Turn) -> None:
         self.component = component
+        self._turn = turn
         self.waiting: Any = None
         self._activity = activity
         self._row = row
@@ -66,13 +79,13 @@ class Task:
 
     def start(self) -> None:
         """Begin the turn; it may be over at once."""
-        self._coroutine = self._turn()
+        self._coroutine = self._take_turn()
         self._activity.occupy(self._row, self)
         self._go_on(None)
 
-    async def _turn(self) -> None:
+    async def _take_turn(self) -> None:
         """What `async_compute_and_update` does, with the latency between its halves."""
-        component, latency = self.component, self._activity.supervision.latency(self._row)
+        component, latency = self.component, self._activity.supervision.latency(self._row, self._turn)
         if not latency:
             await component.async_compute_and_update()
             return
@@ -91,7 +104,8 @@ class Task:
         """Resume the coroutine until it waits again or is done."""
         self.waiting = None
         activity, row = self._activity, self._row
-        wait = activity.attempt(row, self._advance, value)
+        with in_turn(self.component, self._turn):
+            wait = activity.attempt(row, self._advance, value)
         if isinstance(wait, _Done):
             if activity.vacate(row, self):
                 activity.over(row)

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from statistics import NormalDist
 from typing import Literal
 
 import numpy as np
 
 from symaware_cli.core import nanoseconds
+from symaware_cli.core.chance import uniform
 from symaware_cli.runtime.expression import Expression
 
 Overrun = Literal["skip", "queue", "fail"]
@@ -18,6 +20,8 @@ Coast = Literal["last", "safe"]
 
 #: How many numbers are drawn ahead.
 _BLOCK = 64
+
+_NORMAL = NormalDist()
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,13 +64,16 @@ class Duration:
         """Whether it differs from time to time."""
         return self.kind != "constant"
 
-    def draw(self, random: np.random.Generator | None) -> int:
-        """How long it takes this time, in nanoseconds; never less than nothing."""
-        if self.kind == "constant" or random is None:
+    def at(self, fraction: float) -> int:
+        """How long it takes, in nanoseconds, where it takes no longer in a fraction (0, 1) of all cases.
+
+        It is never less than nothing.
+        """
+        if self.kind == "constant":
             return nanoseconds(self.first)
         if self.kind == "uniform":
-            return nanoseconds(random.uniform(self.first, self.second))
-        return max(0, nanoseconds(random.normal(self.first, self.second)))
+            return nanoseconds(self.first + (self.second - self.first) * fraction)
+        return max(0, nanoseconds(self.first + self.second * _NORMAL.inv_cdf(fraction)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,26 +113,27 @@ class Timing:
             return self.trigger is None and not self.offset and not self.jitter
         return self.period == time_step and not self.offset and not self.jitter
 
-    def instants(self, time_step: int, grid: int, random: np.random.Generator | None) -> Iterator[int]:
+    def instants(self, time_step: int, grid: int, key: int = 0) -> Iterator[int]:
         """Yield the instants of the turns, ascending, in nanoseconds.
 
         Args:
             time_step: That of the world, in nanoseconds.
             grid: Instants are rounded up to a multiple of this, each at most once; 0 for none.
-            random: Where the jitter is drawn from: once for each nominal instant, whatever the grid.
+            key: What the jitter is keyed by, beside the nominal instant of each turn.
         """
         period = time_step if self.period is None else self.period
         if not period:
             yield self.offset
             return
         nominal, last = self.offset, -1
-        # Drawn in blocks, which is a tenth of the price and gives the same numbers.
+        # Drawn in blocks, which is a fraction of the price and gives the same numbers.
         late: list[float] = []
         while True:
             time = nominal
-            if self.jitter and random is not None:
+            if self.jitter:
                 if not late:
-                    late = random.random(_BLOCK)[::-1].tolist()
+                    instants = np.arange(_BLOCK, dtype=np.uint64) * np.uint64(period) + np.uint64(nominal)
+                    late = uniform(instants, np.zeros_like(instants), key, 1)[::-1, 0].tolist()
                 time += round(late.pop() * self.jitter)
             nominal += period
             if grid:

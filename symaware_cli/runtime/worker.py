@@ -32,9 +32,11 @@ from symaware_cli.core import (
     Subscription,
     Surroundings,
 )
+from symaware_cli.core.chance import Turn
 from symaware_cli.core.column import Column, SeriesColumn
 from symaware_cli.core.event import RECURRING
 from symaware_cli.runtime.failure import describe
+from symaware_cli.runtime.turn import in_turn
 
 #: What tells the kernel to end a process with the one that started it (Linux).
 _PR_SET_PDEATHSIG = 1
@@ -308,7 +310,7 @@ class Replica:
         self._components: dict[int, tuple[Any, State]] = {}
         self._part = part
 
-    def compute(self, now: int, data: bytes | None, rows: list[tuple[int, bytes | None]]) -> list[Outcome]:
+    def compute(self, now: int, data: bytes | None, rows: list[tuple[int, Turn, bytes | None]]) -> list[Outcome]:
         """Compute for some rows, with the data of now."""
         if data is not None:
             content = self.codec.decode(data)
@@ -316,14 +318,15 @@ class Replica:
                 self._world.adopt(*content["truth"])
             _take_group_data(self.group, content)
         self.surroundings.clock.now = now
-        return [self._compute_one(row, state) for row, state in rows]
+        return [self._compute_one(*each) for each in rows]
 
-    def _compute_one(self, row: int, attributes: bytes | None) -> Outcome:
+    def _compute_one(self, row: int, turn: Turn, attributes: bytes | None) -> Outcome:
         try:
             component, state = self._component(row)
             state.take(attributes)
             self._fired.clear()
-            value = self.codec.encode(component._compute())
+            with in_turn(component, turn):
+                value = self.codec.encode(component._compute())
             events = tuple((e.name, e.source, int(e.level), e.text, e.data) for e in self._fired)
             return Outcome(row, value, state.changed(), events)
         except BaseException as error:
@@ -393,7 +396,7 @@ def serve(requests: BinaryIO, answers: BinaryIO) -> None:
                 raise replica
             outcomes = replica.compute(now, data, rows)
         except BaseException as error:
-            outcomes = [_failure(row, error) for row, _ in rows]
+            outcomes = [_failure(row, error) for row, *_ in rows]
         write(answers, pickle.dumps(outcomes))
 
 

@@ -7,12 +7,13 @@ import pickle
 import signal
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, BinaryIO
 
 from symaware_cli import processor
 from symaware_cli.core import AgentGroup, Component, Environment, GroupComponent, Plugin
+from symaware_cli.core.chance import Turn
 from symaware_cli.runtime.simulation import Simulation, Slot
 from symaware_cli.runtime.worker import Codec, Part, State, group_data, read, write
 
@@ -72,19 +73,27 @@ class Workers:
         for worker in self._workers:
             worker.get_ready()
 
-    def compute(self, slot: Slot, rows: Sequence[int]) -> dict[int, Computed | WorkerError]:
-        """Compute for some components, all at once, and return what came of it, by row."""
+    def compute(self, slot: Slot, turns: Mapping[int, Turn]) -> dict[int, Computed | WorkerError]:
+        """Let some components compute, all at once.
+
+        Args:
+            slot: Whose they are.
+            turns: Which turn each begins, by row.
+
+        Returns:
+            What came of it, by row.
+        """
         office, now = self._offices[slot.path], self._simulation.clock.now
         data = office.codec.encode(group_data(slot.group, sees_world=slot.components[0].sees_world))
         shares: dict[_Worker, list[int]] = {}
-        for row in rows:
+        for row in turns:
             shares.setdefault(self._workers[(office.number + row) % len(self._workers)], []).append(row)
         results: dict[int, Computed | WorkerError] = {}
         asked = []
         try:
             for worker, share in shares.items():
                 asked.append(worker)
-                worker.ask(office, now, data, share)
+                worker.ask(office, now, data, {row: turns[row] for row in share})
             for worker, share in shares.items():
                 results |= worker.answer(office, share)
         except BaseException:
@@ -196,13 +205,13 @@ class _Worker:
             read(self._answers)
             self._is_ready = True
 
-    def ask(self, office: _Office, now: int, data: bytes, rows: Sequence[int]) -> None:
+    def ask(self, office: _Office, now: int, data: bytes, turns: Mapping[int, Turn]) -> None:
         """Let it compute."""
         try:
             self.start()
             known = self._known.get(office.number) == data
             self._known[office.number] = data
-            states = [(row, office.states[row].changed()) for row in rows]
+            states = [(row, turn, office.states[row].changed()) for row, turn in turns.items()]
             write(self._requests, pickle.dumps((office.number, now, None if known else data, states)))
         except BrokenPipeError:
             pass  # what became of it is found when its answer is asked for

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from symaware_cli.core import Model
+from symaware_cli.core.chance import GroupChance, agent_numbers
 from symaware_cli.core.column import FARTHEST, is_within
-from symaware_cli.core.random import generator
 from symaware_cli.core.shape import LARGEST, Length, Number
 from symaware_cli.scenario.check import a_number, check, said_of
 from symaware_cli.scenario.compose import Composition
@@ -73,8 +73,12 @@ class Sampler:
         self._ids = ids
         self._indexed = indexed
         self._model = model
+        self._numbers = agent_numbers(ids)
         # What each distribution says, checked once for all agents; None after a problem.
         self._known: dict[Path, Any] = {}
+        # What all agents draw from it, where it is one for all.
+        self._drawn: dict[Path, Array] = {}
+        self._is_each = False
 
     def states(self, value: Any, path: Path) -> Array:
         """The initial state of each agent; shape (n, nx), or (n, 0) after a problem."""
@@ -120,8 +124,8 @@ class Sampler:
         form = self._form(value, path, width)
         if form is None:
             return None
-        is_each, content, inner = form
-        if not is_each:
+        self._is_each, content, inner = form
+        if not self._is_each:
             if isinstance(content, Mapping) and len(content) == 1 and next(iter(content)) in ("grid", "circle"):
                 # One computation serves all agents, however many there are.
                 kind, placement = next(iter(content.items()))
@@ -271,10 +275,21 @@ class Sampler:
         size = max(first.size if first.ndim else 0, second.size if second.ndim else 0)
         # A single number for a whole state means: of every element.
         shape = size or width or 0
-        source = generator(self._seed, f"agents.{self._ids[row]}.{'.'.join(str(part) for part in path[2:])}")
-        unit = source.random(shape or 1) if kind == "uniform" else source.standard_normal(shape or 1)
+        unit = self._units(kind, path, row, shape or 1)
         drawn = first + (second - first) * unit if kind == "uniform" else first + second * unit
         return drawn.tolist() if shape else float(drawn[0])
+
+    def _units(self, kind: str, path: Path, row: int, count: int) -> Array:
+        """What an agent draws from a distribution of unit size; shape (count,)."""
+        purpose = f"scenario {'.'.join(str(part) for part in path[2:])}"
+        if self._is_each:
+            # Nobody else draws from what stands at this place.
+            alone: Array = _unit(GroupChance(self._seed, purpose, self._numbers[row : row + 1]), kind, count)[0]
+            return alone
+        if path not in self._drawn:
+            self._drawn[path] = _unit(GroupChance(self._seed, purpose, self._numbers), kind, count)
+        drawn: Array = self._drawn[path][row]
+        return drawn
 
     def _ends(self, kind: str, content: Any, path: Path) -> tuple[Array, Array] | None:
         """Check the two parts of a distribution; None after a problem."""
@@ -431,3 +446,8 @@ def _shape(value: Any) -> tuple[int, ...] | None:
     if len(shapes) != 1 or None in shapes:
         return None
     return (len(value), *next(shape for shape in shapes if shape is not None))
+
+
+def _unit(chance: GroupChance, kind: str, count: int) -> Array:
+    """Draw from a distribution of unit size for each agent; shape (n, count)."""
+    return chance.uniform(count) if kind == "uniform" else chance.standard_normal(count)

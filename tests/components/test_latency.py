@@ -14,7 +14,7 @@ from simulating import STEP, Team, execute, simulation
 from symaware_cli import Entity, Environment, GroupComponent, Model
 from symaware_cli.components.perception import OmniscientPerception
 from symaware_cli.core import Agent, AgentGroup, Parameters, Snapshot, Subscription, Surroundings, Tracks
-from symaware_cli.core.random import RowGenerators
+from symaware_cli.core.chance import AgentChance, GroupChance
 from symaware_cli.environments.kinematic import KinematicEnvironment
 from symaware_cli.models.bicycle import Bicycle
 from symaware_cli.models.integrator import SingleIntegrator
@@ -161,8 +161,8 @@ SHARED = (
     Environment,
     Subscription,
     Parameters,
-    RowGenerators,
-    np.random.Generator,
+    AgentChance,
+    GroupChance,
 )
 
 

@@ -420,7 +420,7 @@ def test_over_a_thousand_seeds_an_agent_is_as_sure_as_it_may_be_of_itself_and_of
 
 
 def test_a_late_observation_is_taken_account_of_where_it_belongs():
-    """Draws are in order of sight, so what is believed late of then is what was believed then, carried forward."""
+    """Errors are those of the instant that is seen: what is believed late is what was believed then, carried on."""
     late = 4
     model = Unicycle(Unicycle.Parameters(process_noise=0.1))
     noise = {"range": 5.0, "self_noise": 0.1, "position_noise": 0.1, "velocity_noise": 0.1}

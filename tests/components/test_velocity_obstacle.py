@@ -122,7 +122,7 @@ def test_a_pillar_in_the_way_is_passed_and_one_that_comes_is_dodged(model):
     coming = Obstacle.model_validate({"shape": {"circle": {"radius": 0.4}}, "path": path})
     state = [-5.0, *[0.0] * (len(model.state) - 1)]
     team = Team(steering(), 1, [state], [{"goal": [6.0, 0.0]}], model, DISC)
-    summary = execute(simulation({"robot": team}, obstacles={"pillar": pillar, "coming": coming}), 400)
+    summary = execute(simulation({"robot": team}, obstacles={"pillar": pillar, "coming": coming}), 440)
     assert summary.contacts == 0
     assert summary.goals_reached
 

@@ -236,7 +236,7 @@ def test_process_noise_moves_the_body_after_each_step():
             each.control_input = [[model.hover_speed] * 4] * 2
         for environment in (quiet, shaken):
             environment.step()
-        drawn = process_noise(restless, 0.025, 1).draw()
+        drawn = process_noise(restless, 0.025, 1).draw(0)
         assert shaken.state(restless) - quiet.state(group) == pytest.approx(drawn, abs=1e-9)
         assert shaken.snapshot().velocities == pytest.approx(shaken.state(restless)[:, 6:9])
 

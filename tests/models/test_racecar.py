@@ -194,7 +194,7 @@ def test_process_noise_moves_the_car_after_each_step():
     with quiet, shaken:
         for environment in (quiet, shaken):
             environment.step()
-        drawn = process_noise(restless, 0.02, 1).draw()
+        drawn = process_noise(restless, 0.02, 1).draw(0)
         assert shaken.state(restless) - quiet.state(group) == pytest.approx(drawn, abs=1e-6)
 
 

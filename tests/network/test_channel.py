@@ -34,7 +34,7 @@ class Link:
         sizes, impairment = np.full(len(self.rows), size), None
         if narrowed is not None:
             impairment = Impairment.none(len(self.rows))._replace(bandwidth=np.full(len(self.rows), narrowed))
-        return self.channel.carry(self.ledger, self.rows, self.ledger.number(self.rows), now, sizes, impairment)
+        return self.channel.carry(self.ledger, self.rows, self.ledger.number(self.rows, now), now, sizes, impairment)
 
 
 def delays(**parameters):

@@ -11,8 +11,8 @@ from scipy import stats
 from simulating import STEP, Team, simulation
 
 from symaware_cli.core import Links, Obstacle, Roster, TopologyError
+from symaware_cli.core.chance import agent_numbers, combined, key_of, uniform
 from symaware_cli.environments.kinematic import KinematicEnvironment
-from symaware_cli.network.chance import agent_keys, link_keys, uniforms
 from symaware_cli.network.network import Network, Stretch
 from symaware_cli.network.topology.near import LineOfSight, Nearest, Range
 from symaware_cli.network.topology.still import Complete, Graph, Grid, Line, Random, Ring, Star, Tree
@@ -98,6 +98,11 @@ def test_whether_two_are_linked_at_random_does_not_depend_on_who_else_is_there()
     assert pairs(laid(Random, world(10), seed=8, probability=0.5).links(0)) != pairs(few)
 
 
+def agent_keys(ids):
+    """What random graphs of the seed 7 are drawn by."""
+    return combined(agent_numbers(ids), np.zeros(len(ids), np.uint64), key_of(7, "topology"))
+
+
 def people(count):
     """A world of which nothing is known but who is in it."""
     environment = KinematicEnvironment()
@@ -110,9 +115,9 @@ def test_pairs_are_drawn_in_blocks_as_if_all_at_once(directed):
     count = 300
     assert count * (count - 1) // 2 > 5 * Random._BLOCK
     links = laid(Random, people(count), probability=0.02, directed=directed).links(0)
-    keys = agent_keys(7, [f"robot.{number}" for number in range(count)], "topology")
+    keys = agent_keys([f"robot.{number}" for number in range(count)])
     one, other = (each.ravel() for each in np.indices((count, count)))
-    drawn = uniforms(link_keys(keys[one], keys[other]), np.zeros(count**2, np.int64), 0)[0].reshape(count, count) < 0.02
+    drawn = uniform(keys[one], keys[other], 0, 1).reshape(count, count) < 0.02
     if not directed:
         # Of the two draws of a pair, that from the smaller key.
         drawn &= keys[:, None] <= keys[None]
@@ -144,7 +149,7 @@ def test_that_a_random_graph_is_as_good_as_never_connected_is_known_beforehand(c
 @pytest.mark.parametrize("directed", [False, True])
 def test_a_graph_is_given_up_as_soon_as_somebody_is_alone(directed):
     topology = laid(Random, people(150), probability=0.03, directed=directed, connected=True)
-    keys = agent_keys(7, topology.roster.ids, "topology")
+    keys = agent_keys(topology.roster.ids)
     drawn = [topology._draw(keys, attempt) for attempt in range(12)]
     assert None in drawn
     free = Random(Random.Parameters(probability=0.03, directed=directed))

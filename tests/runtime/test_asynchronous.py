@@ -259,17 +259,15 @@ def test_a_drawn_latency_is_seeded_and_never_negative(duration):
         assert 10 <= min(taken) <= max(taken) <= 40
 
 
-def test_latencies_are_the_same_with_and_without_jitter():
-    """Each is drawn from a stream of its own."""
-    latency = Duration("uniform", 0.01, 0.04)
-    taken = []
-    for jitter in (0, 40 * MILLISECOND):
-        timing = Timing(period=100 * MILLISECOND, jitter=jitter, latency=latency)
-        found, _ = latent(timing, steps=40)
-        taken.append([landed - begun for begun, landed in found])
-    assert taken[1][:15] == pytest.approx(taken[0][:15])
-    begun = [begun % 100 / 40 for begun, _ in latent(replace(timing, latency=Duration()), steps=40)[0]]
-    assert not np.allclose(begun[:15], (np.array(taken[0][:15]) - 10) / 30, atol=1e-3)
+def test_turns_begin_at_the_same_instants_with_and_without_latency():
+    """Jitter and latencies are drawn for different purposes."""
+    timing = Timing(period=100 * MILLISECOND, jitter=40 * MILLISECOND)
+    slow, quick = (
+        latent(replace(timing, latency=each), steps=40)[0] for each in (Duration("uniform", 0.01, 0.04), Duration())
+    )
+    assert [begun for begun, _ in slow[:15]] == [begun for begun, _ in quick[:15]]
+    late = [begun % 100 / 40 for begun, _ in slow[:15]]
+    assert not np.allclose(late, [(landed - begun - 10) / 30 for begun, landed in slow[:15]], atol=1e-3)
 
 
 # Triggers and conditions

@@ -495,7 +495,7 @@ def test_the_host_knows_the_greatest_risk_that_anybody_sees(spread, scenarios, t
     run.member("east", "robot.[6-9],robot.1?")
     run.finish()
     whole, merged = alone(tmp_path, run.scenario, *until), run.merged()
-    assert whole.outcome["steps"] == 160
+    assert whole.outcome["steps"] == 161
     assert differences(whole, merged) == {}
     assert whole.outcome == merged.outcome
 

@@ -6,14 +6,15 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy import stats
 
 from symaware_cli.runtime.timing import Duration, Timing
 
 STEP = 50
 
 
-def first(timing, count, grid=0, random=None):
-    return list(islice(timing.instants(STEP, grid, random), count))
+def first(timing, count, grid=0, key=3):
+    return list(islice(timing.instants(STEP, grid, key), count))
 
 
 def test_instants_are_exact_multiples_of_the_period():
@@ -23,7 +24,7 @@ def test_instants_are_exact_multiples_of_the_period():
 
 
 def test_a_period_of_zero_has_one_instant_of_its_own():
-    assert list(Timing(period=0, offset=9).instants(STEP, 0, None)) == [9]
+    assert list(Timing(period=0, offset=9).instants(STEP, 0)) == [9]
 
 
 @given(period=st.integers(1, 400), offset=st.integers(0, 400))
@@ -37,10 +38,25 @@ def test_on_a_grid_each_instant_is_the_next_one_and_none_comes_twice(period, off
 @given(period=st.integers(1, 400), jitter=st.floats(0, 0.99))
 def test_jitter_is_drawn_once_for_each_nominal_instant_whatever_the_grid(period, jitter):
     timing = Timing(period=period * 10**6, jitter=int(jitter * period * 10**6))
-    plain = first(timing, 50, random=np.random.default_rng(3))
+    plain = first(timing, 50)
     grid = STEP * 10**6
     expected = sorted({-(-time // grid) * grid for time in plain})
-    assert first(timing, len(expected) - 1, grid=grid, random=np.random.default_rng(3)) == expected[:-1]
+    assert first(timing, len(expected) - 1, grid=grid) == expected[:-1]
+
+
+def test_jitter_is_drawn_evenly_and_anew_for_each_turn():
+    timing = Timing(period=10**9, jitter=8 * 10**8)
+    late = [(time % 10**9) / (8 * 10**8) for time in first(timing, 2000)]
+    assert stats.kstest(late, "uniform").pvalue > 1e-3
+    assert abs(np.corrcoef(late[1:], late[:-1])[0, 1]) < 5 / np.sqrt(len(late))
+    assert first(timing, 100, key=4) != first(timing, 100)
+
+
+@given(period=st.integers(2, 90), times=st.integers(2, 5))
+def test_jitter_is_that_of_the_nominal_instant_whatever_the_period(period, times):
+    often = first(Timing(period=period * 10**6, jitter=10**6), 40 * times)
+    seldom = first(Timing(period=times * period * 10**6, jitter=10**6), 40)
+    assert often[::times] == seldom
 
 
 def test_who_takes_one_turn_a_step_is_steady():
@@ -61,10 +77,13 @@ def test_who_takes_one_turn_a_step_is_steady():
     ],
 )
 def test_a_duration_stays_within_its_bounds(duration, least, most):
-    random = np.random.default_rng(1)
-    drawn = [duration.draw(random) / 1e9 for _ in range(1000)]
+    fractions = np.linspace(0.0005, 0.9995, 1000)
+    drawn = [duration.at(fraction) / 1e9 for fraction in fractions]
     assert least <= min(drawn) <= max(drawn) <= most
+    assert drawn == sorted(drawn)
     assert duration.is_drawn == (len(set(drawn)) > 1)
+    quantiles = {"constant": drawn, "uniform": 0.1 + 0.1 * fractions, "normal": stats.norm(0.1, 0.2).ppf(fractions)}
+    assert drawn == pytest.approx(np.maximum(quantiles[duration.kind], 0.0), abs=1e-9)
 
 
 def test_only_a_constant_of_nothing_is_zero():

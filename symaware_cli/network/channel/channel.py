@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.core import nanoseconds
+from symaware_cli.core.chance import Array, message_fractions
 from symaware_cli.core.message import Indices, Times
-from symaware_cli.network.chance import Array, uniforms
 from symaware_cli.network.channel.delay import delays
 from symaware_cli.network.channel.impairment import Impairment
 from symaware_cli.network.channel.ledger import FOREVER, Ledger
@@ -81,7 +81,7 @@ class Channel:
         Args:
             ledger: Remembers the links.
             links: Their rows in it; shape (m,).
-            numbers: Which message on its link each is; shape (m,).
+            numbers: Those of the messages on their links; shape (m,).
             now: In nanoseconds.
             sizes: In bytes; shape (m,).
             impairment: What disturbs them; None for nothing.
@@ -131,7 +131,7 @@ class Channel:
         Args:
             ledger: Remembers the links.
             links: Their rows in it; shape (m,).
-            numbers: Which message on its link each is; shape (m,).
+            numbers: Those of the messages on their links; shape (m,).
             sent: When each was sent, in nanoseconds; shape (m,).
             leaving: When each is in the link, in nanoseconds; shape (m,).
             counts: Which of them really are; all if None.
@@ -143,8 +143,8 @@ class Channel:
         if self._is_sure:
             due = leaving + (self._constant or 0)
         else:
-            drawn = uniforms(ledger.keys[links], numbers, 0)
-            more = uniforms(ledger.keys[links], numbers, 1) if self._draws_more else None
+            drawn = message_fractions(ledger.keys[links], numbers, 0)
+            more = message_fractions(ledger.keys[links], numbers, 1) if self._draws_more else None
             due = leaving + self._travel(drawn[_DELAY], drawn[_JITTER])
             lost = self._lost(ledger, links, drawn, more, counts)
             reason[lost] = LOSS

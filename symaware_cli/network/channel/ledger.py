@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from symaware_cli.core.chance import Numbers, agent_numbers, combined, key_of
 from symaware_cli.core.message import Indices
-from symaware_cli.network.chance import Words, agent_keys, link_keys
 from symaware_cli.network.channel.backlog import Backlog, Recent
 
 #: Later than any run ends, and early enough for sums of it not to overflow, in nanoseconds.
@@ -19,7 +19,7 @@ class Ledger:
     """A row for each link, made when the link is first used.
 
     Attributes:
-        counts: How many messages were sent over each link.
+        latest: The number of the last message that was sent over each link; -1 before the first.
         keys: What each link's draws are keyed by.
         arrival: When the last message of each link arrives, in nanoseconds.
         free: When each link has carried all that waits for it, in nanoseconds.
@@ -40,15 +40,16 @@ class Ledger:
         """
         self._count = len(ids)
         self.congestion = 0
-        self._agents = agent_keys(seed, ids, "links")
+        self._agents = agent_numbers(ids)
+        self._key = key_of(seed, "links")
         #: sender * count + receiver of each known link, ascending, and the row of each.
         self._known = np.empty(0, np.int64)
         self._rows = np.empty(0, np.intp)
         #: How many rows are in use, and the link that each stands for.
         self._used = 0
         self._links = np.zeros(0, np.int64)
-        self.counts = np.zeros(0, np.int64)
-        self.keys: Words = np.zeros(0, np.uint64)
+        self.latest = np.zeros(0, np.int64)
+        self.keys: Numbers = np.zeros(0, np.uint64)
         self.arrival = np.zeros(0, np.int64)
         self.free = np.zeros(0, np.int64)
         self.residue = np.zeros(0)
@@ -85,12 +86,12 @@ class Ledger:
     def _enter(self, rows: slice, links: NDArray[np.int64]) -> None:
         """Fill in the rows of new links; there is room for twice as many as are used, since links may come singly."""
         self._used = rows.stop
-        if self._used > len(self.counts):
-            room = 2 * self._used - len(self.counts)
-            self._links, self.counts, self.arrival, self.free = (
-                np.concatenate([each, np.zeros(room, np.int64)])
-                for each in (self._links, self.counts, self.arrival, self.free)
+        if self._used > len(self.latest):
+            room = 2 * self._used - len(self.latest)
+            self._links, self.arrival, self.free = (
+                np.concatenate([each, np.zeros(room, np.int64)]) for each in (self._links, self.arrival, self.free)
             )
+            self.latest = np.concatenate([self.latest, np.full(room, -1, np.int64)])
             self.channel = np.concatenate([self.channel, np.zeros(room, np.intp)])
             self.keys = np.concatenate([self.keys, np.zeros(room, np.uint64)])
             self.bad = np.concatenate([self.bad, np.full(room, -1, np.int8)])
@@ -99,15 +100,23 @@ class Ledger:
             self.recent.grow(room)
         senders, receivers = np.divmod(links, self._count)
         self._links[rows] = links
-        self.keys[rows] = link_keys(self._agents[senders], self._agents[receivers])
+        self.keys[rows] = combined(self._agents[senders], self._agents[receivers], self._key)
 
     def ends(self, rows: slice) -> tuple[Indices, Indices]:
         """The senders and receivers of some rows."""
         senders, receivers = np.divmod(self._links[rows], self._count)
         return senders.astype(np.intp), receivers.astype(np.intp)
 
-    def number(self, rows: Indices) -> NDArray[np.int64]:
-        """Count a message more on each of some links, each at most once, and return which message each is."""
-        numbers = self.counts[rows]
-        self.counts[rows] = numbers + 1
+    def number(self, rows: Indices, now: int) -> NDArray[np.int64]:
+        """Number a message more on each of some links, each at most once.
+
+        The number is the instant, so that what was sent before does not matter; of several messages at one instant each
+        has one more than the one before.
+
+        Args:
+            rows: The links; shape (m,).
+            now: In nanoseconds.
+        """
+        numbers = np.maximum(self.latest[rows] + 1, now)
+        self.latest[rows] = numbers
         return numbers

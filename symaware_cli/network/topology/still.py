@@ -10,8 +10,8 @@ import numpy as np
 from pydantic import BeforeValidator, Field
 
 from symaware_cli.core import Attempts, Environment, Links, Topology, TopologyError, TopologyParameters
+from symaware_cli.core.chance import Numbers, combined, key_of, uniform
 from symaware_cli.core.message import Indices
-from symaware_cli.network.chance import Words, agent_keys, link_keys, uniforms
 
 Id = Annotated[str, Field(min_length=1, max_length=200)]
 
@@ -203,7 +203,8 @@ class Random(StillTopology):
     def lay(self) -> Links:
         """Draw the links."""
         parameters, count = self.parameters, len(self.members)
-        keys = agent_keys(self.seed, [self.roster.ids[member] for member in self.members], "topology")
+        numbers = self.roster.numbers[self.members]
+        keys = combined(numbers, np.zeros_like(numbers), key_of(self.seed, "topology"))
         tries = self._tries(count) if parameters.connected else 1
         for attempt in range(tries):
             drawn = self._draw(keys, attempt)
@@ -239,7 +240,7 @@ class Random(StillTopology):
         alone: float = count * (1.0 - self.parameters.probability) ** (count - 1)
         return 2.0 * alone if self.parameters.directed else alone
 
-    def _draw(self, keys: Words, attempt: int) -> tuple[Indices, Indices] | None:
+    def _draw(self, keys: Numbers, attempt: int) -> tuple[Indices, Indices] | None:
         """Draw every pair, as places among the members; None where the graph is to be connected and cannot be."""
         parameters, count = self.parameters, len(keys)
         ones, others = [np.empty(0, np.intp)], [np.empty(0, np.intp)]
@@ -254,8 +255,7 @@ class Random(StillTopology):
                 # The same draw whichever of both comes first in the roster.
                 turned = keys[one] > keys[other]
                 one, other = np.where(turned, other, one), np.where(turned, one, other)
-            numbers = np.full(len(one), attempt, np.int64)
-            chosen = uniforms(link_keys(keys[one], keys[other]), numbers, 0)[0] < parameters.probability
+            chosen = uniform(keys[one], keys[other], attempt, 1)[:, 0] < parameters.probability
             one, other = one[chosen], other[chosen]
             ones.append(one)
             others.append(other)

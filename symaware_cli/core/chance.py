@@ -1,0 +1,363 @@
+"""Chance that can be repeated: every draw is keyed by what it is for, and by nothing else.
+
+What is drawn depends on the seed of the run, on who draws for what, on the turn, and on whom it is about. It depends
+neither on how many numbers were drawn before nor on who else draws, so two variants of a scenario share their chance as
+far as they share their agents.
+
+There is no state: a generator based on counters scrambles a key, which BLAKE2b makes of seed, purpose and turn, and a
+counter, here who draws and about whom. So a thousand agents draw in one array operation, and nothing is made at the
+start. BLAKE2b, because Python's own hash differs between processes.
+
+Philox-4x32-10: J. K. Salmon, M. A. Moraes, R. O. Dror, D. E. Shaw, "Parallel Random Numbers: As Easy as 1, 2, 3",
+SC 2011.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import sys
+from collections.abc import Callable, Iterable
+from typing import NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Numbers = NDArray[np.uint64]
+Words = NDArray[np.uint32]
+Indices = NDArray[np.intp]
+Draw = Callable[[Numbers, Numbers, int | Numbers, int], Array]
+
+_ROUNDS = 10
+_MULTIPLIERS = np.array([[0xD2511F53], [0xCD9E8D57]], np.uint64)
+_WEYL = np.array([[0x9E3779B9], [0xBB67AE85]], np.uint32)
+_LOW, _HIGH = (0, 1) if sys.byteorder == "little" else (1, 0)
+
+#: So many counters are scrambled at a time: what is computed on the way stays in the processor's cache.
+_BLOCK = 4096
+
+#: So many are drawn ahead for turns to come, at most; for how many turns, and for how few it is not worth while.
+_AHEAD, _MOST_TURNS, _FEWEST_TURNS = 4096, 32, 2
+
+#: 2**-32, 2**-53, and 2 pi / 2**32.
+_OF_32, _OF_53, _ANGLE = 2.0**-32, 2.0**-53, 2.0 * math.pi * 2.0**-32
+
+
+class Turn(NamedTuple):
+    """A turn of a component.
+
+    Attributes:
+        instant: When it began, in nanoseconds.
+        repetition: How many turns it took before at the same instant; -1 where it takes up its work.
+    """
+
+    instant: int
+    repetition: int = 0
+
+
+def philox(first: Numbers, second: Numbers, key: int | Numbers) -> tuple[Words, Words]:
+    """Scramble counters with keys.
+
+    Args:
+        first: The first half of each counter; shape (m,).
+        second: The second half; shape (m,).
+        key: One for all, or one for each, shape (m,).
+
+    Returns:
+        Words 0 and 2, and words 1 and 3, of each counter; each of shape (2, m).
+    """
+    count = len(first)
+    keys = np.array(_words(np.array([key], np.uint64) if isinstance(key, int) else key), order="C")
+    even, odd = np.zeros((2, count), np.uint64), np.empty((2, count), np.uint32)
+    # The products of a round and of the one before; each is a low and a high word, which go to the other lane.
+    products = np.empty((2, 2, count), np.uint64)
+    factor = even.view(np.uint32)[:, _LOW::2]
+    crossed = products[:, ::-1].view(np.uint32)
+    low, high = crossed[..., _LOW::2], crossed[..., _HIGH::2]
+    for half, lane in enumerate((first, second)):
+        factor[half], odd[half] = _words(lane)
+    rest: Words = odd
+    for number in range(_ROUNDS):
+        product = products[number % 2]
+        np.multiply(even, _MULTIPLIERS, out=product)
+        np.bitwise_xor(rest, keys, out=odd)
+        np.bitwise_xor(high[number % 2], odd, out=factor)
+        rest = low[number % 2]
+        keys += _WEYL
+    return factor, rest
+
+
+def _words(numbers: Numbers) -> Words:
+    """The low and the high words of numbers of 64 bits; shape (2, m)."""
+    words: Words = np.ascontiguousarray(numbers).view(np.uint32).reshape(-1, 2).T[:: 1 if _LOW == 0 else -1]
+    return words
+
+
+def number_of(text: str) -> int:
+    """A number of 64 bits that a text determines, and no process, platform or order changes."""
+    return int.from_bytes(hashlib.blake2b(text.encode(), digest_size=8).digest(), "little")
+
+
+def agent_numbers(ids: Iterable[str]) -> Numbers:
+    """What stands for agents in counters: a number for each, which its id alone determines; shape (n,)."""
+    return np.array([number_of(id) for id in ids], np.uint64)
+
+
+def key_of(seed: int, *purpose: str | int) -> int:
+    """A key of 64 bits for one purpose, such as the name of a component, a kind of draws and a turn."""
+    return number_of("\0".join(map(str, (seed, *purpose))))
+
+
+def fraction(seed: int, *purpose: str | int) -> float:
+    """Draw a single number from the open interval (0, 1): the key itself, which is as good as any other."""
+    return ((key_of(seed, *purpose) >> 12) + 0.5) * 2.0**-52
+
+
+def combined(first: Numbers, second: Numbers, key: int) -> Numbers:
+    """Make a number of 64 bits of each two, such as the key of a link of its ends; shape (m,)."""
+    even, odd = philox(first, second, key)
+    numbers: Numbers = odd[0].astype(np.uint64) << np.uint64(32) | even[0]
+    return numbers
+
+
+def message_fractions(keys: Numbers, numbers: NDArray[np.int64], page: int) -> Array:
+    """Draw four numbers from the open interval (0, 1) for each message, in steps of 2**-32.
+
+    Args:
+        keys: Of the links; shape (m,).
+        numbers: Those of the messages on their links; shape (m,).
+        page: Which four of those that each message has.
+
+    Returns:
+        Shape (4, m).
+    """
+    even, odd = philox(numbers.view(np.uint64), np.full(len(numbers), page, np.uint64), keys)
+    drawn: Array = np.stack([even[0], odd[0], even[1], odd[1]]).astype(float)
+    drawn += 0.5
+    drawn *= _OF_32
+    return drawn
+
+
+def uniform(first: Numbers, second: Numbers, key: int | Numbers, width: int = 2) -> Array:
+    """Draw numbers from [0, 1) for each counter, in steps of 2**-53; up to two, shape (m, width)."""
+    drawn = np.empty((len(first), width))
+    for begin in range(0, len(first), _BLOCK):
+        part = slice(begin, begin + _BLOCK)
+        even, odd = philox(first[part], second[part], key if isinstance(key, int) else key[part])
+        wide = even[:width].astype(np.uint64) << np.uint64(21)
+        wide |= odd[:width] >> np.uint32(11)
+        drawn[part] = (wide * _OF_53).T
+    return drawn
+
+
+def standard_normal(first: Numbers, second: Numbers, key: int | Numbers, width: int = 4) -> Array:
+    """Draw standard normal numbers for each counter; up to four, shape (m, width).
+
+    None is farther than 6.77 from 0, as they are made of words of 32 bits: one of 10**11 would be.
+
+    Source: G. E. P. Box and M. E. Muller, "A Note on the Generation of Random Normal Deviates", The Annals of
+    Mathematical Statistics 29, 1958.
+    """
+    drawn, lanes = np.empty((len(first), width)), (width + 1) // 2
+    for begin in range(0, len(first), _BLOCK):
+        part = slice(begin, begin + _BLOCK)
+        even, odd = philox(first[part], second[part], key if isinstance(key, int) else key[part])
+        radius = even[:lanes] + 0.5
+        radius *= _OF_32
+        np.log(radius, out=radius)
+        radius *= -2.0
+        np.sqrt(radius, out=radius)
+        angle = odd[:lanes] * _ANGLE
+        drawn[part, 0::2] = (radius * np.cos(angle)).T
+        if width > 1:
+            drawn[part, 1::2] = (radius * np.sin(angle))[: width // 2].T
+    return drawn
+
+
+class GroupChance:
+    """What the agents of a group draw for one purpose, such as the turns of a component: a row for each agent.
+
+    Several draws of one kind in a turn give different numbers; what is drawn of one kind, or in one turn, has no
+    influence on another.
+    """
+
+    def __init__(self, seed: int, purpose: str, numbers: Numbers) -> None:
+        """Draw nothing yet.
+
+        Args:
+            seed: The seed of the run.
+            purpose: What is drawn for; the same for all agents, and unlike that of anybody else who draws.
+            numbers: What stands for the agents, as in `agent_numbers`; shape (n,).
+        """
+        self._seed = seed
+        self._purpose = purpose
+        self._numbers = numbers
+        self._turn = Turn(-1)
+        self._used: dict[tuple[str, ...], int] = {}
+        #: From the turn before to this one [ns], and whether that is as long as the time before.
+        self._step = 0
+        self._is_regular = False
+        self._ahead: dict[tuple[str | int, ...], _Ahead] = {}
+
+    def at(self, turn: Turn) -> Self:
+        """Turn to what is drawn in a turn; in the same turn as before, go on."""
+        if turn != self._turn:
+            step = turn.instant - self._turn.instant
+            self._is_regular = step == self._step > 0
+            self._step, self._turn, self._used = step, turn, {}
+        return self
+
+    def standard_normal(self, width: int, kind: str = "") -> Array:
+        """Draw ``width`` standard normal numbers of some kind for every agent; shape (n, width)."""
+        return self._rows(standard_normal, 4, width, kind)
+
+    def uniform(self, width: int, kind: str = "") -> Array:
+        """Draw ``width`` numbers from [0, 1) of some kind for every agent; shape (n, width)."""
+        return self._rows(uniform, 2, width, kind)
+
+    def standard_normal_of(self, rows: Indices, others: Numbers, width: int, kind: str = "") -> Array:
+        """Draw standard normal numbers about others, whoever else is there.
+
+        Args:
+            rows: Who draws, as rows of the group; shape (m,).
+            others: What stands for those about whom it is, as in `agent_numbers`; shape (m,).
+            width: How many for each.
+            kind: Which kind.
+
+        Returns:
+            Shape (m, width).
+        """
+        return self._pairs(standard_normal, 4, rows, others, width, kind)
+
+    def uniform_of(self, rows: Indices, others: Numbers, width: int, kind: str = "") -> Array:
+        """Draw numbers from [0, 1) about others; see `standard_normal_of`."""
+        return self._pairs(uniform, 2, rows, others, width, kind)
+
+    def __getstate__(self) -> dict[str, object]:
+        return {**vars(self), "_ahead": {}}
+
+    def _rows(self, draw: Draw, most: int, width: int, kind: str) -> Array:
+        pages = -(-width // most)
+        purpose = ("each", draw.__name__, kind)
+        begin = self._use(purpose, pages)
+        numbers, count = self._numbers, len(self._numbers)
+        if pages == 1:
+            return self._drawn(draw, purpose, numbers, np.full(count, begin, np.uint64), width)
+        counted = np.tile(np.arange(begin, begin + pages, dtype=np.uint64), count)
+        drawn = self._drawn(draw, purpose, np.repeat(numbers, pages), counted, most)
+        return np.ascontiguousarray(drawn.reshape(count, -1)[:, :width])
+
+    def _pairs(self, draw: Draw, most: int, rows: Indices, others: Numbers, width: int, kind: str) -> Array:
+        pages = -(-width // most)
+        purpose = ("pairs", draw.__name__, kind)
+        begin = self._use(purpose, pages)
+        numbers = self._numbers[rows]
+        drawn = [
+            self._drawn(draw, (*purpose, begin + page), numbers, others, min(most, width - most * page))
+            for page in range(pages)
+        ]
+        return drawn[0] if pages == 1 else np.concatenate(drawn, axis=1)
+
+    def _use(self, purpose: tuple[str, ...], pages: int) -> int:
+        """How many pages were used before for a purpose in this turn."""
+        begin = self._used.get(purpose, 0)
+        self._used[purpose] = begin + pages
+        return begin
+
+    def _drawn(self, draw: Draw, purpose: tuple[str | int, ...], first: Numbers, second: Numbers, width: int) -> Array:
+        """Draw for some counters in this turn; few are drawn for several turns at once, at a fraction of the price."""
+        turn, count = self._turn, len(first)
+        turns = _AHEAD // max(count, 1)
+        if not self._is_regular or turn.repetition or turns < _FEWEST_TURNS:
+            return draw(first, second, self._key(turn, purpose), width)
+        known = self._ahead.get(purpose)
+        if known is None or not known.is_for(first, second, width):
+            # Who is seen may differ from turn to turn: once the same is asked for twice, it is likely to be again.
+            self._ahead[purpose] = _Ahead(turn.instant, self._step, first, second, np.empty((0, count, width)))
+            return draw(first, second, self._key(turn, purpose), width)
+        if not known.covers(turn.instant):
+            turns = min(turns, _MOST_TURNS)
+            expected = [Turn(turn.instant + number * self._step) for number in range(turns)]
+            keys = np.repeat(np.array([self._key(each, purpose) for each in expected], np.uint64), count)
+            drawn = draw(np.tile(first, turns), np.tile(second, turns), keys, width).reshape(turns, count, width)
+            known = self._ahead[purpose] = _Ahead(turn.instant, self._step, first, second, drawn)
+        present: Array = known.drawn[(turn.instant - known.begin) // known.step]
+        return present.copy()  # whoever gets it may write in it
+
+    def _key(self, turn: Turn, purpose: tuple[str | int, ...]) -> int:
+        return key_of(self._seed, self._purpose, *turn, *purpose)
+
+
+class _Ahead(NamedTuple):
+    """What was drawn for turns that are likely to come; another time it would be the same.
+
+    Attributes:
+        begin: The instant of the first turn, in nanoseconds.
+        step: From one to the next, in nanoseconds.
+        first: The first half of the counters; shape (m,).
+        second: The second half; shape (m,).
+        drawn: Shape (turns, m, width).
+    """
+
+    begin: int
+    step: int
+    first: Numbers
+    second: Numbers
+    drawn: Array
+
+    def is_for(self, first: Numbers, second: Numbers, width: int) -> bool:
+        """Whether it is for these counters."""
+        same = self.drawn.shape[2] == width and np.array_equal(self.first, first)
+        return same and np.array_equal(self.second, second)
+
+    def covers(self, instant: int) -> bool:
+        """Whether what is drawn at an instant is among it."""
+        turn, beside = divmod(instant - self.begin, self.step)
+        return 0 <= turn < len(self.drawn) and not beside
+
+
+def generator(seed: int, path: str, turn: Turn | None = None) -> np.random.Generator:
+    """Return the generator of a path, or that of a path in one turn."""
+    return np.random.Generator(np.random.Philox(key=_generator_key(seed, path, turn)))
+
+
+def _generator_key(seed: int, path: str, turn: Turn | None) -> NDArray[np.uint64]:
+    text = "\0".join(map(str, (seed, path, *(turn or ()))))
+    return np.frombuffer(hashlib.blake2b(text.encode(), digest_size=16).digest(), "<u8").astype(np.uint64)
+
+
+class AgentChance:
+    """The generator of one component of one agent, which begins anew in each turn."""
+
+    def __init__(self, seed: int, path: str) -> None:
+        """Have no generator yet.
+
+        Args:
+            seed: The seed of the run.
+            path: Where the component stands.
+        """
+        self._seed = seed
+        self._path = path
+        self._turn: Turn | None = None
+        self._generator: np.random.Generator | None = None
+
+    def at(self, turn: Turn) -> np.random.Generator:
+        """Return the generator of a turn: where it stood if that is the turn of before, else where the turn begins."""
+        if self._generator is None:
+            self._generator = generator(self._seed, self._path, turn)
+        elif turn != self._turn:
+            # A tenth of the price of another generator.
+            self._generator.bit_generator.state = {
+                "bit_generator": "Philox",
+                "state": {"counter": _NOTHING, "key": _generator_key(self._seed, self._path, turn)},
+                "buffer": _NOTHING,
+                "buffer_pos": len(_NOTHING),
+                "has_uint32": 0,
+                "uinteger": 0,
+            }
+        self._turn = turn
+        return self._generator
+
+
+_NOTHING = np.zeros(4, np.uint64)
