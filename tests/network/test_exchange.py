@@ -272,7 +272,7 @@ def test_a_disturbance_takes_its_share_of_those_it_is_about():
 
 
 def due(post):
-    """When messages of mailings arrived [ms]."""
+    """When messages arrived [ms]."""
     delivered = [each.delivery for each in post.traffic if each.stage == "delivered"]
     return [time // 1_000_000 for each in delivered for time in each.due.tolist()]
 
