@@ -26,6 +26,11 @@ _STEP = 1e-4
 #: [m] What is nearer to a camera than the first, or farther than the second, is not seen.
 NEAR, FAR = 0.02, 100.0
 
+#: [m] Nothing may reach beyond this where an image is made: the renderer would not end.
+_UTMOST = 1e7
+#: [m] A plane, which has no end, is said to have it there.
+_PLANE = 1e29
+
 #: Hues that differ by the golden section are spread evenly, however many there are.
 _GOLDEN = 0.6180339887
 _GREY = (0.6, 0.6, 0.63)
@@ -133,7 +138,14 @@ def look(
     """Make an image; see `Environment.camera_image`. Upwards in it is upwards in the world.
 
     Depth comes from that of OpenGL, d in [0, 1]: far near / (far - (far - near) d).
+
+    Raises:
+        ValueError: A body or the camera is too far away.
     """
+    ends = [abs(each) for body in owner for corner in engine.getAABB(body, -1, client) for each in corner]
+    reach = max(*map(abs, position), *(each for each in ends if each < _PLANE))
+    if not reach <= _UTMOST:
+        raise ValueError(f"there is no image of what reaches as far as {reach:.3g} m; {_UTMOST:g} m are possible")
     width, height = size
     straight = abs(position[0] - target[0]) + abs(position[1] - target[1]) < 1e-9
     view = engine.computeViewMatrix(position, target, (1.0, 0.0, 0.0) if straight else (0.0, 0.0, 1.0))

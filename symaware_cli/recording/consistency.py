@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.recording import wire
+from symaware_cli.recording import png, wire
 from symaware_cli.recording.index import ChannelInfo
 from symaware_cli.recording.text import read_json
 
@@ -150,6 +150,7 @@ def _image(message: Any, channel: ChannelInfo) -> None:
     _require_rows(np.array([message.row]), 1, channel)
     if len(message.position) not in (0, 3) or len(message.target) not in (0, 3):
         raise ValueError("a camera that is nowhere")
+    png.size(message.data)
 
 
 def _contact(message: Any, channel: ChannelInfo) -> None:

@@ -142,6 +142,16 @@ def test_a_camera_sees_the_same_ground_whoever_stands_on_it():
     np.testing.assert_array_equal(fixed.segments, free.segments)
 
 
+def test_there_is_no_image_of_what_reaches_too_far():
+    """The renderer would not end."""
+    wall = Obstacle(shape={"wall": {"points": [[-1e9, 2.0], [0.0, -3.0]]}}, position=[0, 0])
+    with (
+        world({"wall": wall}) as environment,
+        pytest.raises(ValueError, match=r"reaches as far as 1e\+09 m"),
+    ):
+        environment.camera_image((-2.0, -2.0, 1.5), (0.5, 0.0, 0.2), (2, 2), 1.0)
+
+
 def test_boxes_far_from_the_origin_stand_on_the_ground_too():
     obstacles = {
         "east": Obstacle(shape=CUBE, position=[5e5, 6e6], mass=1.0),
