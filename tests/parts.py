@@ -64,13 +64,15 @@ def _awareness(content: wire.Awareness, places: Sequence[int], rows: Sequence[in
     sizes = np.broadcast_to(content.columns, len(content.entities)).astype(int)
     of = np.repeat(np.arange(count), lengths)
     known = np.isin(of, places)
+    # Zeros stand for nothing where the message says something of others.
+    covariances = content.covariances[np.repeat(known, sizes**2)] if len(content.covariances) else np.empty(0)
     return wire.encode_awareness(
         lengths[places],
         content.entities[known],
         sizes[known],
         content.values[np.repeat(known, sizes)],
         rows,
-        covariances=content.covariances[np.repeat(known, sizes**2)] if len(content.covariances) else (),
+        covariances=covariances if covariances.any() else (),
         ages=content.ages[known] if len(content.ages) and content.ages[known].any() else (),
     )
 
