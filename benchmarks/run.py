@@ -225,7 +225,9 @@ def measure_messages(rounds: int) -> str:
 
 def spread(values: list[float]) -> str:
     """Median, with the least and the greatest."""
-    return f"{statistics.median(values):.2g} ({min(values):.2g} to {max(values):.2g})"
+    least, greatest = min(values), max(values)
+    form = ".0f" if least >= 100.0 else ".2g"
+    return f"{statistics.median(values):{form}} ({least:{form}} to {greatest:{form}})"
 
 
 def table(rows: list[tuple[str, str, str]]) -> list[str]:
