@@ -1,7 +1,8 @@
 """The vocabulary: time, awareness, knowledge, agent, component, entity, model, environment, message, event."""
 
 from symaware_cli.core.agent import Agent, AgentGroup, Surroundings
-from symaware_cli.core.awareness import AwarenessDatabase, AwarenessVector, GroupAwareness, Observation
+from symaware_cli.core.awareness import AwarenessVector, GroupAwareness, Observation
+from symaware_cli.core.awareness_database import AwarenessDatabase
 from symaware_cli.core.chance import Turn, generator
 from symaware_cli.core.component import (
     CommunicationReceiver,

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from symaware_cli.core.awareness import AwarenessDatabase, GroupAwareness, SelfAwareness
+from symaware_cli.core.awareness import GroupAwareness, SelfAwareness
+from symaware_cli.core.awareness_database import AwarenessDatabase
 from symaware_cli.core.column import Column
 from symaware_cli.core.entity import Entity
 from symaware_cli.core.event import EventBus

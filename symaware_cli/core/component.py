@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from symaware_cli.core.agent import Agent, AgentGroup, Surroundings
-from symaware_cli.core.awareness import AwarenessDatabase, AwarenessVector
+from symaware_cli.core.awareness import AwarenessVector
+from symaware_cli.core.awareness_database import AwarenessDatabase
 from symaware_cli.core.chance import AgentChance, GroupChance, Turn
 from symaware_cli.core.event import Event, Level, Subscriber, Subscription
 from symaware_cli.core.knowledge import KnowledgeDatabase

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core import AgentGroup, AwarenessDatabase, Environment, Quantity, Tracks
+from symaware_cli.core import AgentGroup, Environment, Quantity
 from symaware_cli.core.column import Column, SeriesColumn
 from symaware_cli.core.motion import motion_quantities
-from symaware_cli.core.time import SECOND
 from symaware_cli.recording import symaware_v1_pb2 as v1
 from symaware_cli.recording import wire
+from symaware_cli.recording.others import OthersChannel
 from symaware_cli.recording.sensing import SensorChannels
 from symaware_cli.recording.shared import POSE, SHARED, shared_metadata
 from symaware_cli.recording.text import as_json
@@ -117,8 +117,6 @@ class GroupChannels:
         self._count = len(group)
         self._last_truth: Any = None
         self._told_steps = 0
-        self._last_tracks: Any = None
-        self._last_world: Any = None
         states = _columns(group.model.state)
         inputs = _columns(group.model.control_input)
         motion = _columns(motion_quantities(environment.roster.dimensions))
@@ -136,6 +134,11 @@ class GroupChannels:
         }
         self._channels = {kind: writer.channel(*topic) for kind, topic in topics.items() if kind not in self._omit}
         self._postures = PostureChannels(writer, environment, group.name) if "world" in self._channels else None
+        self._others = (
+            OthersChannel(writer, self._channels["awareness"], group, environment.roster, self._own)
+            if "awareness" in self._channels
+            else None
+        )
         self._sensors = SensorChannels(writer, group, self._own) if "sensors" not in self._omit else None
         #: Series and the like are read only where their channel is open.
         self._series = [
@@ -172,8 +175,8 @@ class GroupChannels:
             updates += self._record_column(now, channels["state"], awareness.state_column)
         for channel, column in self._series:
             updates += self._record_series(now, channel, column)
-        if "awareness" in channels:
-            updates += self._record_awareness(now, channels["awareness"])
+        if self._others:
+            updates += self._others.record(now)
         if "control" in channels:
             updates += self._record_column(now, channels["control"], self._group.control_column)
         if "knowledge" in channels:
@@ -215,71 +218,6 @@ class GroupChannels:
         values = np.concatenate(parts) if parts else np.empty((0, width))
         self._writer.add(channel, now, wire.encode_series(times, values, lengths, rows))
         return len(series)
-
-    def _record_awareness(self, now: int, channel: int) -> int:
-        awareness = self._group.awareness
-        changed, tracks, world = awareness.others_changed, awareness.tracks, awareness.world
-        if not changed and tracks is not None:
-            return self._record_tracks(now, channel, tracks)
-        if not changed and world is not None and world.time == now:
-            self._last_world = world
-            self._writer.add(channel, now, wire.WHOLE_WORLD)
-            return self._count
-        if not changed and world is not self._last_world:
-            # The world as it was: /world at this instant does not tell it.
-            changed = set(range(self._count))
-        self._last_world = world
-        if changed:
-            awareness.others_changed = set()
-        if self._own is not None:
-            changed = changed & {*self._own}
-        if not changed:
-            return 0
-        databases = [agent.awareness_database for agent in self._group.agents]
-        if all(each.world is not None and each.world.time == now and not each.others for each in databases):
-            self._writer.add(channel, now, wire.WHOLE_WORLD)
-            return self._count
-        return self._record_databases(now, channel, sorted(changed), databases)
-
-    def _record_tracks(self, now: int, channel: int, tracks: Tracks) -> int:
-        """Record what the group's perception believes of others, for all agents at once."""
-        if tracks is self._last_tracks:
-            return 0
-        self._last_tracks = tracks
-        lengths = np.diff(tracks.pointers)
-        if self._own is not None:
-            lengths, tracks = lengths[self._own], tracks.select(np.isin(tracks.observers, self._own))
-        values = np.concatenate([tracks.positions, tracks.velocities], axis=1)
-        ages = tracks.ages + (now - tracks.time) / SECOND
-        encoded = wire.encode_awareness(
-            lengths,
-            tracks.others,
-            [values.shape[1]],
-            values,
-            covariances=() if tracks.covariances is None else tracks.covariances,
-            ages=ages if ages.any() else (),
-            rows=self._own,
-        )
-        self._writer.add(channel, now, encoded)
-        return len(lengths)
-
-    def _record_databases(
-        self, now: int, channel: int, rows: Sequence[int], databases: Sequence[AwarenessDatabase]
-    ) -> int:
-        """Record what the components of single agents know of others."""
-        roster = self._environment.roster
-        lengths, entities, columns, values = [], [], [], [np.empty(0)]
-        for row in rows:
-            database = databases[row]
-            others = [id for id in database if id != self._group.ids[row] and id in roster]
-            lengths.append(len(others))
-            for id in others:
-                state = database[id].state
-                entities.append(roster.index(id))
-                columns.append(len(state))
-                values.append(state)
-        self._writer.add(channel, now, wire.encode_awareness(lengths, entities, columns, np.concatenate(values), rows))
-        return len(rows)
 
     def _record_knowledge(self, now: int, channel: int) -> int:
         changed = self._group.knowledge_changes.rows
