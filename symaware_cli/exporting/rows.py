@@ -161,6 +161,8 @@ def lay_out_awareness(message: wire.Awareness, count: int, *, width: int, covari
         squares = inside[:, :, None] & inside[:, None, :]
         spread = np.full(squares.shape, np.nan)
         spread[squares] = message.covariances
+        # Zeros stand for nothing where the message says something of others.
+        spread[~np.nan_to_num(spread).any(axis=(1, 2))] = np.nan
         numbers[filled, 1 + width :] = spread.reshape(len(spread), -1)
     return Piece(present, who, numbers, others)
 

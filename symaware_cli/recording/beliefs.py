@@ -96,4 +96,6 @@ def _belief(message: wire.Awareness, place: int, count: int, other: int) -> _Bel
     covariance = None
     if len(message.covariances):
         covariance = message.covariances[square : square + size * size].reshape(size, size)
+        # Zeros stand for nothing where the message says something of others.
+        covariance = covariance if covariance.any() else None
     return _Belief(values, covariance, float(message.ages[index]) if len(message.ages) else 0.0)

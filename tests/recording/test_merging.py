@@ -146,6 +146,17 @@ def test_its_tables_are_those_of_one_process(name, tmp_path, request):
             assert sorted(one.read_bytes().splitlines()) == sorted(other.read_bytes().splitlines())
 
 
+def test_how_sure_one_is_of_another_is_what_one_process_says(convoy, tmp_path):
+    agents = [agent for group in open_log(convoy).agents.values() for agent in group]
+    whole, log = whole_and_merged(convoy, tmp_path, {"a": agents[1::3], "b": agents[2::3]})
+    said = 0
+    for agent, other in zip(agents[1:], agents, strict=False):
+        expected, found = whole.beliefs(agent, other), log.beliefs(agent, other)
+        np.testing.assert_array_equal(found.covariances, expected.covariances)
+        said += np.isfinite(expected.covariances).all(axis=(1, 2)).sum()
+    assert said > 0
+
+
 def test_all_verbs_take_the_merged_log(crossing, tmp_path):
     path = tmp_path / "whole.mcap"
     whole_and_merged(crossing, tmp_path, {"west": ["robot.0", "robot.1"], "odd": ["robot.5"]})
