@@ -150,10 +150,10 @@ def test_how_sure_one_is_of_another_is_what_one_process_says(convoy, tmp_path):
     agents = [agent for group in open_log(convoy).agents.values() for agent in group]
     whole, log = whole_and_merged(convoy, tmp_path, {"a": agents[1::3], "b": agents[2::3]})
     said = 0
-    for agent, other in zip(agents[1:], agents, strict=False):
+    for agent, other in permutations(agents, 2):
         expected, found = whole.beliefs(agent, other), log.beliefs(agent, other)
         np.testing.assert_array_equal(found.covariances, expected.covariances)
-        said += np.isfinite(expected.covariances).all(axis=(1, 2)).sum()
+        said += np.isfinite(expected.covariances).any()
     assert said > 0
 
 
