@@ -287,7 +287,7 @@ class Activity:
             self.restart(row)
         else:
             everybody = range(len(self._group)) if self._is_group else [row]
-            self.run.attendance.retire(
+            self.run.membership.retire(
                 self._group, everybody if agents is None else agents, timing.coast, "a component failed"
             )
 

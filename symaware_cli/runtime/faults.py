@@ -84,12 +84,12 @@ class Stop(Effect):
     def begin(self, run: Run, name: str) -> Any:
         """Take them out of the run."""
         for group, rows in self.agents:
-            run.attendance.retire(group, rows, "safe", f"stopped by the fault `{name}`")
+            run.membership.retire(group, rows, "safe", f"stopped by the fault `{name}`")
 
     def end(self, run: Run, begun: Any) -> None:
         """Let those begin anew whom nothing else keeps out of it."""
         for group, rows in self.agents:
-            run.attendance.revive(group, rows)
+            run.membership.revive(group, rows)
 
 
 @dataclass(frozen=True)

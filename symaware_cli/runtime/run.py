@@ -20,12 +20,12 @@ from symaware_cli.core.column import Array, Column
 from symaware_cli.recording.error import LogError
 from symaware_cli.runtime.activity import Activity
 from symaware_cli.runtime.agenda import Agenda, LivelockError
-from symaware_cli.runtime.attendance import Attendance
 from symaware_cli.runtime.blame import blame_circle, blame_subscriber
 from symaware_cli.runtime.departure import deadline, exits_refused, leave
 from symaware_cli.runtime.expression import EvaluationError, Expression
 from symaware_cli.runtime.failure import RunError, describe
 from symaware_cli.runtime.interruption import Interrupted, Interruption
+from symaware_cli.runtime.membership import Membership
 from symaware_cli.runtime.motion import Motion
 from symaware_cli.runtime.pacer import Pacer
 from symaware_cli.runtime.scope import WorldScope
@@ -78,7 +78,7 @@ class Run:
         simulation: What runs.
         agenda: What is to happen when.
         activities: The turns of each slot.
-        attendance: Which agents take part.
+        membership: Which agents take part.
         switchboard: Connects events with what they trigger.
         interruption: Holds signals back and lets them through.
         motion: What the world does.
@@ -145,7 +145,7 @@ class Run:
             if self.pacer:
                 recorder.pace = self.pacer.kept.figures
         self.activities = [Activity(self, slot, place) for place, slot in enumerate(simulation.slots)]
-        self.attendance = Attendance(simulation, self.activities)
+        self.membership = Membership(simulation, self.activities)
         if self.pacer and any(activity.awaits for activity in self.activities):
             # asyncio takes as long to import as a short run does.
             from symaware_cli.runtime.outside import Outside

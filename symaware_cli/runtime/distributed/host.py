@@ -27,9 +27,9 @@ from symaware_cli.network.transport.frame import (
     Step,
     Welcome,
 )
-from symaware_cli.runtime.attendance import safe_input
 from symaware_cli.runtime.distributed.company import Company, Identity, listed, rows_of
 from symaware_cli.runtime.failure import RunError
+from symaware_cli.runtime.membership import safe_input
 
 #: Wall time between two records of frames that were not taken [s].
 _TALLY_INTERVAL = 1.0

@@ -1,4 +1,4 @@
-"""Attendance: which agents take part in a run, and what becomes of those who do not any more."""
+"""Membership: which agents take part in a run, and what becomes of those who do not any more."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from symaware_cli.runtime.activity import Activity
 
 
-class Attendance:
+class Membership:
     """Takes agents out of a run and lets them come back."""
 
     def __init__(self, simulation: Simulation, activities: Sequence[Activity]) -> None:
