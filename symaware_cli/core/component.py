@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Awaitable, Collection, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
 import numpy as np
@@ -22,7 +22,7 @@ from symaware_cli.core.plugin import Plugin
 from symaware_cli.core.real import real
 from symaware_cli.core.series import TimeSeries
 from symaware_cli.core.time import SECOND, nanoseconds
-from symaware_cli.core.waiting import Happening, Mail, Sleep, Wait
+from symaware_cli.core.waiting import AllOf, AnyOf, Happening, Mail, Sleep, Wait
 from symaware_cli.core.world import Snapshot
 
 if TYPE_CHECKING:
@@ -147,6 +147,26 @@ class BaseComponent(Plugin, ABC, Generic[Owner]):
         """
         return Happening(name, source)
 
+    def any_of(self, *waits: Awaitable[Any]) -> Wait:
+        """Wait for the first of several: ``which, value = await self.any_of(self.messages(), self.sleep(0.2))``.
+
+        `which` is its position, `value` what it came to. What has come by the time that the component goes on, in its
+        place in the order of the instant, counts as having come at once; of several the first one listed is taken. The
+        others are cancelled; messages that were not taken stay unread.
+
+        Args:
+            waits: What to wait for, `any_of` and `all_of` included; in a paced run also what asyncio can await.
+
+        Raises:
+            ValueError: There is nothing to wait for.
+            TypeError: Something cannot be awaited.
+        """
+        return AnyOf(waits)
+
+    def all_of(self, *waits: Awaitable[Any]) -> Wait:
+        """Wait for several, and return what they came to, as a tuple in their order; otherwise as `any_of`."""
+        return AllOf(waits)
+
     def compute(self) -> Any:
         """Compute, with the events ``computing`` and ``computed``."""
         wanted = self._surroundings.events.wanted
@@ -154,20 +174,20 @@ class BaseComponent(Plugin, ABC, Generic[Owner]):
             self._announce("computing")
         value = self._compute()
         if "computed" in wanted:
-            self._announce("computed")
+            self._announce("computed", value)
         return value
 
     def update(self, value: Any) -> None:
         """Update, with the events ``updating`` and ``updated``."""
         wanted = self._surroundings.events.wanted
         if "updating" in wanted:
-            self._announce("updating")
+            self._announce("updating", value)
         try:
             self._update(value)
         except Exception as error:
             raise self.explained(value, error) from error
         if "updated" in wanted:
-            self._announce("updated")
+            self._announce("updated", value)
 
     def compute_and_update(self) -> Any:
         """Take one turn: compute, then update with the value, which is returned."""
@@ -189,7 +209,7 @@ class BaseComponent(Plugin, ABC, Generic[Owner]):
             self._announce("computing")
         value = await self._async_compute()
         if "computed" in wanted:
-            self._announce("computed")
+            self._announce("computed", value)
         await self.async_update(value)
         return value
 
@@ -197,13 +217,13 @@ class BaseComponent(Plugin, ABC, Generic[Owner]):
         """Update in the asynchronous mode, with the events ``updating`` and ``updated``."""
         wanted = self._surroundings.events.wanted
         if "updating" in wanted:
-            self._announce("updating")
+            self._announce("updating", value)
         try:
             await self._async_update(value)
         except Exception as error:
             raise self.explained(value, error) from error
         if "updated" in wanted:
-            self._announce("updated")
+            self._announce("updated", value)
 
     @property
     def now(self) -> int:
@@ -248,13 +268,21 @@ class BaseComponent(Plugin, ABC, Generic[Owner]):
             level: How much it matters; the run's summary counts events of the level `Level.WARNING` by name.
             data: Further facts, as plain JSON values.
         """
-        self._emit_from(self.path, name, text, level, data)
+        self._emit_from(self.path, self._agent_id, name, text, level, data)
 
-    def _emit_from(self, path: str, name: str, text: str, level: Level, data: Mapping[str, Any]) -> None:
-        self._surroundings.events.fire(Event(name, path, self.now, level, text, data, self))
+    def _emit_from(
+        self, path: str, agent: str | None, name: str, text: str, level: Level, data: Mapping[str, Any]
+    ) -> None:
+        self._surroundings.events.fire(Event(name, path, self.now, level, text, data, self, agent))
 
-    def _announce(self, name: str) -> None:
-        self._surroundings.events.fire(Event(name, self.path, self.now, Level.DEBUG, subject=self))
+    def _announce(self, name: str, value: Any = None) -> None:
+        event = Event(name, self.path, self.now, Level.DEBUG, subject=self, agent=self._agent_id, value=value)
+        self._surroundings.events.fire(event)
+
+    @property
+    def _agent_id(self) -> str | None:
+        """The agent whose component this is; None where it serves a whole group."""
+        return None
 
 
 class Component(BaseComponent[Agent]):
@@ -285,6 +313,10 @@ class Component(BaseComponent[Agent]):
     def agent(self) -> Agent:
         """Whom the component belongs to."""
         return self._agent
+
+    @property
+    def _agent_id(self) -> str | None:
+        return self._agent.id
 
     @property
     def random(self) -> np.random.Generator:
@@ -330,7 +362,7 @@ class GroupComponent(BaseComponent[AgentGroup]):
 
     def emit_for(self, row: int, name: str, text: str = "", *, level: Level = Level.INFO, **data: Any) -> None:
         """Fire an event on behalf of one agent of the group."""
-        self._emit_from(self.agent_path(row), name, text, level, data)
+        self._emit_from(self.agent_path(row), self._group.ids[row], name, text, level, data)
 
 
 class GroupCommunicationReceiver(GroupComponent):
@@ -446,7 +478,8 @@ class CommunicationSender(Component):
         """Send a message; its receiver can read it from the next step on."""
         surroundings = self._surroundings
         if "sending" in surroundings.events.wanted:
-            surroundings.events.fire(Event("sending", f"agents.{message.sender}", self.now, subject=message))
+            event = Event("sending", f"agents.{message.sender}", self.now, subject=message, agent=message.sender)
+            surroundings.events.fire(event)
         surroundings.exchange.send(message)
 
 

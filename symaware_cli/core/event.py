@@ -41,6 +41,8 @@ class Event:
         text: One line for people.
         data: Further facts; plain JSON values, so that they can be recorded.
         subject: The object it is about, for subscribers within the process; never recorded.
+        agent: The id of the agent that it happened to; None where it is not about a single one.
+        value: What was computed, of ``computed``, ``updating`` and ``updated``; never recorded.
     """
 
     name: str
@@ -50,6 +52,8 @@ class Event:
     text: str = ""
     data: Mapping[str, Any] = field(default_factory=dict)
     subject: Any = None
+    agent: str | None = None
+    value: Any = None
 
 
 Subscriber = Callable[[Event], Any]

@@ -1,13 +1,13 @@
-"""What a component may wait for within a turn of the asynchronous mode: simulated time, an event, messages.
+"""What a component may wait for within a turn of the asynchronous mode: simulated time, an event, messages, or several.
 
-A component does not make these itself: `Component.sleep`, `happening` and `messages` do.
+A component does not make these itself: `Component.sleep`, `happening`, `messages`, `any_of` and `all_of` do.
 """
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Awaitable, Generator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 
 class Wait:
@@ -63,3 +63,58 @@ class Mail(Wait):
 
     def __str__(self) -> str:
         return f"messages for {self.receiver}"
+
+
+class First(NamedTuple):
+    """What came first of several.
+
+    Attributes:
+        which: Its position among those that were waited for.
+        value: What it came to.
+    """
+
+    which: int
+    value: Any
+
+
+@dataclass(frozen=True, slots=True)
+class Several(Wait):
+    """Some of which any, or all, shall come.
+
+    Attributes:
+        waits: Each a `Wait`, or an awaitable of asyncio.
+    """
+
+    waits: tuple[Awaitable[Any], ...]
+
+    def __post_init__(self) -> None:
+        if not self.waits:
+            raise ValueError("there is nothing to wait for")
+        for each in self.waits:
+            if not isinstance(each, Awaitable):
+                raise TypeError(
+                    f"cannot wait for {type(each).__name__}; an awaitable is, for example, `self.sleep(0.2)`"
+                )
+
+
+class AnyOf(Several):
+    """Several things of which one shall come."""
+
+    __slots__ = ()
+
+    def __str__(self) -> str:
+        return "any of " + ", ".join(map(said, self.waits))
+
+
+class AllOf(Several):
+    """Several things that shall come."""
+
+    __slots__ = ()
+
+    def __str__(self) -> str:
+        return "all of " + ", ".join(map(said, self.waits))
+
+
+def said(wait: Any) -> str:
+    """Name what is waited for."""
+    return str(wait) if isinstance(wait, Wait) else type(wait).__name__

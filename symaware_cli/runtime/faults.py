@@ -4,25 +4,23 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core import AgentGroup, Event, Level
+from symaware_cli.core import AgentGroup
 from symaware_cli.core.chance import GroupChance, agent_numbers
 from symaware_cli.network.disturbance import Disturbance
-from symaware_cli.runtime.agenda import OF_FAULTS, Phase
+from symaware_cli.runtime.membership import Membership
+from symaware_cli.runtime.motion import Motion
+from symaware_cli.runtime.scheduler import TurnScheduler
+from symaware_cli.runtime.simulation import Simulation, Slot
 from symaware_cli.runtime.timing import Duration, Trigger
 from symaware_cli.runtime.turn import Turns
-
-if TYPE_CHECKING:
-    from symaware_cli.runtime.activity import Activity
-    from symaware_cli.runtime.run import Run
-    from symaware_cli.runtime.simulation import Slot
 
 Array = NDArray[np.float64]
 
@@ -50,27 +48,46 @@ class Components(NamedTuple):
     slot: Slot
     rows: Sequence[int]
 
-    def activity(self, run: Run) -> Activity:
-        """The turns of the component."""
-        return run.activities[run.simulation.slots.index(self.slot)]
+
+@dataclass(frozen=True)
+class Targets:
+    """What faults may interfere with.
+
+    Attributes:
+        simulation: What runs.
+        schedulers: The turns of each slot, in their order.
+        membership: Which agents take part.
+        motion: What the world does.
+        ends: Ends another fault, by its name.
+    """
+
+    simulation: Simulation
+    schedulers: Sequence[TurnScheduler]
+    membership: Membership
+    motion: Motion
+    ends: Callable[[str], object]
+
+    def scheduler(self, components: Components) -> TurnScheduler:
+        """The turns of a component."""
+        return self.schedulers[self.simulation.slots.index(components.slot)]
 
 
 class Effect(ABC):
     """What a fault does."""
 
     @abstractmethod
-    def begin(self, run: Run, name: str) -> Any:
+    def begin(self, targets: Targets, name: str) -> Any:
         """Do it.
 
         Args:
-            run: The run it happens to.
+            targets: What it happens to.
             name: What the fault is called; keys what it draws.
 
         Returns:
             What `end` needs to know.
         """
 
-    def end(self, run: Run, begun: Any) -> None:
+    def end(self, targets: Targets, begun: Any) -> None:
         """Undo it, if it can be undone; `begun` is what `begin` returned."""
         return
 
@@ -81,15 +98,15 @@ class Stop(Effect):
 
     agents: Sequence[Agents]
 
-    def begin(self, run: Run, name: str) -> Any:
+    def begin(self, targets: Targets, name: str) -> Any:
         """Take them out of the run."""
         for group, rows in self.agents:
-            run.membership.retire(group, rows, "safe", f"stopped by the fault `{name}`")
+            targets.membership.retire(group, rows, "safe", f"stopped by the fault `{name}`")
 
-    def end(self, run: Run, begun: Any) -> None:
+    def end(self, targets: Targets, begun: Any) -> None:
         """Let those begin anew whom nothing else keeps out of it."""
         for group, rows in self.agents:
-            run.membership.revive(group, rows)
+            targets.membership.revive(group, rows)
 
 
 @dataclass(frozen=True)
@@ -98,10 +115,10 @@ class Restart(Effect):
 
     components: Sequence[Components]
 
-    def begin(self, run: Run, name: str) -> Any:
+    def begin(self, targets: Targets, name: str) -> Any:
         """Initialise them again."""
         for each in self.components:
-            each.activity(run).begin_anew(each.rows)
+            targets.scheduler(each).begin_anew(each.rows)
 
 
 @dataclass(frozen=True)
@@ -110,17 +127,17 @@ class Freeze(Effect):
 
     components: Sequence[Components]
 
-    def begin(self, run: Run, name: str) -> Any:
+    def begin(self, targets: Targets, name: str) -> Any:
         """Hold them."""
         for each in self.components:
             for row in each.rows:
-                each.activity(run).hold(row)
+                targets.scheduler(each).hold(row)
 
-    def end(self, run: Run, begun: Any) -> None:
+    def end(self, targets: Targets, begun: Any) -> None:
         """Let them go."""
         for each in self.components:
             for row in each.rows:
-                each.activity(run).release(row)
+                targets.scheduler(each).release(row)
 
 
 @dataclass(frozen=True)
@@ -130,15 +147,15 @@ class Slow(Effect):
     components: Sequence[Components]
     latency: Duration
 
-    def begin(self, run: Run, name: str) -> Any:
+    def begin(self, targets: Targets, name: str) -> Any:
         """Add a latency."""
         for each in self.components:
-            each.activity(run).slow_down(each.rows, self.latency)
+            targets.scheduler(each).supervision.slow_down(each.rows, self.latency)
 
-    def end(self, run: Run, begun: Any) -> None:
+    def end(self, targets: Targets, begun: Any) -> None:
         """Let the latency be that of the scenario again, or of other faults."""
         for each in self.components:
-            each.activity(run).speed_up(each.rows, self.latency)
+            targets.scheduler(each).supervision.speed_up(each.rows, self.latency)
 
 
 @dataclass(frozen=True)
@@ -147,21 +164,21 @@ class Blind(Effect):
 
     components: Sequence[Components]
 
-    def begin(self, run: Run, name: str) -> Any:
+    def begin(self, targets: Targets, name: str) -> Any:
         """Take away what they see from now on, and what they saw."""
         begun = []
         for each in self.components:
             disturbance = partial(_blindfold, frozenset(each.rows))
-            activity = each.activity(run)
-            activity.disturb(disturbance)
-            disturbance(activity.slot.group, ())
-            begun.append((activity, disturbance))
+            scheduler = targets.scheduler(each)
+            scheduler.supervision.disturb(disturbance)
+            disturbance(scheduler.slot.group, ())
+            begun.append((scheduler, disturbance))
         return begun
 
-    def end(self, run: Run, begun: Any) -> None:
+    def end(self, targets: Targets, begun: Any) -> None:
         """Let them see again, with their next turns."""
-        for activity, disturbance in begun:
-            activity.undisturb(disturbance)
+        for scheduler, disturbance in begun:
+            scheduler.supervision.undisturb(disturbance)
 
 
 def _blindfold(rows: frozenset[int], group: AgentGroup, measured: Sequence[int]) -> None:
@@ -193,21 +210,21 @@ class Error(Effect):
     bias: Array
     deviation: Array
 
-    def begin(self, run: Run, name: str) -> Any:
+    def begin(self, targets: Targets, name: str) -> Any:
         """Add the error to what they measure from now on."""
         begun = []
         for each in self.components:
-            activity = each.activity(run)
-            noise = _Noise(self.deviation, activity.slot, run.simulation.seed, name)
+            scheduler = targets.scheduler(each)
+            noise = _Noise(self.deviation, scheduler.slot, targets.simulation.seed, name)
             disturbance = partial(_mismeasure, self, each.rows, noise)
-            activity.disturb(disturbance)
-            begun.append((activity, disturbance))
+            scheduler.supervision.disturb(disturbance)
+            begun.append((scheduler, disturbance))
         return begun
 
-    def end(self, run: Run, begun: Any) -> None:
+    def end(self, targets: Targets, begun: Any) -> None:
         """Let them measure as before."""
-        for activity, disturbance in begun:
-            activity.undisturb(disturbance)
+        for scheduler, disturbance in begun:
+            scheduler.supervision.undisturb(disturbance)
 
 
 class _Noise:
@@ -263,15 +280,15 @@ class Cut(Effect):
     delay: int = 0
     bandwidth: float = math.inf
 
-    def begin(self, run: Run, name: str) -> Any:
+    def begin(self, targets: Targets, name: str) -> Any:
         """Disturb the exchange."""
         disturbances = [Disturbance(name, *ends, self.loss, self.delay, self.bandwidth) for ends in self.ways]
-        run.simulation.exchange.disturb(disturbances)
+        targets.simulation.exchange.disturb(disturbances)
         return disturbances
 
-    def end(self, run: Run, begun: Any) -> None:
+    def end(self, targets: Targets, begun: Any) -> None:
         """Let messages through again."""
-        run.simulation.exchange.relieve(begun)
+        targets.simulation.exchange.relieve(begun)
 
 
 @dataclass(frozen=True)
@@ -280,11 +297,9 @@ class Restore(Effect):
 
     fault: str
 
-    def begin(self, run: Run, name: str) -> Any:
+    def begin(self, targets: Targets, name: str) -> Any:
         """End it, unless it has not begun or is over already."""
-        end = run.ongoing_faults.get(self.fault)
-        if end is not None:
-            end()
+        targets.ends(self.fault)
 
 
 @dataclass(frozen=True)
@@ -294,10 +309,10 @@ class Push(Effect):
     agents: Sequence[Agents]
     change: Array
 
-    def begin(self, run: Run, name: str) -> Any:
+    def begin(self, targets: Targets, name: str) -> Any:
         """Push them."""
         for group, rows in self.agents:
-            run.motion.push(group, rows, self.change)
+            targets.motion.push(group, rows, self.change)
 
 
 @dataclass(frozen=True)
@@ -321,32 +336,3 @@ class Fault:
     at: int | None = None
     on: Trigger | None = None
     lasting: int | None = None
-
-    def await_turn(self, run: Run) -> None:
-        """Enter it in the agenda, or listen for its event."""
-        if self.at is not None:
-            # Who joins a run late finds some faults over, and others begun.
-            missed = max(0, run.agenda.now - self.at)
-            if self.lasting is None or missed < self.lasting or not missed:
-                run.agenda.put(self.at + missed, OF_FAULTS, Phase.LANDING, 0, partial(self._begin, run, missed))
-        elif self.on is not None:
-            connection = run.switchboard.connect(self.on.event, self.on.source, lambda event: come(event))
-
-            def come(event: Event) -> None:
-                connection.cancel()
-                run.agenda.put(run.agenda.now, OF_FAULTS, Phase.LANDING, 0, partial(self._begin, run))
-
-    def _begin(self, run: Run, missed: int = 0) -> None:
-        lasts = "" if self.lasting is None else f" for {self.lasting / 1e9:g} s"
-        said = f"{self.name}: {self.text}{lasts}"
-        run.simulation.announce("fault", self.source, said, level=Level.WARNING, fault=self.name)
-        begun = self.effect.begin(run, self.name)
-        end = run.ongoing_faults[self.name] = partial(self._end, run, begun)
-        if self.lasting is not None:
-            run.agenda.put(run.agenda.now + self.lasting - missed, OF_FAULTS, Phase.LANDING, 0, end)
-
-    def _end(self, run: Run, begun: Any) -> None:
-        if run.ongoing_faults.pop(self.name, None) is None:
-            return  # it was ended before
-        self.effect.end(run, begun)
-        run.simulation.announce("fault-over", self.source, f"{self.name}: over", fault=self.name)

@@ -14,15 +14,15 @@ from symaware_cli.runtime.simulation import Simulation
 from symaware_cli.runtime.timing import Coast
 
 if TYPE_CHECKING:
-    from symaware_cli.runtime.activity import Activity
+    from symaware_cli.runtime.scheduler import TurnScheduler
 
 
 class Membership:
     """Takes agents out of a run and lets them come back."""
 
-    def __init__(self, simulation: Simulation, activities: Sequence[Activity]) -> None:
+    def __init__(self, simulation: Simulation, schedulers: Sequence[TurnScheduler]) -> None:
         self._simulation = simulation
-        self._activities = activities
+        self._schedulers = schedulers
         #: How many reasons there are against each agent that takes no part: faults, and failures, which stay.
         self._reasons: Counter[tuple[str, int]] = Counter()
 
@@ -46,9 +46,9 @@ class Membership:
                 one = slice(row, row + 1)
                 safe = safe_input(group.model, group.control_input[one], group.awareness.state[one])
                 group.control_column.set_row(row, safe)
-            for activity in self._activities:
-                if activity.slot.group is group:
-                    activity.hold(row)
+            for scheduler in self._schedulers:
+                if scheduler.slot.group is group:
+                    scheduler.hold(row)
             self._simulation.exchange.inboxes.close(group.ids[row])
             self._simulation.announce("terminated", f"agents.{group.ids[row]}", reason, level=Level.WARNING)
 
@@ -57,11 +57,11 @@ class Membership:
         rows = [row for row in rows if self._is_free(group, row)]
         for row in rows:
             self._simulation.exchange.inboxes.reopen(group.ids[row])
-        for activity in self._activities:
-            if activity.slot.group is group:
+        for scheduler in self._schedulers:
+            if scheduler.slot.group is group:
                 for row in rows:
-                    activity.release(row)
-                activity.begin_anew(rows)
+                    scheduler.release(row)
+                scheduler.begin_anew(rows)
 
     def _is_free(self, group: AgentGroup, row: int) -> bool:
         """Take a reason away, and tell whether it was the last."""

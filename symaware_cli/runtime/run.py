@@ -6,8 +6,9 @@ world; in the asynchronous mode components have instants of their own in between
 
 from __future__ import annotations
 
+import math
 import time
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager, suppress
 from itertools import repeat
 from typing import TYPE_CHECKING, Any
@@ -18,28 +19,32 @@ from numpy.typing import NDArray
 from symaware_cli.core import AgentGroup, Level, SubscriberError
 from symaware_cli.core.column import Array, Column
 from symaware_cli.recording.error import LogError
-from symaware_cli.runtime.activity import Activity
-from symaware_cli.runtime.agenda import Agenda, LivelockError
-from symaware_cli.runtime.blame import blame_circle, blame_subscriber
+from symaware_cli.runtime.attribution import attribute_livelock, attribute_subscriber_error
+from symaware_cli.runtime.awaiting import Awaiter
+from symaware_cli.runtime.coroutine import is_coroutine
 from symaware_cli.runtime.departure import deadline, exits_refused, leave
+from symaware_cli.runtime.event_recorder import record_events
 from symaware_cli.runtime.expression import EvaluationError, Expression
 from symaware_cli.runtime.failure import RunError, describe
+from symaware_cli.runtime.fault_scheduler import FaultScheduler
 from symaware_cli.runtime.interruption import Interrupted, Interruption
+from symaware_cli.runtime.kernel import Kernel
 from symaware_cli.runtime.membership import Membership
 from symaware_cli.runtime.motion import Motion
 from symaware_cli.runtime.pacer import Pacer
+from symaware_cli.runtime.queue import LivelockError, Queue
+from symaware_cli.runtime.scheduler import TurnScheduler
 from symaware_cli.runtime.scope import WorldScope
+from symaware_cli.runtime.shared import Shared, Sharing
 from symaware_cli.runtime.simulation import Simulation
 from symaware_cli.runtime.summary import Observer, Summary, summarise
 from symaware_cli.runtime.switchboard import Switchboard
 from symaware_cli.runtime.terms import Terms
-from symaware_cli.runtime.witness import witness
 from symaware_cli.runtime.workers import Workers
 
 if TYPE_CHECKING:
     from symaware_cli.recording.recorder import Recorder
-    from symaware_cli.runtime.distributed.company import Company
-    from symaware_cli.runtime.outside import Outside
+    from symaware_cli.runtime.asyncio_bridge import AsyncioBridge
 
 #: Wall time between two calls of the progress callback [s].
 _PROGRESS_INTERVAL = 0.1
@@ -51,7 +56,7 @@ def run(
     recorder: Recorder | None = None,
     on_progress: Callable[[int], None] | None = None,
     terms: Terms | None = None,
-    company: Company | None = None,
+    company: Sharing | None = None,
 ) -> Summary:
     """Run a simulation to its end, its failure or its interruption.
 
@@ -72,28 +77,16 @@ def run(
 
 
 class Run:
-    """One run, and what the turns of its components share.
+    """One run: puts together what it takes, makes the steps, and finishes the log.
+
+    Nobody but who started it is handed the run: each of its parts is given what it needs.
 
     Attributes:
         simulation: What runs.
-        agenda: What is to happen when.
-        activities: The turns of each slot.
+        kernel: Goes from instant to instant; this is its hooks.
+        schedulers: The turns of each slot.
         membership: Which agents take part.
-        switchboard: Connects events with what they trigger.
-        interruption: Holds signals back and lets them through.
-        motion: What the world does.
-        asynchronous: Whether components may wait within their turns.
-        workers: The processes of components that compute in one of their own.
         recorder: Writes it down; None where nobody does.
-        observer: Watches it for what the summary tells.
-        outside: What lets components await real input and output; None where they must not.
-        next_step: The next instant at which the world will have moved, in nanoseconds.
-        ongoing_faults: What ends each fault that has begun, by its name.
-        pacer: What ties simulated time to wall time; None where nothing does.
-        began: The first instant, in nanoseconds: later than 0 where this process joined a run of others.
-        done: How many steps were made.
-        is_under_way: Whether the first instant has come.
-        is_at_step: Whether the present instant is one at which the world has moved.
         status: How it ended, as `Summary` says it; None while it goes on.
         failure: Why it failed, if it did.
         signal: The signal that ended it, or came as it ended by itself; None where there was none.
@@ -108,49 +101,75 @@ class Run:
         recorder: Recorder | None,
         on_progress: Callable[[int], None] | None,
         terms: Terms,
-        company: Company | None = None,
+        company: Sharing | None = None,
     ) -> None:
         self.simulation = simulation
-        self.asynchronous = terms.mode == "asynchronous"
-        self.agenda = Agenda(0 if self.asynchronous else simulation.environment.time_step)
-        self.switchboard = Switchboard(simulation.events)
-        self.interruption = Interruption(terms.timeout, terms.turn_limit, self._give_up if terms.may_exit else None)
-        self.next_step = simulation.environment.time_step
-        self.motion = Motion(simulation, self.interruption)
-        self.began = 0
-        self.is_under_way = self.is_at_step = False
-        self.done = 0
+        self.recorder = recorder
         self.status: str | None = None
         self.failure: RunError | None = None
         self.signal: int | None = None
         self.imposed: dict[AgentGroup, tuple[NDArray[np.bool_], Array]] = {}
         self._terms = terms
         self._company = company
-        self._steps = steps
-        self.recorder = recorder
+        self._asynchronous = terms.mode == "asynchronous"
+        time_step = simulation.environment.time_step
+        queue = Queue(simulation.clock, 0 if self._asynchronous else time_step)
+        switchboard = Switchboard(simulation.events)
+        self.kernel = Kernel(queue, time_step, steps)
+        self._interruption = Interruption(terms.timeout, terms.turn_limit, self._give_up if terms.may_exit else None)
+        self._motion = Motion(simulation, self._interruption)
         self._on_progress = on_progress
         self._progress_due = 0.0
         self._waited = 0.0  # for others, before the run [s]
         self._spent = 0.0  # wall time in this run's own hands [s]
         self._course = self._begin_to_end()
-        self.observer = Observer(simulation)
-        self._world = WorldScope(simulation, self.observer)
-        self.pacer = Pacer(terms.pace) if terms.pace else None
-        self.outside: Outside | None = None
-        remote = [slot for slot in simulation.slots if slot.timing.in_process]
-        self.workers = Workers(simulation, remote, terms.workers)
-        self.ongoing_faults: dict[str, Callable[[], None]] = {}
+        self._observer = Observer(simulation)
+        self._world = WorldScope(simulation, self._observer)
+        self._pacer = Pacer(terms.pace) if terms.pace else None
+        self._workers = Workers(
+            simulation, [slot for slot in simulation.slots if slot.timing.in_process], terms.workers
+        )
         if recorder:
-            witness(recorder, simulation, self.interruption, company)
-            if self.pacer:
-                recorder.pace = self.pacer.kept.figures
-        self.activities = [Activity(self, slot, place) for place, slot in enumerate(simulation.slots)]
-        self.membership = Membership(simulation, self.activities)
-        if self.pacer and any(activity.awaits for activity in self.activities):
+            record_events(recorder, simulation, self._interruption, company)
+            if self._pacer:
+                recorder.pace = self._pacer.kept.figures
+        components = [each for slot in simulation.slots for each in slot.components]
+        self._bridge: AsyncioBridge | None = None
+        if self._asynchronous and self._pacer and any(is_coroutine(each) for each in components):
             # asyncio takes as long to import as a short run does.
-            from symaware_cli.runtime.outside import Outside
+            from symaware_cli.runtime.asyncio_bridge import AsyncioBridge
 
-            self.outside = Outside()
+            self._bridge = AsyncioBridge()
+        self.schedulers: list[TurnScheduler] = []
+        self.membership = Membership(simulation, self.schedulers)
+        awaiter = Awaiter(switchboard, simulation.exchange, self._bridge) if self._asynchronous else None
+        self.schedulers += [
+            TurnScheduler(
+                simulation,
+                slot,
+                place,
+                queue=queue,
+                switchboard=switchboard,
+                interruption=self._interruption,
+                workers=self._workers,
+                isolate=self.membership.retire,
+                awaiter=awaiter,
+            )
+            for place, slot in enumerate(simulation.slots)
+        ]
+        self.kernel.steady = [(each.place, each.take) for each in self.schedulers if each.is_steady]
+        self._faults = FaultScheduler(
+            terms.faults, simulation, self.schedulers, self.membership, self._motion, queue, switchboard
+        )
+        #: What was sent and delivered when it was last asked when the next message arrives, and the answer.
+        self._sent, self._arrival = -1, math.inf
+        #: What control inputs were as the step began that the world is making; None where nothing comes in between.
+        self._latched: list[tuple[Column, Array]] | None = None
+
+    @property
+    def done(self) -> int:
+        """How many steps were made."""
+        return self.kernel.done
 
     def execute(self) -> Summary:
         """Make the run, whatever becomes of it, and finish its log.
@@ -177,17 +196,17 @@ class Run:
             try:
                 ending = self._proceed(steps)
                 if ending is None:
-                    self.interruption.unshield()
-                    self.interruption.shield()
+                    self._interruption.unshield()
+                    self._interruption.shield()
                 else:
                     self._end("finished", ending)
                     # It came too late for the run, and not for whoever made it.
-                    self.signal = self.interruption.held
+                    self.signal = self._interruption.held
             except Interrupted as signal:
                 self.signal = signal.number
                 self._cut_off(f"ended by {signal}")
             except RunError as error:
-                self.interruption.shield()
+                self._interruption.shield()
                 self._announce_end("failed", error.source, str(error), level=Level.ERROR, **error.data)
                 self._end("failed", error.problem, error)
             except LogError as error:
@@ -206,8 +225,8 @@ class Run:
         if self.status is not None:
             return
         with self._in_progress():
-            if self.is_under_way:
-                self.observer.look(self.simulation.clock.now)
+            if self.kernel.has_begun:
+                self._observer.look(self.simulation.clock.now)
                 if self.recorder:
                     self.recorder.record(self.simulation.clock.now, self.done)
             self._cut_off(reason)
@@ -215,7 +234,20 @@ class Run:
     @property
     def summary(self) -> Summary:
         """The figures of the run so far."""
-        return summarise(self, self.status or "interrupted", self.failure, self._spent - self._waited)
+        return summarise(
+            self.simulation,
+            self._observer,
+            self.recorder,
+            status=self.status or "interrupted",
+            turns=sum(each.turns for each in self.schedulers),
+            overruns=sum(each.overruns for each in self.schedulers),
+            failures=sum(each.failures for each in self.schedulers),
+            steps=self.done,
+            began=self.kernel.began,
+            wall_time=self._spent - self._waited,
+            pace=self._pacer.kept if self._pacer else None,
+            failure=self.failure,
+        )
 
     @contextmanager
     def _in_progress(self) -> Iterator[None]:
@@ -224,8 +256,8 @@ class Run:
         # Numbers that are not finite fail where they are written, with who wrote them; a warning of NumPy would only
         # add noise.
         limit = self._terms.timeout if self._terms.may_exit else None
-        with np.errstate(all="ignore"), self.interruption, deadline(limit, self.recorder), exits_refused():
-            self.interruption.shield()
+        with np.errstate(all="ignore"), self._interruption, deadline(limit, self.recorder), exits_refused():
+            self._interruption.shield()
             try:
                 yield
             except Interrupted as interrupted:
@@ -238,7 +270,7 @@ class Run:
         """Make some steps, and say why the run is over if it is."""
         course = self._course
         try:
-            if not self.is_under_way:
+            if not self.kernel.has_begun:
                 next(course)
             for _ in repeat(None) if steps is None else repeat(None, steps):
                 next(course)
@@ -247,7 +279,7 @@ class Run:
         return None
 
     def _cut_off(self, reason: str) -> None:
-        self.interruption.shield()
+        self._interruption.shield()
         self._announce_end("interrupted", "run", reason, level=Level.WARNING)
         self._end("interrupted", reason)
 
@@ -262,16 +294,16 @@ class Run:
         """Give up all that is under way."""
         self.status, self.failure = status, failure
         self._course.close()
-        for activity in self.activities:
+        for scheduler in self.schedulers:
             # A subscriber that raises now has nothing to end any more.
             with suppress(SubscriberError, LogError):
-                activity.end()
+                scheduler.end()
         if self._company:
             with suppress(SubscriberError, LogError):
                 self._company.end(status, failure.problem if failure else ending, failure)
-        if self.outside:
-            self.outside.close()
-        self.workers.close()
+        if self._bridge:
+            self._bridge.close()
+        self._workers.close()
 
     def _give_up(self) -> None:
         """End the process: somebody insists, and the run does not come to its end."""
@@ -288,127 +320,150 @@ class Run:
         """
         simulation = self.simulation
         try:
-            simulation.announce("started", "run", f"{simulation.agent_count} agents, seed {simulation.seed}")
-            self.interruption.unshield(watched=False)
-            simulation.initialise()
-            self.workers.start()
-            self.interruption.shield()
-            if self._company:
-                began = time.monotonic()
-                self._company.begin(self)
-                self._waited = time.monotonic() - began
-            self.is_under_way = True
-            for activity in self.activities:
-                activity.begin()
-            for fault in self._terms.faults:
-                fault.await_turn(self)
-            self.motion.announce_contacts()
+            self._begin()
             yield
-            reason = yield from self._loop()
-            waiting = [each for activity in self.activities for each in activity.end()]
+            if self._pacer:
+                self._pacer.lead(0)  # the clock on the wall starts
+            over = yield from self.kernel.run(self)
+            reason = f"{self.done} steps made"
+            if over is not None:
+                reason += f"; {over}"
+            else:
+                self._look_last()
+                if self._terms.until is not None:
+                    reason += f"; never {self._terms.until.text}"
+            waiting = [each for scheduler in self.schedulers for each in scheduler.end()]
             if waiting:
                 reason += f"; {len(waiting)} turns still waited: {waiting[0]}" + (", ..." if len(waiting) > 1 else "")
             data = {"waiting": waiting} if waiting else {}
             simulation.announce("finished", "run", reason, level=Level.WARNING if waiting else Level.INFO, **data)
             return reason
         except SubscriberError as error:
-            raise blame_subscriber(simulation, error) from error
+            raise attribute_subscriber_error(simulation, error) from error
         except LivelockError as error:
-            raise blame_circle(simulation, error) from error
+            raise attribute_livelock(simulation, error) from error
         except (RunError, LogError, Interrupted, GeneratorExit):
             raise
         except BaseException as error:
             raise RunError("run", "symaware", simulation.clock.now, describe(error), error) from error
 
-    def _loop(self) -> Generator[None, None, str]:
-        """Go from instant to instant with a pause before each step but the first, and say why the last was the last."""
-        simulation, recorder, agenda = self.simulation, self.recorder, self.agenda
-        entries = agenda.entries
-        clock, exchange, observer = simulation.clock, simulation.exchange, self.observer
-        time_step, until = simulation.environment.time_step, self._terms.until
-        steady = [(each.place, each.take) for each in self.activities if each.is_steady]
-        latched: list[tuple[Column, Array]] | None = None
-        events, sent, arrival = simulation.events, -1, None
-        if self.pacer:
-            self.pacer.lead(0)  # the clock on the wall starts
-        company = self._company
-        decides = company is None or company.decides
-        self.began = self.next_step = clock.now
-        while True:
-            now = clock.now
-            steps = self.is_at_step = now == self.next_step
-            if "iterating" in events.wanted:
-                simulation.announce("iterating", "run")
-            if steps or (arrival is not None and arrival <= now):
-                exchange.deliver(now)
-                sent = -1
-            else:
-                exchange.now = now
-            if steps:
-                if company:
-                    company.arrived()
-                self.next_step += time_step
-                for place, take in steady:
-                    if entries and entries[0][0] == now:
-                        agenda.run(place)
-                    agenda.place = place
-                    take()
-            if entries:
-                agenda.run()
-            while exchange.flush() and entries:
-                agenda.run()
-            if self.imposed:
-                self._impose()
-            if recorder:
-                recorder.record(now, self.done)
-            if "iterated" in events.wanted:
-                simulation.announce("iterated", "run")
-            if company:
-                company.acted()
-            if steps:
-                observer.look(now)
-                if until is not None and decides and self._is_over(until):
-                    return f"{self.done} steps made; {until.text}"
+    def _begin(self) -> None:
+        """Let the components take up their work, and enter what is to happen."""
+        simulation = self.simulation
+        simulation.announce("started", "run", f"{simulation.agent_count} agents, seed {simulation.seed}")
+        self._interruption.unshield(watched=False)
+        simulation.initialise()
+        self._workers.start()
+        self._interruption.shield()
+        if self._company:
+            began = time.monotonic()
+            self._company.begin(
+                Shared(
+                    simulation=simulation,
+                    kernel=self.kernel,
+                    schedulers=self.schedulers,
+                    motion=self._motion,
+                    observer=self._observer,
+                    interruption=self._interruption,
+                    pacer=self._pacer,
+                    asynchronous=self._asynchronous,
+                )
+            )
+            self._waited = time.monotonic() - began
+        self.kernel.has_begun = True
+        for scheduler in self.schedulers:
+            scheduler.begin()
+        self._faults.begin()
+        self._motion.announce_contacts()
+
+    def _look_last(self) -> None:
+        """Take note of how the world and the agents are at the end."""
+        now = self.simulation.clock.now
+        self._observer.look(now)
+        if self.recorder:
+            self.recorder.record(now, self.done)
+        self._interruption.unshield()
+        self._interruption.shield()
+
+    def begin(self, now: int, is_step: bool) -> None:
+        """Deliver the messages that are due."""
+        simulation = self.simulation
+        if "iterating" in simulation.events.wanted:
+            simulation.announce("iterating", "run")
+        if is_step or self._arrival <= now:
+            simulation.exchange.deliver(now)
+            self._sent = -1
+        else:
+            simulation.exchange.now = now
+        if is_step and self._company:
+            self._company.arrived()
+
+    def settle(self) -> bool:
+        """Let messages go on their way."""
+        return self.simulation.exchange.flush()
+
+    def end(self, now: int, is_step: bool) -> str | None:
+        """Record what changed, and look whether the run is over."""
+        simulation, until = self.simulation, self._terms.until
+        if self.imposed:
+            self._impose()
+        if self.recorder:
+            self.recorder.record(now, self.kernel.done)
+        if "iterated" in simulation.events.wanted:
+            simulation.announce("iterated", "run")
+        if self._company:
+            self._company.acted()
+        if is_step:
+            self._observer.look(now)
+            decides = self._company is None or self._company.decides
+            if until is not None and decides and self._is_over(until):
+                return until.text
+            if "stepping" in simulation.events.wanted:
                 simulation.announce("stepping", "environment")
-                latched = None
-            upcoming = self.next_step
-            if entries and entries[0][0] < upcoming:
-                upcoming = entries[0][0]
-            if self.asynchronous:
-                # Messages arrive at instants of their own; only what was sent or delivered changes which is next.
-                if exchange.sent != sent:
-                    sent, arrival = exchange.sent, exchange.next_time
-                if arrival is not None and arrival < upcoming:
-                    upcoming = max(arrival, now + 1)
-            if self.pacer:
-                upcoming = self._sleep(self.pacer, upcoming)
-            if upcoming < self.next_step and latched is None:
-                # The world moves under what was requested when its step began, whatever comes in between.
-                latched = [(group.control_column, group.control_input) for group in simulation.groups]
-            if upcoming < self.next_step:
-                clock.now = upcoming
-                agenda.begin(upcoming)
-                continue
-            over = self._step_world(latched or ())
-            if over:
-                return f"{self.done} steps made; {over}"
-            clock.now = upcoming
-            agenda.begin(upcoming)
-            self.done += 1
-            self.motion.check()
-            self.motion.announce_contacts()
+            self._latched = None
+        return None
+
+    def next_instant(self, before: int) -> int:
+        """Messages arrive at instants of their own in the asynchronous mode."""
+        if not self._asynchronous:
+            return before
+        exchange = self.simulation.exchange
+        if exchange.sent != self._sent:
+            # Only what was sent or delivered changes which is next.
+            arrival = exchange.next_time
+            self._sent, self._arrival = exchange.sent, math.inf if arrival is None else arrival
+        return before if self._arrival >= before else max(int(self._arrival), self.simulation.clock.now + 1)
+
+    def wait(self, upcoming: int) -> int:
+        """Sleep where there is a pace to be kept."""
+        return self._sleep(self._pacer, upcoming) if self._pacer else upcoming
+
+    def pause(self) -> None:
+        """Keep the control inputs: the world moves under what was requested when its step began."""
+        if self._latched is None:
+            self._latched = [(group.control_column, group.control_input) for group in self.simulation.groups]
+
+    def step(self, upcoming: int) -> str | None:
+        """Move the world, under what was requested when its step began."""
+        present = [(column, column.exchange(values)) for column, values in self._latched or ()]
+        try:
+            if self._company:
+                return self._company.step()
+            self._motion.step()
+            return None
+        finally:
+            for column, values in present:
+                column.exchange(values)
+
+    def stepped(self) -> None:
+        """Look at what came of it."""
+        simulation = self.simulation
+        self._motion.check()
+        self._motion.announce_contacts()
+        if "stepped" in simulation.events.wanted:
             simulation.announce("stepped", "environment")
-            if self._on_progress:
-                self._progress(upcoming)
-            if self.done == self._steps:
-                break
-            yield
-        observer.look(clock.now)
-        if recorder:
-            recorder.record(clock.now, self.done)
-        self.interruption.unshield()
-        self.interruption.shield()
-        return f"{self.done} steps made" + (f"; never {until.text}" if until is not None else "")
+        if self._on_progress:
+            self._progress(simulation.clock.now)
 
     def _impose(self) -> None:
         """Put control inputs in the place of those that components have requested."""
@@ -425,18 +480,18 @@ class Run:
 
     def _sleep(self, pacer: Pacer, upcoming: int) -> int:
         """Wait until it is time for an instant, or for an earlier one at which something outside is done."""
-        outside, agenda = self.outside, self.agenda
-        self.interruption.unshield(watched=False)
+        bridge, clock = self._bridge, self.simulation.clock
+        self._interruption.unshield(watched=False)
         try:
-            if outside is None:
+            if bridge is None:
                 pacer.wait(upcoming)
                 return upcoming
             while True:
                 lead = pacer.lead(upcoming)
-                ready = outside.wait(lead)
-                self.interruption.unshield(watched=False)  # asyncio keeps what a signal raises in its callbacks
+                ready = bridge.wait(lead)
+                self._interruption.unshield(watched=False)  # asyncio keeps what a signal raises in its callbacks
                 if ready:
-                    now = min(max(pacer.simulated(), agenda.now + 1), upcoming)
+                    now = min(max(pacer.simulated(), clock.now + 1), upcoming)
                     for call in ready:
                         call(now)
                     return now
@@ -444,39 +499,7 @@ class Run:
                     pacer.note(-pacer.lead(upcoming))
                     return upcoming
         finally:
-            self.interruption.shield()
-
-    def join(self, step: int, time: int) -> None:
-        """Begin where the world of others is by now.
-
-        Args:
-            step: How many steps were made.
-            time: Simulated time, in nanoseconds.
-        """
-        self.done = step
-        self.simulation.clock.now = time
-        self.agenda.begin(time)
-
-    @property
-    def is_complete(self) -> bool:
-        """Whether all steps were made."""
-        return self.done == self._steps
-
-    def _step_world(self, latched: Sequence[tuple[Column, Array]]) -> str | None:
-        """Move the world, under control inputs that stand in for the present ones.
-
-        Returns:
-            Why the run is over, if others say so.
-        """
-        present = [(column, column.exchange(values)) for column, values in latched]
-        try:
-            if self._company:
-                return self._company.step()
-            self.motion.step()
-            return None
-        finally:
-            for column, values in present:
-                column.exchange(values)
+            self._interruption.shield()
 
     def _announce_end(self, name: str, source: str, text: str, level: Level, **data: Any) -> None:
         with suppress(SubscriberError):

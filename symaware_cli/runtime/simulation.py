@@ -151,7 +151,7 @@ class Simulation:
         self.slots = tuple(sorted(slots, key=lambda slot: slot.group.name))
         self.clock = Clock()
         self.events = EventBus()
-        self._obstacles = obstacles
+        self._ids = frozenset(id for group in groups for id in group.ids)
         try:
             environment.initialise(self.groups, obstacles, seed)
         except KeyboardInterrupt:
@@ -196,7 +196,13 @@ class Simulation:
     def announce(self, name: str, source: str, text: str = "", *, level: Level = Level.INFO, **data: object) -> None:
         """Fire an event on behalf of the run; one that recurs only if somebody listens."""
         if name in self.events.wanted or name not in RECURRING:
-            self.events.fire(Event(name, source, self.clock.now, level, text, data, self))
+            self.events.fire(Event(name, source, self.clock.now, level, text, data, self, self.agent_of(source)))
+
+    def agent_of(self, source: str) -> str | None:
+        """The id of the agent that a path is of, or of one of its components; None where it is another's."""
+        path = source.removeprefix("agents.")
+        ids = self._ids
+        return path if path in ids else owner if (owner := path.rpartition(".")[0]) in ids else None
 
     def connect(self, network: Network) -> None:
         """Let messages go over a network, instead of from everybody to everybody at once."""
@@ -218,9 +224,9 @@ class Simulation:
         if name not in wanted:
             return
         for message, reason in traffic.messages(self.environment.roster.ids):
-            source = f"agents.{message.receiver if name == 'received' else message.sender}"
+            agent = message.receiver if name == "received" else message.sender
             text, data = (f"lost by `{reason}`", {"reason": reason}) if reason else ("", {})
-            self.events.fire(Event(name, source, now, text=text, data=data, subject=message))
+            self.events.fire(Event(name, f"agents.{agent}", now, text=text, data=data, subject=message, agent=agent))
 
     def _relinked(self, change: Change) -> None:
         """Tell that links have changed."""

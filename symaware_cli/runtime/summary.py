@@ -16,8 +16,8 @@ from symaware_cli.runtime.pacer import Pace
 from symaware_cli.runtime.simulation import Simulation
 
 if TYPE_CHECKING:
+    from symaware_cli.recording.recorder import Recorder
     from symaware_cli.runtime.failure import RunError
-    from symaware_cli.runtime.run import Run
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,23 +193,44 @@ def _agent(event: Event) -> str:
     return event.source.removeprefix("agents.").rpartition(".")[0]
 
 
-def summarise(run: Run, status: str, failure: RunError | None, wall_time: float) -> Summary:
-    """The figures of a run that is over.
+def summarise(
+    simulation: Simulation,
+    observer: Observer,
+    recorder: Recorder | None,
+    *,
+    status: str,
+    turns: int,
+    overruns: int,
+    failures: int,
+    steps: int,
+    began: int,
+    wall_time: float,
+    pace: Pace | None = None,
+    failure: RunError | None = None,
+) -> Summary:
+    """The figures of a run.
 
     Args:
-        run: The run.
+        simulation: What ran.
+        observer: Who watched it.
+        recorder: Who wrote it down, if somebody did.
         status: See `Summary`.
-        failure: Why it failed, if it did.
+        turns: See there, as for the next two.
+        overruns: See there.
+        failures: See there.
+        steps: How many were made.
+        began: The first instant, in nanoseconds.
         wall_time: How long it took [s].
+        pace: See `Summary`.
+        failure: Why it failed, if it did.
     """
-    simulation, recorder, observer = run.simulation, run.recorder, run.observer
     return Summary(
         name=simulation.name,
         seed=simulation.seed,
         status=status,
         agents=simulation.agent_count,
-        steps=run.done,
-        simulated_time=simulation.clock.now / 1e9,
+        steps=steps,
+        simulated_time=seconds(simulation.clock.now),
         wall_time=wall_time,
         updates=recorder.updates if recorder else 0,
         contacts=observer.contacts,
@@ -220,10 +241,10 @@ def summarise(run: Run, status: str, failure: RunError | None, wall_time: float)
         log_size=recorder.writer.size if recorder else None,
         failure=str(failure) if failure else None,
         traceback=failure.trace or None if failure else None,
-        turns=sum(each.turns for each in run.activities),
-        overruns=sum(each.overruns for each in run.activities),
-        failures=sum(each.failures for each in run.activities),
+        turns=turns,
+        overruns=overruns,
+        failures=failures,
         warnings=dict(sorted(observer.warnings.items())),
-        pace=run.pacer.kept if run.pacer else None,
-        began=run.began / 1e9,
+        pace=pace,
+        began=seconds(began),
     )

@@ -5,15 +5,12 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from typing import TYPE_CHECKING
 
 from symaware_cli.core import AgentGroup, GroupComponent
 from symaware_cli.core.chance import Turn, fraction
 from symaware_cli.runtime.restraint import restrained
+from symaware_cli.runtime.simulation import Simulation, Slot
 from symaware_cli.runtime.timing import Duration
-
-if TYPE_CHECKING:
-    from symaware_cli.runtime.simulation import Simulation, Slot
 
 _NONE = nullcontext()
 
@@ -30,7 +27,14 @@ class Supervision:
         disturbances: What is called after each turn.
     """
 
-    def __init__(self, simulation: Simulation, slot: Slot) -> None:
+    def __init__(self, simulation: Simulation, slot: Slot, changed: Callable[[], object]) -> None:
+        """Prepare.
+
+        Args:
+            simulation: What runs.
+            slot: Whose supervision it is.
+            changed: Called when what `interferes` or `slows_down` says may be different.
+        """
         self.off: Counter[int] = Counter()
         self.away: set[int] = set()
         self.disturbances: list[Disturb] = []
@@ -39,6 +43,7 @@ class Supervision:
         self._is_group = isinstance(slot.components[0], GroupComponent)
         #: What faults say that computations of a row take, each as often as it was said.
         self._slowness: dict[int, Counter[Duration]] = {}
+        self._changed = changed
 
     @property
     def interferes(self) -> bool:
@@ -59,23 +64,45 @@ class Supervision:
         # Others of the group take part elsewhere. What it remembers and draws here must not fall behind.
         return all(reasons > (agent in self.away) for agent, reasons in self.off.items())
 
+    def hold(self, agent: int) -> None:
+        """There is a reason more against an agent."""
+        self.off[agent] += 1
+        self._changed()
+
     def release(self, agent: int) -> None:
         """There is a reason less against an agent."""
         self.off[agent] -= 1
         if self.off[agent] <= 0:
             del self.off[agent]
+        self._changed()
 
-    def slow_down(self, rows: Sequence[int], duration: Duration) -> None:
-        """Let computations of some components take at least a time, instead of the one that the scenario says."""
-        for row in rows:
+    def disturb(self, disturbance: Disturb) -> None:
+        """Call something after each turn, with the group and the rows of the believed states that it wrote."""
+        self.disturbances.append(disturbance)
+        self._changed()
+
+    def undisturb(self, disturbance: Disturb) -> None:
+        """Call it no more."""
+        self.disturbances.remove(disturbance)
+        self._changed()
+
+    def slow_down(self, agents: Sequence[int], duration: Duration) -> None:
+        """Let computations for some agents take at least a time, instead of the one that the scenario says."""
+        for row in self._rows(agents):
             self._slowness.setdefault(row, Counter())[duration] += 1
+        self._changed()
 
-    def speed_up(self, rows: Sequence[int], duration: Duration) -> None:
-        """Take back, once, that computations of some components take a time."""
-        for row in rows:
+    def speed_up(self, agents: Sequence[int], duration: Duration) -> None:
+        """Take back, once, that computations for some agents take a time."""
+        for row in self._rows(agents):
             self._slowness[row] -= Counter([duration])
             if not self._slowness[row]:
                 del self._slowness[row]
+        self._changed()
+
+    def _rows(self, agents: Sequence[int]) -> Sequence[int]:
+        """The rows of the components of some agents."""
+        return [0] if self._is_group else agents
 
     def latency(self, row: int, turn: Turn) -> int:
         """How long the computation of a component takes in a turn, in nanoseconds."""

@@ -11,16 +11,19 @@ from symaware_cli.core import Event, EventBus
 class Connection:
     """A call on an event; `cancel` ends it, at any moment."""
 
-    __slots__ = ("active", "call", "source")
+    __slots__ = ("_among", "active", "call", "source")
 
-    def __init__(self, source: str | None, call: Callable[[Event], object]) -> None:
+    def __init__(self, source: str | None, call: Callable[[Event], object], among: dict[Connection, None]) -> None:
         self.source = source
         self.call = call
         self.active = True
+        self._among = among
+        among[self] = None
 
     def cancel(self) -> None:
         """Hear no more of it; harmless when repeated."""
         self.active = False
+        self._among.pop(self, None)
 
 
 class Switchboard:
@@ -33,8 +36,12 @@ class Switchboard:
     def __init__(self, events: EventBus) -> None:
         self._events = events
         #: By the name of the event: those with an exact source, by the source, and all others.
-        self._exact: dict[str, dict[str, list[Connection]]] = {}
-        self._open: dict[str, list[Connection]] = {}
+        self._exact: dict[str, dict[str, dict[Connection, None]]] = {}
+        self._open: dict[str, dict[Connection, None]] = {}
+
+    def __len__(self) -> int:
+        exact = sum(len(each) for sources in self._exact.values() for each in sources.values())
+        return exact + sum(len(each) for each in self._open.values())
 
     def connect(self, name: str, source: str | None, call: Callable[[Event], object]) -> Connection:
         """Call ``call(event)`` on each event of a name.
@@ -42,17 +49,14 @@ class Switchboard:
         Args:
             name: The event's name.
             source: A path, in which ``*`` matches anything; None for whatever source.
-            call: Enters something in the agenda.
+            call: Enters something in the queue.
         """
         if name not in self._exact:
-            self._exact[name], self._open[name] = {}, []
+            self._exact[name], self._open[name] = {}, {}
             self._events.subscribe(name, self._on_event if name != "*" else self._on_any)
-        connection = Connection(source, call)
         if source is None or any(sign in source for sign in "*?["):
-            self._open[name].append(connection)
-        else:
-            self._exact[name].setdefault(source, []).append(connection)
-        return connection
+            return Connection(source, call, self._open[name])
+        return Connection(source, call, self._exact[name].setdefault(source, {}))
 
     def _on_event(self, event: Event) -> None:
         self._tell(event.name, event)
@@ -61,20 +65,9 @@ class Switchboard:
         self._tell("*", event)
 
     def _tell(self, name: str, event: Event) -> None:
-        exact = self._exact[name]
-        listeners = exact.pop(event.source, None)
-        if listeners is not None:
-            for each in tuple(listeners):
-                if each.active:
-                    each.call(event)
-            remaining = [each for each in listeners if each.active]
-            if remaining:
-                # What was connected meanwhile comes behind.
-                exact[event.source] = remaining + exact.get(event.source, [])
-        waiting = self._open[name]
-        if waiting:
-            for each in tuple(waiting):
-                if each.active and (each.source is None or fnmatch.fnmatchcase(event.source, each.source)):
-                    each.call(event)
-            if not all(each.active for each in waiting):
-                waiting[:] = [each for each in waiting if each.active]
+        for each in tuple(self._exact[name].get(event.source, ())):
+            if each.active:
+                each.call(event)
+        for each in tuple(self._open[name]):
+            if each.active and (each.source is None or fnmatch.fnmatchcase(event.source, each.source)):
+                each.call(event)

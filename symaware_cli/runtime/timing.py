@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from statistics import NormalDist
 from typing import Literal
@@ -113,39 +112,63 @@ class Timing:
             return self.trigger is None and not self.offset and not self.jitter
         return self.period == time_step and not self.offset and not self.jitter
 
-    def instants(self, time_step: int, grid: int, key: int = 0) -> Iterator[int]:
-        """Yield the instants of the turns, ascending, in nanoseconds.
+
+#: One turn at each step, at once, and the end of the run if it fails.
+STEADY = Timing()
+
+
+class Timetable:
+    """The instants of the turns of a component with a period; they depend on nothing but their numbers."""
+
+    __slots__ = ("_drawn", "_first", "_grid", "_jitter", "_key", "_offset", "_period")
+
+    def __init__(self, timing: Timing, time_step: int, grid: int, key: int = 0) -> None:
+        """Prepare.
 
         Args:
+            timing: Period, offset and jitter.
             time_step: That of the world, in nanoseconds.
             grid: Instants are rounded up to a multiple of this, each at most once; 0 for none.
             key: What the jitter is keyed by, beside the nominal instant of each turn.
         """
-        period = time_step if self.period is None else self.period
+        self._period = time_step if timing.period is None else timing.period
+        self._offset, self._jitter = timing.offset, timing.jitter
+        self._grid, self._key = grid, key
+        #: How late some turns are, as fractions of the jitter, from which turn on.
+        self._drawn: list[float] = []
+        self._first = 0
+
+    def turn(self, number: int, earliest: int) -> tuple[int, int] | None:
+        """Find the first of some turns that is not before an instant.
+
+        Args:
+            number: Those with this number and greater ones.
+            earliest: In nanoseconds.
+
+        Returns:
+            When it is, in nanoseconds, and its number; None if there is none.
+        """
+        period, grid = self._period, self._grid
+        # Those that are nominally after this are rounded up to `earliest` or a later instant.
+        before = (earliest - 1) // grid * grid if grid else earliest - 1
         if not period:
-            yield self.offset
-            return
-        nominal, last = self.offset, -1
-        # Drawn in blocks, which is a fraction of the price and gives the same numbers.
-        late: list[float] = []
+            return (self._offset, 0) if number == 0 and self._offset >= earliest else None
         while True:
-            time = nominal
-            if self.jitter:
-                if not late:
-                    instants = np.arange(_BLOCK, dtype=np.uint64) * np.uint64(period) + np.uint64(nominal)
-                    late = uniform(instants, np.zeros_like(instants), key, 1)[::-1, 0].tolist()
-                time += round(late.pop() * self.jitter)
-            nominal += period
+            nominal = time = self._offset + number * period
+            if self._jitter:
+                time += self._late(number)
             if grid:
                 time = -(-time // grid) * grid
-                if time <= last:
-                    continue
-                last = time
-                if not self.jitter and nominal <= last:
-                    # Several fall between two instants of the grid: go on with the first one behind it.
-                    nominal += ((last - nominal) // period + 1) * period
-            yield time
+            if time >= earliest:
+                return time, number
+            number += 1 if self._jitter else (before - nominal) // period + 1
 
-
-#: One turn at each step, at once, and the end of the run if it fails.
-STEADY = Timing()
+    def _late(self, number: int) -> int:
+        """How late a turn is, in nanoseconds."""
+        if not 0 <= number - self._first < len(self._drawn):
+            # Drawn in blocks, which is a fraction of the price and gives the same numbers.
+            self._first = number
+            start = np.uint64(self._offset + number * self._period)
+            instants = np.arange(_BLOCK, dtype=np.uint64) * np.uint64(self._period) + start
+            self._drawn = uniform(instants, np.zeros_like(instants), self._key, 1)[:, 0].tolist()
+        return round(self._drawn[number - self._first] * self._jitter)

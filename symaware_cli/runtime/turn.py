@@ -10,7 +10,7 @@ from symaware_cli.core.chance import Turn
 
 
 class Turns:
-    """Names the turns of a number of components, such as those of one slot, in the order in which they begin."""
+    """Names the turns of a number of components, such as those of one entry, in the order in which they begin."""
 
     def __init__(self) -> None:
         self._last: dict[int, Turn] = {}
@@ -36,3 +36,18 @@ def in_turn(component: Component | GroupComponent, turn: Turn) -> Iterator[None]
         yield
     finally:
         vars(component).pop("_turn_begun", None)
+
+
+@contextmanager
+def computed_at(component: Component | GroupComponent, instant: int) -> Iterator[None]:
+    """Let a component know when the value was computed that it is given meanwhile.
+
+    Args:
+        component: Which one.
+        instant: In nanoseconds.
+    """
+    vars(component)["_computed_at"] = instant
+    try:
+        yield
+    finally:
+        vars(component).pop("_computed_at", None)

@@ -12,7 +12,7 @@ from symaware_cli.recording.recorder import Recorder
 from symaware_cli.recording.writer import LogWriter
 from symaware_cli.runtime.run import run
 from symaware_cli.runtime.terms import Terms
-from symaware_cli.runtime.timing import Timing
+from symaware_cli.runtime.timing import Duration, Timing
 
 MODES = pytest.mark.parametrize("mode", ["synchronous", "asynchronous"])
 
@@ -181,3 +181,80 @@ def test_what_triggers_components_may_come_from_python_too(mode):
     prepared.events.subscribe("stepped", on_step)
     execute(prepared, 5, terms=Terms(mode=mode))
     assert turns == [2]
+
+
+def test_an_event_knows_its_agent_and_what_was_computed():
+    seen = []
+
+    class Doubles(Component):
+        def _compute(self):
+            return self.agent.id
+
+        def _update(self, value):
+            self.emit("told")
+
+    class Whole(GroupComponent):
+        def _compute(self):
+            return len(self.group)
+
+        def _update(self, value):
+            self.emit_for(1, "told")
+
+    ready = simulation({"a": Team({"each": Doubles, "whole": Whole}, count=2)})
+    for name in ("computing", "computed", "updating", "updated", "told"):
+        ready.events.subscribe(name, lambda event: seen.append((event.name, event.source, event.agent, event.value)))
+    run(ready, 1)
+    assert seen[:5] == [
+        ("computing", "agents.a.0.each", "a.0", None),
+        ("computed", "agents.a.0.each", "a.0", "a.0"),
+        ("updating", "agents.a.0.each", "a.0", "a.0"),
+        ("told", "agents.a.0.each", "a.0", None),
+        ("updated", "agents.a.0.each", "a.0", "a.0"),
+    ]
+    assert seen[10:] == [
+        ("computing", "agents.a.whole", None, None),
+        ("computed", "agents.a.whole", None, 2),
+        ("updating", "agents.a.whole", None, 2),
+        ("told", "agents.a.1.whole", "a.1", None),
+        ("updated", "agents.a.whole", None, 2),
+    ]
+
+
+@pytest.mark.parametrize("latency", [0.0, 0.02])
+def test_events_of_turns_that_take_time_know_as_much(latency):
+    seen = []
+
+    class Slow(Component):
+        async def _async_compute(self):
+            await self.sleep(0.01)
+            return "waited"
+
+        def _compute(self):
+            return "computed"
+
+        def _update(self, value):
+            pass
+
+    for mode, value in (("synchronous", "computed"), ("asynchronous", "waited")):
+        timing = Timing(latency=Duration("constant", latency))
+        ready = simulation({"a": Team({"slow": Slow}, timings={"slow": timing})})
+        ready.events.subscribe("computed", lambda event: seen.append((event.agent, event.value)))
+        run(ready, 3, terms=Terms(mode=mode))
+        assert seen[-1] == ("a", value)
+
+
+def test_the_end_of_an_agent_is_its_own():
+    seen = []
+
+    class Fails(Component):
+        def _compute(self):
+            raise ValueError("no")
+
+        def _update(self, value):
+            pass
+
+    timing = Timing(on_failure="isolate")
+    ready = simulation({"a": Team({"fails": Fails}, count=2, timings={"fails": timing})})
+    ready.events.subscribe("*", lambda event: seen.append((event.name, event.agent)))
+    run(ready, 1)
+    assert seen[:3] == [("started", None), ("failed", "a.0"), ("terminated", "a.0")]

@@ -1,20 +1,23 @@
 """When turns are due, as declared."""
 
-from itertools import islice
-
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from symaware_cli.runtime.timing import Duration, Timing
+from symaware_cli.runtime.timing import Duration, Timetable, Timing
 
 STEP = 50
 
 
 def first(timing, count, grid=0, key=3):
-    return list(islice(timing.instants(STEP, grid, key), count))
+    timetable = Timetable(timing, STEP, grid, key)
+    turns = [timetable.turn(0, 0)]
+    while len(turns) < count:
+        time, number = turns[-1]
+        turns.append(timetable.turn(number + 1, time + 1))
+    return [time for time, _ in turns][:count]
 
 
 def test_instants_are_exact_multiples_of_the_period():
@@ -24,7 +27,16 @@ def test_instants_are_exact_multiples_of_the_period():
 
 
 def test_a_period_of_zero_has_one_instant_of_its_own():
-    assert list(Timing(period=0, offset=9).instants(STEP, 0)) == [9]
+    timetable = Timetable(Timing(period=0, offset=9), STEP, 0)
+    assert timetable.turn(0, 0) == (9, 0)
+    assert timetable.turn(1, 10) is None
+
+
+@given(period=st.integers(1, 400), offset=st.integers(0, 400), now=st.integers(0, 40))
+def test_who_joins_late_begins_with_the_first_turn_that_is_still_to_come(period, offset, now):
+    timetable = Timetable(Timing(period=period, offset=offset), STEP, STEP)
+    every = first(Timing(period=period, offset=offset), 50 * now + 2, grid=STEP)
+    assert timetable.turn(0, now * STEP)[0] == next(time for time in every if time >= now * STEP)
 
 
 @given(period=st.integers(1, 400), offset=st.integers(0, 400))

@@ -19,7 +19,7 @@ from symaware_cli.runtime.failure import RunError
 
 if TYPE_CHECKING:
     from symaware_cli.core import AgentGroup
-    from symaware_cli.runtime.run import Run
+    from symaware_cli.runtime.shared import Shared
     from symaware_cli.runtime.simulation import Simulation
 
 #: So long a process waits at a time before it lets signals through [s].
@@ -67,7 +67,7 @@ class Company(ABC):
         self.identity = identity
         self.port = port
         self._patience = patience
-        self._run: Run
+        self._run: Shared
         self._has_begun = False
         self._news: list[tuple[Notice, bool]] = []
 
@@ -75,7 +75,7 @@ class Company(ABC):
     def _simulation(self) -> Simulation:
         return self._run.simulation
 
-    def begin(self, run: Run) -> None:
+    def begin(self, run: Shared) -> None:
         """Wait until the run can begin; components are initialised, and the clock may move on to when it goes on.
 
         Raises:
@@ -85,10 +85,10 @@ class Company(ABC):
         self._run = run
         self._has_begun = True
         here = frozenset(self.identity.agents)
-        for activity in run.activities:
-            for row, id in enumerate(activity.slot.group.ids):
+        for scheduler in run.schedulers:
+            for row, id in enumerate(scheduler.slot.group.ids):
                 if id not in here:
-                    activity.leave(row)
+                    scheduler.leave(row)
         self._meet()
 
     @abstractmethod

@@ -129,7 +129,7 @@ class Host(Company):
     def arrived(self) -> None:
         """Tell everybody how the world is, and what arrived."""
         super().arrived()
-        self._tell(self._run.done)
+        self._tell(self._run.kernel.done)
 
     def _tell(self, step: int) -> None:
         simulation, environment = self._simulation, self._simulation.environment
@@ -177,7 +177,7 @@ class Host(Company):
             self._take(happening)
         self._send_off_silent()
         if self._run.pacer is None:
-            while self._awaited or any(member.reported < self._run.done for member in self._members.values()):
+            while self._awaited or any(member.reported < self._run.kernel.done for member in self._members.values()):
                 happening = self._wait(self._return_due if self._awaited else None)
                 if happening is not None:
                     self._take(happening)
@@ -199,7 +199,7 @@ class Host(Company):
         notices, self._notices = sorted(self._notices, key=lambda each: each[0]), []
         if self._keeps_step:
             # All turns of this instant are over: what is triggered follows with the next step, as in other processes.
-            self._run.agenda.place = len(self._run.activities)
+            self._run.kernel.queue.place = len(self._run.schedulers)
         for _, peer, notice in notices:
             if self._keeps_step:
                 self._fire(notice, recorded=False)
@@ -276,12 +276,12 @@ class Host(Company):
         is_here = np.zeros(len(roster), bool)
         is_here[indices] = True
         # In the middle of a run it begins with the step that is made next.
-        reported = run.done if run.is_under_way else -1
+        reported = run.kernel.done if run.kernel.has_begun else -1
         member = self._members[peer] = _Member(peer, hello.name, agents, is_here, indices[0], reported)
         pace = run.pacer.factor if run.pacer else 0.0
-        self._send(peer, Welcome(run.done, self._simulation.clock.now, pace, self._started))
+        self._send(peer, Welcome(run.kernel.done, self._simulation.clock.now, pace, self._started))
         self._awaited.difference_update(agents)
-        if run.is_under_way:
+        if run.kernel.has_begun:
             text = f"{member.name} is back and runs {listed(agents)}"
             self._tell_all("rejoined", member, text, Level.WARNING)
         elif missing := self._missing:
@@ -377,16 +377,16 @@ class Host(Company):
         run = self._run
         text = f"{member.name}, which runs {listed(member.agents)}, is gone: {reason}"
         self._tell_all("lost", member, text, Level.WARNING)
-        if not run.is_under_way:
+        if not run.kernel.has_begun:
             return
         self._return_due = time.monotonic() + self._patience
-        for activity in run.activities:
-            group, timing = activity.slot.group, activity.slot.timing
+        for scheduler in run.schedulers:
+            group, timing = scheduler.slot.group, scheduler.slot.timing
             rows = rows_of(group, member.agents)
             if not len(rows):
                 continue
-            self._losses[activity.slot.path] += 1
-            path, restarts = activity.slot.path, timing.on_failure == "restart"
+            self._losses[scheduler.slot.path] += 1
+            path, restarts = scheduler.slot.path, timing.on_failure == "restart"
             if timing.on_failure == "stop":
                 self._fail(f"processes.{member.name}", f"{text}; `{path}` has `on_failure: stop`")
             if restarts and self._losses[path] > timing.tries:
@@ -439,8 +439,8 @@ class Host(Company):
             self._tally()
             self._publish()
         with suppress(RunError):
-            if status == "finished" and self._has_begun and self._run.is_complete:
-                self._tell(self._run.done)
+            if status == "finished" and self._has_begun and self._run.kernel.is_complete:
+                self._tell(self._run.kernel.done)
         for member in self._in_order:
             with suppress(RunError):
                 self._send(member.peer, End(status, reason, error.source if error else ""))

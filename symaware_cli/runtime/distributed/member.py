@@ -76,7 +76,7 @@ class Member(Company):
         step = self._await(-1, time.monotonic() + self._patience, problem)
         if step is None:
             self._blame_end()
-        run.join(step.step, step.time)
+        run.kernel.join(step.step, step.time)
         self._adopt(step)
 
     def _on_event(self, event: Event) -> None:
@@ -105,27 +105,27 @@ class Member(Company):
     def acted(self) -> None:
         """Report what was done, where the host waits for it; in real time it shall know at once."""
         run = self._run
-        if self._keeps_step or (run.pacer is not None and (run.is_at_step or self._posts)):
-            self._give_account(inputs=run.is_at_step)
+        if self._keeps_step or (run.pacer is not None and (run.kernel.is_at_step or self._posts)):
+            self._give_account(inputs=run.kernel.is_at_step)
 
     def _give_account(self, inputs: bool) -> None:
         if self._peer is None:
             return
         requested = {group.name: (rows, group.control_input[rows]) for group, rows in self._rows} if inputs else {}
         posts, self._posts = tuple(self._posts), []
-        self._send(self._peer, Report(self._run.done, requested, posts, self._run.observer.peak()))
+        self._send(self._peer, Report(self._run.kernel.done, requested, posts, self._run.observer.peak()))
 
     def step(self) -> str | None:
         """Wait for the world to have made its step."""
         run = self._run
         if run.pacer is None and run.asynchronous:
             self._give_account(inputs=True)
-        step = self._await(run.done, None, "")
+        step = self._await(run.kernel.done, None, "")
         if step is None:
             end = self._over
             assert end is not None
             if end.status == "finished":
-                return end.reason.removeprefix(f"{run.done} steps made; ")
+                return end.reason.removeprefix(f"{run.kernel.done} steps made; ")
             self._blame_end()
         self._adopt(step)
         return None

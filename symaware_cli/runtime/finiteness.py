@@ -1,4 +1,4 @@
-"""The scrutiny of what components write: every number must be finite, and no state beyond all measure."""
+"""The check of what components write: every number must be finite, and no state beyond all measure."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from symaware_cli.core import AgentGroup
 from symaware_cli.core.column import FARTHEST, MOST, Array, said_of
 
 
-class Scrutiny:
+class FinitenessCheck:
     """Looks at the control inputs and the believed states of a group."""
 
     def __init__(self, group: AgentGroup) -> None:

@@ -1,18 +1,18 @@
-"""Whose fault it is that a run cannot go on, where the exception does not say."""
+"""Attributes what ends a run to the component that caused it, where the exception does not say."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
 from symaware_cli.core import Component, GroupComponent, SubscriberError
-from symaware_cli.runtime.agenda import LivelockError
 from symaware_cli.runtime.failure import RunError, describe
+from symaware_cli.runtime.queue import LivelockError
 
 if TYPE_CHECKING:
     from symaware_cli.runtime.simulation import Simulation
 
 
-def blame_circle(simulation: Simulation, error: LivelockError) -> RunError:
+def attribute_livelock(simulation: Simulation, error: LivelockError) -> RunError:
     """Name those who wake each other without end."""
     slots = [simulation.slots[place] for place in error.places if place >= 0]
     names = ", ".join(f"`{slot.path}`" for slot in slots)
@@ -21,7 +21,7 @@ def blame_circle(simulation: Simulation, error: LivelockError) -> RunError:
     return RunError(source, plugin, simulation.clock.now, problem)
 
 
-def blame_subscriber(simulation: Simulation, error: SubscriberError) -> RunError:
+def attribute_subscriber_error(simulation: Simulation, error: SubscriberError) -> RunError:
     """Name the component that raised when it was told of an event, or else the event."""
     cause = error.__cause__ or error
     problem = f"{error}: {describe(cause)}"

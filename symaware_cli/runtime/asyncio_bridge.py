@@ -1,10 +1,10 @@
-"""The world outside: real input and output that components of a paced run may await, by way of asyncio."""
+"""The bridge to asyncio: real input and output that components of a paced run may await, by way of asyncio."""
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Callable, Iterator
+from collections.abc import Awaitable, Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -12,7 +12,7 @@ from typing import Any
 _PATIENCE = 1.0
 
 
-class Outside:
+class AsyncioBridge:
     """An asyncio loop that turns while the run waits for its time, and only then.
 
     A coroutine of a component is not an asyncio task: it is driven by the run, so that all that does not wait for the
@@ -34,8 +34,20 @@ class Outside:
         """Whether something that was awaited is a future of asyncio."""
         return asyncio.isfuture(wait)
 
-    def watch(self, future: asyncio.Future[Any], call: Callable[[int], object]) -> None:
-        """Have something called when a future is done, with the instant that it is then."""
+    def future(self, awaitable: Awaitable[Any]) -> asyncio.Future[Any]:
+        """Let asyncio see to something that can be awaited.
+
+        Raises:
+            TypeError: Asyncio cannot await it.
+        """
+        return asyncio.ensure_future(awaitable, loop=None if asyncio.isfuture(awaitable) else self._loop)
+
+    def watch(self, future: asyncio.Future[Any], call: Callable[[int], object]) -> Callable[..., object]:
+        """Have something called when a future is done, with the instant that it is then.
+
+        Returns:
+            What `unwatch` needs.
+        """
         # Says to the future that who awaits it is a driver of coroutines; see asyncio.Task.
         future._asyncio_future_blocking = False
 
@@ -44,6 +56,12 @@ class Outside:
             self._loop.stop()
 
         future.add_done_callback(done)
+        return done
+
+    @staticmethod
+    def unwatch(future: asyncio.Future[Any], watch: Callable[..., object]) -> None:
+        """Have nothing called any more."""
+        future.remove_done_callback(watch)
 
     def wait(self, duration: float) -> list[Callable[[int], object]]:
         """Turn until some wall time has passed [s] or a future is done; return the calls of those that are."""

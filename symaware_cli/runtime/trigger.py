@@ -1,43 +1,12 @@
-"""The occasions of turns: instants that come again and again, and events."""
+"""Whom an event concerns that triggers turns."""
 
 from __future__ import annotations
 
 import fnmatch
-from collections.abc import Collection, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Collection, Mapping
 
 from symaware_cli.core import Contact, Event
-from symaware_cli.runtime.agenda import Phase
 from symaware_cli.runtime.timing import Trigger
-
-if TYPE_CHECKING:
-    from symaware_cli.runtime.activity import Activity
-
-
-class Recurrence:
-    """Turns at given instants, of some components or of all: enters itself in the agenda again and again."""
-
-    __slots__ = ("_activity", "_instants", "_row", "_rows")
-
-    def __init__(self, activity: Activity, rows: Sequence[int] | None, instants: Iterator[int]) -> None:
-        self._activity = activity
-        self._rows = rows
-        self._row = rows[0] if rows else 0
-        self._instants = instants
-
-    def enter(self) -> None:
-        """Enter the next turn, if there is one; those that a run has missed that joined late are left out."""
-        activity = self._activity
-        agenda = activity.run.agenda
-        for time in self._instants:
-            if time >= agenda.now:
-                agenda.put(time, activity.place, Phase.TURN, self._row, self)
-                break
-
-    def __call__(self) -> None:
-        """Take a turn, and enter the next one before: what the turn causes comes behind."""
-        self.enter()
-        self._activity.take(self._rows)
 
 
 def concerned(event: Event, trigger: Trigger, group: str, rows: Mapping[str, int]) -> Collection[int]:

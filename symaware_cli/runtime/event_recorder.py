@@ -1,4 +1,4 @@
-"""The witness: what of the events of a run the recorder is told."""
+"""The event recorder: what of the events of a run the recorder is told."""
 
 from __future__ import annotations
 
@@ -12,7 +12,9 @@ if TYPE_CHECKING:
     from symaware_cli.runtime.simulation import Simulation
 
 
-def witness(recorder: Recorder, simulation: Simulation, interruption: Interruption, elsewhere: object | None) -> None:
+def record_events(
+    recorder: Recorder, simulation: Simulation, interruption: Interruption, elsewhere: object | None
+) -> None:
     """Let a recorder know of all events that it can record.
 
     Args:

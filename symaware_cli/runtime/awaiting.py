@@ -1,0 +1,331 @@
+"""What a coroutine waits for, as a tree: entered in the queue and at the switchboard, and taken out of both again."""
+
+from __future__ import annotations
+
+import inspect
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+from symaware_cli.core import Event
+from symaware_cli.core.waiting import AllOf, AnyOf, First, Happening, Mail, Several, Sleep, Wait
+from symaware_cli.network.exchange import MemoryExchange
+from symaware_cli.runtime.queue import Phase, Queue
+from symaware_cli.runtime.switchboard import Connection, Switchboard
+
+if TYPE_CHECKING:
+    import asyncio
+
+    from symaware_cli.runtime.asyncio_bridge import AsyncioBridge
+
+REAL_TIME = ", which takes real time, and that only a paced run can (run.pace)"
+
+
+class ForeignWaitError(Exception):
+    """A component awaits what simulated time knows nothing of."""
+
+
+class Wakeups:
+    """The entries in the queue at which one component goes on, or finds that it waits for something else, too.
+
+    Their payload is a number that this gave them. An entry that has come is forgotten; `clear` cancels all others.
+    """
+
+    __slots__ = ("_count", "_entered", "_place", "_queue", "_row", "_soon")
+
+    #: The kind of the entries.
+    KIND = "resume"
+
+    def __init__(self, queue: Queue, place: int, row: int) -> None:
+        self._queue, self._place, self._row = queue, place, row
+        self._entered: dict[int, int] = {}
+        self._count = self._soon = 0
+
+    def __contains__(self, wakeup: int) -> bool:
+        return wakeup in self._entered
+
+    def after(self, duration: int) -> int:
+        """Enter one some time from now, in nanoseconds, and return its number."""
+        return self.at(self._queue.clock.now + duration)
+
+    def at(self, time: int) -> int:
+        """Enter one for an instant, in nanoseconds, and return its number."""
+        self._count += 1
+        entry = self._queue.put(time, self._place, Phase.RESUMING, self._row, self.KIND, self._count)
+        self._entered[self._count] = entry
+        return self._count
+
+    def soon(self) -> None:
+        """Enter one for now, unless there is one."""
+        if self._soon not in self._entered:
+            self._soon = self.after(0)
+
+    def come(self, wakeup: int) -> None:
+        """Forget one that has come."""
+        del self._entered[wakeup]
+
+    def cancel(self, wakeup: int) -> None:
+        """Take one out of the queue, if it is there."""
+        entry = self._entered.pop(wakeup, None)
+        if entry is not None:
+            self._queue.cancel(entry)
+
+    def clear(self) -> None:
+        """Take out all that are left."""
+        for entry in self._entered.values():
+            self._queue.cancel(entry)
+        self._entered.clear()
+
+
+class Pending(ABC):
+    """Something that is waited for; `begin` has it wake the component when it may have come.
+
+    Attributes:
+        is_certain: Whether it will come by itself.
+    """
+
+    __slots__ = ()
+
+    is_certain = False
+
+    @abstractmethod
+    def begin(self, wakeups: Wakeups) -> None:
+        """Begin to wait."""
+
+    @abstractmethod
+    def settle(self) -> bool:
+        """Whether it has come; of what it consists of, take out what is not needed any more."""
+
+    @abstractmethod
+    def value(self) -> Any:
+        """What it came to; asked for once, after it came."""
+
+    @abstractmethod
+    def cancel(self) -> None:
+        """Wait no more; harmless where it has come."""
+
+
+class _Timer(Pending):
+    __slots__ = ("_duration", "_wakeup", "_wakeups")
+
+    is_certain = True
+
+    def __init__(self, duration: int) -> None:
+        self._duration = duration
+
+    def begin(self, wakeups: Wakeups) -> None:
+        self._wakeups = wakeups
+        self._wakeup = wakeups.after(self._duration)
+
+    def settle(self) -> bool:
+        return self._wakeup not in self._wakeups
+
+    def value(self) -> None:
+        return None
+
+    def cancel(self) -> None:
+        self._wakeups.cancel(self._wakeup)
+
+
+class _Event(Pending):
+    __slots__ = ("_connection", "_event", "_switchboard", "_wait", "_wakeups")
+
+    def __init__(self, wait: Happening, switchboard: Switchboard) -> None:
+        self._wait, self._switchboard = wait, switchboard
+        self._event: Event | None = None
+
+    def begin(self, wakeups: Wakeups) -> None:
+        self._wakeups = wakeups
+        self._connection = self._switchboard.connect(self._wait.name, self._wait.source, self._on_event)
+
+    def _on_event(self, event: Event) -> None:
+        self._connection.cancel()
+        self._event = event
+        self._wakeups.soon()
+
+    def settle(self) -> bool:
+        return self._event is not None
+
+    def value(self) -> Event | None:
+        return self._event
+
+    def cancel(self) -> None:
+        self._connection.cancel()
+
+
+class _Mail(Pending):
+    __slots__ = ("_connection", "_exchange", "_has_come", "_switchboard", "_wait", "_wakeups")
+
+    def __init__(self, wait: Mail, switchboard: Switchboard, exchange: MemoryExchange) -> None:
+        self._wait, self._switchboard, self._exchange = wait, switchboard, exchange
+        self._connection: Connection | None = None
+        self._has_come = False
+
+    def begin(self, wakeups: Wakeups) -> None:
+        self._wakeups = wakeups
+        if not self._look():
+            source = f"agents.{self._wait.receiver}"
+            self._connection = self._switchboard.connect("received", source, lambda event: self._look())
+
+    def _look(self) -> bool:
+        """Go on if there are messages, and not for another component."""
+        if self._exchange.has_mail(self._wait.receiver, self._wait.reader):
+            self.cancel()
+            self._has_come = True
+            self._wakeups.soon()
+        return self._has_come
+
+    def settle(self) -> bool:
+        return self._has_come
+
+    def value(self) -> Any:
+        return self._exchange.receive(self._wait.receiver, self._wait.reader)
+
+    def cancel(self) -> None:
+        if self._connection is not None:
+            self._connection.cancel()
+
+
+class _Future(Pending):
+    """Something of asyncio; where it is one of several, it is cancelled with the others and its value is handed on."""
+
+    __slots__ = ("_bridge", "_future", "_has_come", "_is_part", "_wakeups", "_watch")
+
+    def __init__(self, future: asyncio.Future[Any], bridge: AsyncioBridge, is_part: bool) -> None:
+        self._future, self._bridge, self._is_part = future, bridge, is_part
+        self._has_come = False
+        self._watch: Callable[..., object] | None = None
+
+    def begin(self, wakeups: Wakeups) -> None:
+        self._wakeups = wakeups
+        self._watch = self._bridge.watch(self._future, self._on_done)
+
+    def _on_done(self, now: int) -> None:
+        if self._watch is not None:
+            self._has_come = True
+            self._wakeups.at(now)
+
+    def settle(self) -> bool:
+        return self._has_come
+
+    def value(self) -> Any:
+        # A coroutine that awaits the future itself looks it up there.
+        return self._future.result() if self._is_part else None
+
+    def cancel(self) -> None:
+        if self._watch is not None:
+            self._bridge.unwatch(self._future, self._watch)
+            self._watch = None
+        if self._is_part:
+            self._future.cancel()
+
+
+class _Some(Pending):
+    __slots__ = ("_parts",)
+
+    def __init__(self, parts: Sequence[Pending]) -> None:
+        self._parts = parts
+
+    def begin(self, wakeups: Wakeups) -> None:
+        for part in self._parts:
+            part.begin(wakeups)
+
+    def cancel(self) -> None:
+        for part in self._parts:
+            part.cancel()
+
+
+class _All(_Some):
+    __slots__ = ()
+
+    @property
+    def is_certain(self) -> bool:  # type: ignore[override]
+        return all(part.is_certain for part in self._parts)
+
+    def settle(self) -> bool:
+        # Each is asked: those within that are decided give up what they do not need any more.
+        return sum(part.settle() for part in self._parts) == len(self._parts)
+
+    def value(self) -> tuple[Any, ...]:
+        return tuple(part.value() for part in self._parts)
+
+
+class _Any(_Some):
+    __slots__ = ("_first",)
+
+    def __init__(self, parts: Sequence[Pending]) -> None:
+        super().__init__(parts)
+        self._first: int | None = None
+
+    @property
+    def is_certain(self) -> bool:  # type: ignore[override]
+        return any(part.is_certain for part in self._parts)
+
+    def settle(self) -> bool:
+        if self._first is None:
+            self._first = next((which for which, part in enumerate(self._parts) if part.settle()), None)
+            if self._first is not None:
+                for which, part in enumerate(self._parts):
+                    if which != self._first:
+                        part.cancel()
+        return self._first is not None
+
+    def value(self) -> First:
+        assert self._first is not None
+        return First(self._first, self._parts[self._first].value())
+
+
+class Awaiter:
+    """Makes of what components await what can be waited for."""
+
+    def __init__(self, switchboard: Switchboard, exchange: MemoryExchange, bridge: AsyncioBridge | None) -> None:
+        """Prepare.
+
+        Args:
+            switchboard: Where events are heard.
+            exchange: Where messages are.
+            bridge: Where there is asyncio; None where simulated time does not wait for it.
+        """
+        self._switchboard = switchboard
+        self._exchange = exchange
+        self.bridge = bridge
+
+    def pending(self, wait: Any) -> Pending:
+        """Make what can be waited for.
+
+        Raises:
+            ForeignWaitError: It cannot be waited for here.
+        """
+        bridge = self.bridge
+        if not isinstance(wait, Wait) and bridge is not None and bridge.is_awaitable(wait):
+            return _Future(wait, bridge, is_part=False)
+        try:
+            return self._made(wait, is_part=False)
+        except ForeignWaitError:
+            _discard(wait)
+            raise
+
+    def _made(self, wait: Any, is_part: bool = True) -> Pending:
+        match wait:
+            case Sleep():
+                return _Timer(wait.duration)
+            case Happening():
+                return _Event(wait, self._switchboard)
+            case Mail():
+                return _Mail(wait, self._switchboard, self._exchange)
+            case AnyOf():
+                return _Any([self._made(each) for each in wait.waits])
+            case AllOf():
+                return _All([self._made(each) for each in wait.waits])
+        if is_part and self.bridge is not None:
+            return _Future(self.bridge.future(wait), self.bridge, is_part=True)
+        raise ForeignWaitError(f"it awaits {type(wait).__name__}{REAL_TIME}")
+
+
+def _discard(wait: Any) -> None:
+    """Close the coroutines that are never going to be awaited."""
+    if isinstance(wait, Several):
+        for each in wait.waits:
+            _discard(each)
+    elif inspect.iscoroutine(wait):
+        wait.close()

@@ -1,0 +1,220 @@
+"""Turns that are coroutines: they may wait within, for simulated time, events, messages, or real input and output."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Coroutine, Sequence
+from typing import Any
+
+from symaware_cli.core import Component, GroupComponent, Level, SubscriberError
+from symaware_cli.core.chance import Turn
+from symaware_cli.core.waiting import Sleep, said
+from symaware_cli.runtime.awaiting import REAL_TIME, Awaiter, ForeignWaitError, Pending, Wakeups
+from symaware_cli.runtime.failure import describe
+from symaware_cli.runtime.guard import FAILED, Guard
+from symaware_cli.runtime.interruption import Interrupted
+from symaware_cli.runtime.progress import Progress
+from symaware_cli.runtime.queue import Queue
+from symaware_cli.runtime.simulation import Simulation, Slot
+from symaware_cli.runtime.turn import computed_at, in_turn
+
+#: What a coroutine comes to when it is done.
+_DONE = object()
+
+
+def is_coroutine(component: Component | GroupComponent) -> bool:
+    """Whether a component takes its turns in its own way in the asynchronous mode."""
+    kind, base = type(component), Component
+    return any(
+        getattr(kind, name) is not getattr(base, name)
+        for name in ("_async_compute", "_async_update", "async_compute_and_update")
+    )
+
+
+class CoroutineTurns:
+    """Lets the components of one entry take turns that may wait."""
+
+    def __init__(
+        self,
+        simulation: Simulation,
+        slot: Slot,
+        place: int,
+        queue: Queue,
+        guard: Guard,
+        progress: Progress,
+        awaiter: Awaiter,
+        over: Callable[[int], object],
+    ) -> None:
+        """Prepare.
+
+        Args:
+            simulation: What runs.
+            slot: Whose turns they are.
+            place: Its position among all slots.
+            queue: Where it is entered when they go on.
+            guard: Calls them.
+            progress: Which turns are under way.
+            awaiter: Makes of what they await what can be waited for.
+            over: Told of the row of a turn that is over.
+        """
+        self._simulation = simulation
+        self._slot = slot
+        self._place = place
+        self._queue = queue
+        self._guard = guard
+        self._progress = progress
+        self._awaiter = awaiter
+        self._over = over
+        queue.register(place, {Wakeups.KIND: self._wake})
+
+    def take(self, rows: Sequence[int]) -> None:
+        """Let the components of some rows begin a turn; it may be over at once."""
+        with self._guard.supervision.watched():
+            for row in rows:
+                turn = self._progress.begin(row, self._queue.clock.now)
+                wakeups = Wakeups(self._queue, self._place, row)
+                begun = _CoroutineTurn(self._slot.components[row], row, turn, wakeups)
+                self._progress.occupy(row, begun)
+                begun.coroutine = self._whole_turn(begun)
+                self._go_on(begun)
+
+    async def _whole_turn(self, begun: _CoroutineTurn) -> None:
+        """What `async_compute_and_update` does, with the latency between its halves."""
+        component, latency = begun.component, self._guard.supervision.latency(begun.row, begun.turn)
+        if not latency:
+            await component.async_compute_and_update()
+            return
+        wanted = component._surroundings.events.wanted
+        if "computing" in wanted:
+            component._announce("computing")
+        value = await component._async_compute()
+        instant = component.now
+        await Sleep(latency)
+        if "computed" in wanted:
+            component._announce("computed", value)
+        with computed_at(component, instant):
+            await component.async_update(value)
+
+    def _go_on(self, turn: _CoroutineTurn) -> None:
+        """Resume a coroutine until it waits again or is done."""
+        with in_turn(turn.component, turn.turn):
+            outcome = self._guard.attempt(turn.row, self._advance, turn)
+        if outcome is _DONE:
+            if self._progress.vacate(turn.row, turn):
+                self._over(turn.row)
+        elif outcome is FAILED:
+            self._progress.vacate(turn.row, turn)
+        elif not turn.is_given_up:
+            turn.pending = outcome
+            outcome.begin(turn.wakeups)
+
+    def _advance(self, turn: _CoroutineTurn) -> Any:
+        """One stretch of the coroutine; returns what it waits for then."""
+        bridge = self._awaiter.bridge
+        try:
+            if bridge is None:
+                wait = turn.resume()
+                return self._pending(turn, wait)
+            with bridge.entered():
+                wait = turn.resume()
+                return self._pending(turn, wait)
+        except StopIteration:
+            return _DONE
+        except RuntimeError as error:
+            if bridge is None and str(error) == "no running event loop":
+                raise ForeignWaitError("it awaits asyncio" + REAL_TIME) from error
+            raise
+
+    def _pending(self, turn: _CoroutineTurn, wait: Any) -> Pending:
+        turn.waiting = wait
+        try:
+            return self._awaiter.pending(wait)
+        except ForeignWaitError:
+            assert turn.coroutine is not None
+            turn.coroutine.close()
+            raise
+
+    def _wake(self, row: int, wakeup: int) -> None:
+        """Go on with what was waited for, if it has come."""
+        turn = self._progress.of(row)
+        assert isinstance(turn, _CoroutineTurn)
+        assert turn.pending is not None
+        turn.wakeups.come(wakeup)
+        if not turn.pending.settle():
+            return
+        turn.wakeups.clear()
+        guard = self._guard
+        before = guard.present()
+        with guard.supervision.watched():
+            self._go_on(turn)
+        guard.check(before)
+
+    def give_up(self, turn: object) -> None:
+        """Give up a turn that is under way."""
+        if not isinstance(turn, _CoroutineTurn):
+            return
+        try:
+            turn.close()
+        except (SubscriberError, Interrupted):
+            raise
+        except BaseException as error:
+            failure = self._guard.failure(turn.component, f"cannot give up its turn: {describe(error)}", error)
+            self._simulation.announce("failed", failure.source, str(failure), level=Level.WARNING, **failure.data)
+
+    @property
+    def waiting(self) -> list[str]:
+        """What is waited for without an end in sight, and by whom."""
+        return [
+            f"{each.component.path} for {said(each.waiting)}"
+            for each in self._progress
+            if isinstance(each, _CoroutineTurn) and each.pending is not None and not each.pending.is_certain
+        ]
+
+
+class _CoroutineTurn:
+    """One turn of one component.
+
+    Attributes:
+        component: Whose turn it is.
+        row: Its row.
+        turn: Which one.
+        wakeups: When it may go on.
+        coroutine: What it does.
+        waiting: What it awaits, as it said.
+        pending: The same, as it is waited for; None while it goes on.
+        is_given_up: Whether it does not go on any more.
+    """
+
+    __slots__ = ("component", "coroutine", "is_given_up", "pending", "row", "turn", "waiting", "wakeups")
+
+    def __init__(self, component: Component | GroupComponent, row: int, turn: Turn, wakeups: Wakeups) -> None:
+        self.component = component
+        self.row = row
+        self.turn = turn
+        self.wakeups = wakeups
+        self.coroutine: Coroutine[Any, Any, Any] | None = None
+        self.waiting: Any = None
+        self.pending: Pending | None = None
+        self.is_given_up = False
+
+    def resume(self) -> Any:
+        """Go on with what was waited for, and return what is awaited then."""
+        coroutine, pending = self.coroutine, self.pending
+        assert coroutine is not None
+        self.pending = None
+        if pending is None:
+            return coroutine.send(None)
+        try:
+            value = pending.value()
+        except BaseException as error:
+            return coroutine.throw(error)
+        return coroutine.send(value)
+
+    def close(self) -> None:
+        """Give the turn up, with all that it waits for."""
+        self.is_given_up = True
+        pending, self.pending = self.pending, None
+        if pending is not None:
+            pending.cancel()
+        self.wakeups.clear()
+        if self.coroutine is not None:
+            self.coroutine.close()

@@ -1,0 +1,126 @@
+"""Turns whose update lands later than they compute, or that compute in a process of their own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any
+
+from symaware_cli.core import Event, Level
+from symaware_cli.core.chance import Turn
+from symaware_cli.runtime.guard import FAILED, Guard
+from symaware_cli.runtime.progress import Progress
+from symaware_cli.runtime.queue import Phase, Queue
+from symaware_cli.runtime.simulation import Simulation, Slot
+from symaware_cli.runtime.turn import computed_at, in_turn
+from symaware_cli.runtime.workers import Computed, WorkerError, Workers
+
+#: A row, the turn that it is busy with, and what it computed then.
+Landing = tuple[int, Turn, Any]
+
+#: The kind of the entries of updates; their payload is a list of `Landing`.
+_KIND = "update"
+
+
+class DelayedTurns:
+    """The halves of turns that are not coroutines: computing with the data of now, and updating when that is over."""
+
+    def __init__(
+        self,
+        simulation: Simulation,
+        slot: Slot,
+        place: int,
+        queue: Queue,
+        guard: Guard,
+        progress: Progress,
+        workers: Workers,
+        over: Callable[[int], object],
+    ) -> None:
+        """Prepare.
+
+        Args:
+            simulation: What runs.
+            slot: Whose turns they are.
+            place: Its position among all slots.
+            queue: Where updates are entered.
+            guard: Calls the components.
+            progress: Which turns are under way.
+            workers: Where components compute that have a process of their own.
+            over: Told of the row of a turn that is over.
+        """
+        self._simulation = simulation
+        self._events = simulation.events
+        self._slot = slot
+        self._place = place
+        self._queue = queue
+        self._guard = guard
+        self._progress = progress
+        self._workers = workers
+        self._over = over
+        queue.register(place, {_KIND: self._land})
+
+    def take(self, rows: Sequence[int]) -> None:
+        """Let the components of some rows compute, and enter their updates.
+
+        Raises:
+            RunError: One failed, and that ends the run.
+        """
+        progress, guard = self._progress, self._guard
+        now, landings = self._queue.clock.now, dict[int, list[Landing]]()
+        turns = {row: progress.begin(row, now) for row in rows}
+        for row, value in self._values(turns):
+            if value is FAILED:
+                continue
+            turn = turns[row]
+            progress.occupy(row, turn)
+            time = now + guard.supervision.latency(row, turn)
+            if time == now:
+                self._land(row, [(row, turn, value)])
+            else:
+                landings.setdefault(time, []).append((row, turn, value))
+        for time, landing in sorted(landings.items()):
+            self._queue.put(time, self._place, Phase.LANDING, landing[0][0], _KIND, landing)
+
+    def _values(self, turns: Mapping[int, Turn]) -> Iterator[tuple[int, Any]]:
+        """Yield what each component computes, one after the other; in workers they compute all at once before."""
+        guard, events = self._guard, self._events
+        done: dict[int, Computed | WorkerError] | None = None
+        if self._slot.timing.in_process:
+            done = guard.attempt(next(iter(turns)), self._workers.compute, self._slot, turns)
+            if done is FAILED:
+                return
+        for row, turn in turns.items():
+            component = self._slot.components[row]
+            if "computing" in events.wanted:
+                component._announce("computing")
+            if done is None:
+                with in_turn(component, turn):
+                    value = guard.attempt(row, component._compute)
+                yield row, value
+                continue
+            outcome = done[row]
+            if isinstance(outcome, WorkerError):
+                guard.fail(row, guard.failure(component, outcome.problem, outcome))
+                yield row, FAILED
+                continue
+            for name, source, level, text, data in outcome.events:
+                agent = self._simulation.agent_of(source)
+                events.fire(Event(name, source, self._queue.clock.now, Level(level), text, data, component, agent))
+            yield row, outcome.value
+
+    def _land(self, row: int, landing: Sequence[Landing]) -> None:
+        """Update with values that were computed before, unless their component was stopped meanwhile."""
+        guard, wanted = self._guard, self._events.wanted
+        before, landed = guard.present(), []
+        with guard.supervision.watched():
+            for row, turn, value in landing:
+                if not self._progress.vacate(row, turn):
+                    continue
+                component = self._slot.components[row]
+                if "computed" in wanted:
+                    component._announce("computed", value)
+                with in_turn(component, turn), computed_at(component, turn.instant):
+                    guard.attempt(row, component.update, value)
+                landed.append(row)
+        guard.check(before)
+        for row in landed:
+            self._over(row)
