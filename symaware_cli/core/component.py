@@ -345,6 +345,16 @@ class GroupComponent(BaseComponent[AgentGroup]):
         """Whom the component belongs to."""
         return self._group
 
+    @property
+    def triggered(self) -> Sequence[int] | None:
+        """The rows of the agents whom the events concern that triggered this turn, ascending.
+
+        None where the turn was due without. It is known as the turn begins: until `_compute` has returned, or a
+        coroutine waits.
+        """
+        rows: Sequence[int] | None = self.__dict__.get("_triggered")
+        return rows
+
     def agent_path(self, row: int) -> str:
         """Where the component stands for one agent, such as ``agents.robot.2.sense``."""
         return f"agents.{self._group.ids[row]}.{self.name}"

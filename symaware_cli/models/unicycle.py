@@ -57,6 +57,6 @@ class Unicycle(HeadingModel):
         """Turn towards the wanted direction, and roll at the part of the speed that already points there."""
         speed, error = self.aim(state, velocity)
         followed = np.empty((len(state), 2))
-        followed[:, 0] = speed * np.maximum(np.cos(error), 0.0)
-        followed[:, 1] = self.parameters.steering_gain * error
+        np.multiply(speed, np.maximum(np.cos(error), 0.0), out=followed[:, 0])
+        np.multiply(self.parameters.steering_gain, error, out=followed[:, 1])
         return followed

@@ -35,7 +35,7 @@ class TurnScheduler:
     are, at its place, entries of these kinds:
 
     ``period``: the next turn of a period; the payload has its rows, None for all, and its number in the timetable.
-    ``trigger``: turns that events ask for; the payload is the set of their rows, which grows until they are taken.
+    ``trigger``: turns that events ask for; the payload is the set of the agents concerned, which grows until then.
     ``again``: the next turn of a component that takes one after the other; no payload.
     ``update`` and ``resume``: see `DelayedTurns` and `CoroutineTurns`.
 
@@ -167,11 +167,20 @@ class TurnScheduler:
         if self._called is None:
             self._called = set()
             self._queue.put(self._queue.clock.now, self.place, Phase.TURN, 0, "trigger", self._called)
-        self._called.update([0] if self._is_group else agents)
+        self._called.update(agents)
 
     def _on_called(self, row: int, called: set[int]) -> None:
         self._called = None
-        self.take(sorted(called))
+        agents = sorted(called)
+        if not self._is_group:
+            self.take(agents)
+            return
+        component = vars(self.slot.components[0])
+        component["_triggered"] = agents
+        try:
+            self.take([0])
+        finally:
+            del component["_triggered"]
 
     def _on_again(self, row: int, payload: None) -> None:
         self.take([row])

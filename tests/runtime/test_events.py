@@ -1,6 +1,7 @@
 """Every event is fired in both modes, can be subscribed to, and is in the log if one wants it there."""
 
 from collections import Counter
+from typing import ClassVar
 
 import pytest
 from simulating import STEP, Team, execute, simulation
@@ -12,7 +13,7 @@ from symaware_cli.recording.recorder import Recorder
 from symaware_cli.recording.writer import LogWriter
 from symaware_cli.runtime.run import run
 from symaware_cli.runtime.terms import Terms
-from symaware_cli.runtime.timing import Duration, Timing
+from symaware_cli.runtime.timing import Duration, Timing, Trigger
 
 MODES = pytest.mark.parametrize("mode", ["synchronous", "asynchronous"])
 
@@ -241,6 +242,42 @@ def test_events_of_turns_that_take_time_know_as_much(latency):
         ready.events.subscribe("computed", lambda event: seen.append((event.agent, event.value)))
         run(ready, 3, terms=Terms(mode=mode))
         assert seen[-1] == ("a", value)
+
+
+@pytest.mark.parametrize("in_process", [False, True])
+def test_a_group_component_knows_whom_the_events_concern_that_triggered_its_turn(in_process):
+    seen = []
+    timing = Timing(trigger=Trigger("told"), period=2 * STEP, in_process=in_process)
+    team = Team({"tells": Telling, "hears": Hearing}, count=4, timings={"hears": timing})
+    ready = simulation({"a": team})
+    ready.events.subscribe("heard", lambda event: seen.append((event.time // STEP, event.data["rows"])))
+    run(ready, 3)
+    assert seen == [(0, None), (1, [1, 3]), (2, None), (2, [0])]
+
+
+class Telling(GroupComponent):
+    """Speaks for some agents at some steps."""
+
+    events: ClassVar = {"told": ""}
+
+    def _compute(self):
+        return {1: [3, 1], 2: [0]}.get(self.now // STEP, [])
+
+    def _update(self, value):
+        for row in value:
+            self.emit_for(row, "told")
+
+
+class Hearing(GroupComponent):
+    """Says for whom it takes its turn."""
+
+    events: ClassVar = {"heard": ""}
+
+    def _compute(self):
+        return None if self.triggered is None else list(self.triggered)
+
+    def _update(self, value):
+        self.emit("heard", rows=value)
 
 
 def test_the_end_of_an_agent_is_its_own():

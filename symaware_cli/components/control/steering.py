@@ -81,7 +81,7 @@ def along(position: Array, direction: Array, travelled: Array) -> Array:
     places = np.empty((*travelled.shape, position.shape[1]))
     # Axis by axis: broadcasting along an axis of two elements is many times as slow.
     for axis in range(position.shape[1]):
-        places[:, :, axis] = position[:, axis, None] + direction[:, axis, None] * travelled
+        np.add(position[:, axis, None], direction[:, axis, None] * travelled, out=places[:, :, axis])
     places.flags.writeable = False
     return places
 
