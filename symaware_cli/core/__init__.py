@@ -21,6 +21,7 @@ from symaware_cli.core.event import Event, EventBus, Level, SubscriberError, Sub
 from symaware_cli.core.knowledge import KnowledgeDatabase
 from symaware_cli.core.message import EVERYBODY, Delivery, Exchange, Message, MessageBatch
 from symaware_cli.core.model import Model, Quantity
+from symaware_cli.core.part import PARTS, Part
 from symaware_cli.core.plugin import Parameters, Plugin
 from symaware_cli.core.reading import Frame, Image, Measurement, Reading, Scan
 from symaware_cli.core.refusal import Attempts, RefusalError
@@ -36,6 +37,7 @@ from symaware_cli.core.world import Contact, Roster, Snapshot
 
 __all__ = [
     "EVERYBODY",
+    "PARTS",
     "Agent",
     "AgentGroup",
     "Attempts",
@@ -74,6 +76,7 @@ __all__ = [
     "Observation",
     "Obstacle",
     "Parameters",
+    "Part",
     "PerceptionSystem",
     "Plugin",
     "Polygon",

@@ -17,6 +17,7 @@ from symaware_cli.core.event import EventBus
 from symaware_cli.core.knowledge import Changes, KnowledgeDatabase, KnownColumn
 from symaware_cli.core.message import Exchange
 from symaware_cli.core.model import Model
+from symaware_cli.core.part import STATE, Part
 from symaware_cli.core.time import Clock
 from symaware_cli.core.tracks import Tracks
 
@@ -70,12 +71,14 @@ class AgentGroup:
         entity: Entity,
         initial_state: ArrayLike,
         knowledge: Sequence[Mapping[str, Any]] = (),
+        parts: Sequence[Part] = (),
     ) -> None:
         self.name = name
         self.ids = tuple(ids)
         self.model = model
         self.entity = model.embodied(entity)
-        self.awareness = GroupAwareness(np.array(initial_state, float), name)
+        self.awareness = GroupAwareness(np.array(initial_state, float), name, parts)
+        self.awareness.parts["state"] = STATE.of(model.state)
         self.initial_state = self.awareness.state
         self.knowledge_changes = Changes()
         self.knowledge = tuple(

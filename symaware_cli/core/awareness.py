@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from symaware_cli.core.column import Column, SeriesColumn, frozen
 from symaware_cli.core.motion import as_motion
+from symaware_cli.core.part import PARTS, Part, PartColumn
 from symaware_cli.core.reading import Reading
 from symaware_cli.core.series import TimeSeries
 from symaware_cli.core.tracks import Tracks
@@ -19,19 +21,21 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+#: Nothing is said; it cannot be changed.
+_EMPTY = TimeSeries()
+
 
 class AwarenessVector:
-    """The situational awareness of one agent, as a plain value.
+    """The situational awareness of one agent, as a plain value: of each part what it says, by the part's name.
+
+    ``vector["attention"]`` reads and writes a part; those that every agent has are attributes, too. A part that
+    nothing is said of is an empty `TimeSeries` where every agent has it, else a `KeyError`.
 
     Attributes:
         id: Whom it is about.
-        state: The believed state; shape (nx,).
-        intent: Where it means to go.
-        uncertainty: How unsure the belief is.
-        risk: How dangerous the situation is.
     """
 
-    __slots__ = ("id", "intent", "risk", "state", "uncertainty")
+    __slots__ = ("_values", "id")
 
     def __init__(
         self,
@@ -40,15 +44,81 @@ class AwarenessVector:
         intent: TimeSeries | None = None,
         uncertainty: TimeSeries | None = None,
         risk: TimeSeries | None = None,
+        **parts: ArrayLike | TimeSeries,
     ) -> None:
         self.id = id
-        self.state: Array = frozen(state)
-        self.intent = TimeSeries() if intent is None else intent
-        self.uncertainty = TimeSeries() if uncertainty is None else uncertainty
-        self.risk = TimeSeries() if risk is None else risk
+        self._values: dict[str, Array | TimeSeries] = {
+            "state": frozen(state),
+            "intent": _EMPTY if intent is None else intent,
+            "uncertainty": _EMPTY if uncertainty is None else uncertainty,
+            "risk": _EMPTY if risk is None else risk,
+        }
+        for name, value in parts.items():
+            self._values[name] = value if isinstance(value, TimeSeries) else frozen(value)
+
+    def __getitem__(self, name: str) -> Any:
+        """What a part says: a vector, shape (k,), or a `TimeSeries`."""
+        return self._values[name]
+
+    def __setitem__(self, name: str, value: ArrayLike | TimeSeries) -> None:
+        self._values[name] = value if isinstance(value, TimeSeries) else frozen(value)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._values)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._values
+
+    def items(self) -> Iterator[tuple[str, Any]]:
+        """Each part that something may be said of: its name, and what it says."""
+        return ((name, self[name]) for name in self)
+
+    def replaced(self, **parts: ArrayLike | TimeSeries) -> AwarenessVector:
+        """A plain value that says the same, but for some parts."""
+        return AwarenessVector(self.id, **{**dict(self.items()), **parts})
+
+    @property
+    def state(self) -> Array:
+        """The believed state; shape (nx,)."""
+        state: Array = self["state"]
+        return state
+
+    @state.setter
+    def state(self, value: ArrayLike) -> None:
+        self["state"] = value
+
+    @property
+    def intent(self) -> TimeSeries:
+        """Where it means to go."""
+        series: TimeSeries = self["intent"]
+        return series
+
+    @intent.setter
+    def intent(self, series: TimeSeries) -> None:
+        self["intent"] = series
+
+    @property
+    def uncertainty(self) -> TimeSeries:
+        """How unsure the belief is."""
+        series: TimeSeries = self["uncertainty"]
+        return series
+
+    @uncertainty.setter
+    def uncertainty(self, series: TimeSeries) -> None:
+        self["uncertainty"] = series
+
+    @property
+    def risk(self) -> TimeSeries:
+        """How dangerous the situation is."""
+        series: TimeSeries = self["risk"]
+        return series
+
+    @risk.setter
+    def risk(self, series: TimeSeries) -> None:
+        self["risk"] = series
 
     def __repr__(self) -> str:
-        return f"AwarenessVector({self.id!r}, state={np.array2string(self.state, precision=4)})"
+        return f"{type(self).__name__}({self.id!r}, state={np.array2string(self.state, precision=4)})"
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,9 +157,8 @@ class GroupAwareness:
     """The awareness that the agents of a group have: of themselves as columns, of others sparsely.
 
     Attributes:
-        intent: A series for each agent.
-        uncertainty: A series for each agent.
-        risk: A series for each agent.
+        parts: What parts it has, by name.
+        columns: The column of each part, by name: a row of numbers for each agent, or a series for each.
         world: What all agents of the group know of everybody, where they perceive everything; one shared
             read-only snapshot, never a copy for each pair.
         observation: What perception measured last, for those who estimate.
@@ -104,24 +173,35 @@ class GroupAwareness:
         "_joined",
         "_joined_of",
         "_name",
-        "intent",
+        "columns",
         "observation",
         "others_changed",
+        "parts",
         "readings",
-        "risk",
         "roster",
         "seen",
         "state_column",
         "told",
-        "uncertainty",
         "world",
     )
 
-    def __init__(self, state: Array, name: str = "") -> None:
+    def __init__(self, state: Array, name: str = "", parts: Iterable[Part] = ()) -> None:
+        """Begin with a belief of each state, and nothing else.
+
+        Args:
+            state: What each agent believes; shape (n, nx).
+            name: The group's.
+            parts: Those beside the ones that every group has.
+
+        Raises:
+            ValueError: A vector has no columns.
+        """
+        self.parts = {part.name: part for part in (*PARTS, *parts)}
         self.state_column = Column(state)
-        self.intent = SeriesColumn(len(state))
-        self.uncertainty = SeriesColumn(len(state))
-        self.risk = SeriesColumn(len(state))
+        self.columns: dict[str, PartColumn] = {
+            part.name: self.state_column if part.name == "state" else part.column(len(state))
+            for part in self.parts.values()
+        }
         self.world: Snapshot | None = None
         self.observation: Observation | None = None
         self.seen: Tracks | None = None
@@ -164,6 +244,26 @@ class GroupAwareness:
         """Write out a snapshot that all agents share: a row for each of them and each other."""
         return Tracks.of_everybody(world, world.roster.start(self._name), len(self.state))
 
+    def __getitem__(self, name: str) -> Any:
+        """A part of all agents: the read-only array of a vector, shape (n, k); the column of a series, to be `set`."""
+        column = self._column(name)
+        return column.values if isinstance(column, Column) else column
+
+    def __setitem__(self, name: str, values: ArrayLike) -> None:
+        """Replace a vector of all agents; shape (n, k)."""
+        column = self._column(name)
+        if not isinstance(column, Column):
+            raise TypeError(f"the part `{name}` is a series for each agent: `awareness[{name!r}].set(times, values)`")
+        column.values = values
+
+    def _column(self, name: str) -> PartColumn:
+        column = self.columns.get(name)
+        if column is None:
+            raise KeyError(
+                f"there is no part `{name}`, only {', '.join(self.columns)}: a component declares the parts it writes"
+            )
+        return column
+
     @property
     def state(self) -> Array:
         """What each agent believes of its own state, read-only; shape (n, nx)."""
@@ -172,6 +272,21 @@ class GroupAwareness:
     @state.setter
     def state(self, values: ArrayLike) -> None:
         self.state_column.values = values
+
+    @property
+    def intent(self) -> SeriesColumn:
+        """Where each agent means to go."""
+        return self.columns["intent"]  # type: ignore[return-value]
+
+    @property
+    def uncertainty(self) -> SeriesColumn:
+        """How unsure each belief is."""
+        return self.columns["uncertainty"]  # type: ignore[return-value]
+
+    @property
+    def risk(self) -> SeriesColumn:
+        """How dangerous the situation of each agent is."""
+        return self.columns["risk"]  # type: ignore[return-value]
 
 
 class SelfAwareness(AwarenessVector):
@@ -184,38 +299,15 @@ class SelfAwareness(AwarenessVector):
         self._awareness = awareness
         self._row = row
 
-    @property
-    def state(self) -> Array:
-        """A copy of the believed state; shape (nx,)."""
-        return self._awareness.state_column.row(self._row)
+    def __getitem__(self, name: str) -> Any:
+        """What a part says: a copy of a vector, shape (k,), or a `TimeSeries`."""
+        return self._awareness._column(name).row(self._row)
 
-    @state.setter
-    def state(self, value: ArrayLike) -> None:
-        self._awareness.state_column.set_row(self._row, value)
+    def __setitem__(self, name: str, value: ArrayLike | TimeSeries) -> None:
+        self._awareness._column(name).set_row(self._row, value)  # type: ignore[arg-type]
 
-    @property
-    def intent(self) -> TimeSeries:
-        """Where the agent means to go."""
-        return self._awareness.intent.row(self._row)
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._awareness.columns)
 
-    @intent.setter
-    def intent(self, series: TimeSeries) -> None:
-        self._awareness.intent.set_row(self._row, series)
-
-    @property
-    def uncertainty(self) -> TimeSeries:
-        """How unsure the belief is."""
-        return self._awareness.uncertainty.row(self._row)
-
-    @uncertainty.setter
-    def uncertainty(self, series: TimeSeries) -> None:
-        self._awareness.uncertainty.set_row(self._row, series)
-
-    @property
-    def risk(self) -> TimeSeries:
-        """How dangerous the situation is."""
-        return self._awareness.risk.row(self._row)
-
-    @risk.setter
-    def risk(self, series: TimeSeries) -> None:
-        self._awareness.risk.set_row(self._row, series)
+    def __contains__(self, name: object) -> bool:
+        return name in self._awareness.columns

@@ -22,7 +22,7 @@ class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
     position, then the velocity, in the dimensions of the world; NaN where nothing is known. `elements` names them.
 
     What the agent's own components wrote of another wins over what the group's components share. What another tells of
-    its intent and risk stands beside where it is believed to be.
+    its intent, its risk and further parts stands beside where it is believed to be.
 
     Attributes:
         told: What others told of themselves, as of then, by id.
@@ -61,13 +61,14 @@ class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
             raise KeyError(id)
         if told is None or vector is None:
             return vector or told  # type: ignore[return-value]
-        return AwarenessVector(
-            id,
-            vector.state,
-            vector.intent if len(vector.intent) else told.intent,
-            vector.uncertainty,
-            vector.risk if len(vector.risk) else told.risk,
-        )
+        return vector.replaced(**{name: value for name, value in told.items() if self._is_told(name, vector)})
+
+    def _is_told(self, name: str, vector: AwarenessVector) -> bool:
+        """Whether what was told of a part counts beside what the agent's own components wrote."""
+        part = self._awareness.parts.get(name)
+        if part is not None and part.merge != "seen-first":
+            return False  # what was told is in the tracks, as far as it is the latest
+        return name not in vector or len(vector[name]) == 0
 
     def perceived(self, id: str) -> AwarenessVector | None:
         """What perceptions, estimators and the inbox tell of another now, whatever the agent's own components wrote."""
@@ -119,11 +120,10 @@ class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
 
     def __setitem__(self, id: str, vector: AwarenessVector) -> None:
         if id == self._own.id:
-            self._own.state = vector.state
-            self._own.intent, self._own.uncertainty, self._own.risk = vector.intent, vector.uncertainty, vector.risk
+            for name, value in vector.items():
+                self._own[name] = value
             return
-        state = self._awareness.motion(id, vector.state)
-        self._others[id] = AwarenessVector(id, state, vector.intent, vector.uncertainty, vector.risk)
+        self._others[id] = vector.replaced(state=self._awareness.motion(id, vector.state))
         self._awareness.others_changed.add(self._row)
 
     def __delitem__(self, id: str) -> None:

@@ -104,6 +104,11 @@ class Column:
         row: Array = self._array[index].copy()
         return row
 
+    def present(self, index: int) -> Array:
+        """One agent's vector, as it is now; not to be changed."""
+        present: Array = self.values[index]
+        return present
+
     def set_row(self, index: int, value: ArrayLike) -> None:
         """Replace one agent's vector.
 
@@ -207,6 +212,11 @@ class SeriesColumn:
         if self._times is None:
             return TimeSeries()
         return TimeSeries.sampled(self._times, self._values[index])
+
+    def present(self, index: int) -> Array:
+        """The first vector of one agent's series, shape (k,); NaN where it is empty."""
+        series = self.row(index)
+        return series.values[0] if len(series) else np.full(self._width or 1, np.nan)
 
     def set_row(self, index: int, series: TimeSeries) -> None:
         """Replace one agent's series.

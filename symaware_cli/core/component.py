@@ -18,6 +18,7 @@ from symaware_cli.core.event import Event, Level, Subscriber, Subscription
 from symaware_cli.core.knowledge import KnowledgeDatabase
 from symaware_cli.core.message import Delivery, Message
 from symaware_cli.core.model import Quantity
+from symaware_cli.core.part import Part
 from symaware_cli.core.plugin import Plugin
 from symaware_cli.core.real import real
 from symaware_cli.core.series import TimeSeries
@@ -43,6 +44,7 @@ class BaseComponent(Plugin, ABC, Generic[Owner]):
         events: The events that the component fires besides those of every component, with what each means.
         knowledge: What an agent must know for the component to work, with what each means.
         name: The component's key in the scenario.
+        parts: The parts of awareness that it writes, beside those that every agent has.
         path: Where it stands, such as ``agents.robot.2.steer``; the source of its events.
         requires: What the world must have for the component to work, as in `Environment.provides`, with where it is.
         sees_world: Whether it looks at the world itself, and not only at what its agent is aware of; where it computes
@@ -53,6 +55,7 @@ class BaseComponent(Plugin, ABC, Generic[Owner]):
     bodies: ClassVar[Mapping[str, str]] = {}
     events: ClassVar[Mapping[str, str]] = {}
     knowledge: ClassVar[Mapping[str, str]] = {}
+    parts: ClassVar[Sequence[Part]] = ()
     requires: ClassVar[Mapping[str, str]] = {}
     sees_world: ClassVar[bool] = False
 
@@ -83,7 +86,7 @@ class BaseComponent(Plugin, ABC, Generic[Owner]):
             group: Has its model.
 
         Returns:
-            Name and unit of each column, by ``intent``, ``uncertainty`` or ``risk``; nothing by default.
+            Name and unit of each column, by the name of the part; nothing by default.
         """
         return {}
 
@@ -430,7 +433,7 @@ class PerceptionSystem(Component):
             if known is None:
                 database[id] = AwarenessVector(id, motion)
             else:
-                database[id] = AwarenessVector(id, motion, known.intent, known.uncertainty, known.risk)
+                database[id] = known.replaced(state=motion)
 
 
 class UncertaintyEstimator(Component):

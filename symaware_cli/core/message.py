@@ -204,7 +204,7 @@ def copied(value: Any) -> Any:
         copy.flags.writeable = False
         return copy
     if isinstance(value, AwarenessVector):
-        return AwarenessVector(value.id, value.state, value.intent, value.uncertainty, value.risk)
+        return value.replaced()
     if isinstance(value, Mapping):
         return {name: copied(each) for name, each in value.items()}
     if isinstance(value, list):

@@ -154,11 +154,14 @@ class KnownVector(AwarenessVector):
     def __setattr__(self, name: str, value: Any) -> None:
         _refuse(self)
 
+    def __setitem__(self, name: str, value: Any) -> None:
+        _refuse(self)
+
     def __reduce__(self) -> Any:
         return readonly, (self.__deepcopy__({}), self.known_as)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> AwarenessVector:
-        return AwarenessVector(self.id, self.state, self.intent, self.uncertainty, self.risk)
+        return self.replaced()
 
 
 def readonly(value: Any, name: str) -> Any:
@@ -233,7 +236,8 @@ def _array(values: NDArray[Any], name: str) -> KnownArray:
 
 def _vector(vector: AwarenessVector, name: str) -> KnownVector:
     made = KnownVector.__new__(KnownVector)
+    plain = vector.replaced()
     for attribute in AwarenessVector.__slots__:
-        object.__setattr__(made, attribute, getattr(vector, attribute))
+        object.__setattr__(made, attribute, getattr(plain, attribute))
     object.__setattr__(made, "known_as", name)
     return made

@@ -12,6 +12,7 @@ from urllib.parse import quote
 import numpy as np
 from numpy.typing import NDArray
 
+from symaware_cli.core import Part
 from symaware_cli.exporting import entries, rows
 from symaware_cli.exporting.selection import Selection
 from symaware_cli.exporting.table import Column, Table, Values
@@ -24,12 +25,6 @@ Quantities = Sequence[tuple[str, str]]
 
 #: What is told of the world, and the tables of it.
 _TRUTH = {"state": "world", "pose": "pose", "joints": "joints"}
-
-_SERIES = {
-    "intent": "what the agent means to do at that time",
-    "uncertainty": "what the agent is not sure of at that time",
-    "risk": "how much at risk the agent deems itself at that time",
-}
 
 #: A ray is 4 bytes in the log, and ten numbers in a table.
 _SCAN_GROWTH = 16
@@ -147,14 +142,14 @@ class _Group:
         """The tables of the group, by topic."""
         prefix = f"/agents/{self.name}"
         makers: dict[str, tuple[str, Callable[[str], Source]]] = {
-            f"{prefix}/state": ("state", self.state),
             **{f"/world/{self.name}/{kind}": ("world", partial(self.world, table)) for kind, table in _TRUTH.items()},
             f"{prefix}/control": ("control", partial(self.control, "control_requested", "as the controller asked for")),
             f"/world/{self.name}/control": ("control", partial(self.control, "control", "as applied until then")),
             f"{prefix}/awareness": ("awareness", self.awareness),
             f"{prefix}/knowledge": ("knowledge", partial(self.knowledge, selection)),
         }
-        makers |= {f"{prefix}/{kind}": (kind, partial(self.series, kind)) for kind in _SERIES}
+        for part in self.log.parts(self.name).values():
+            makers[f"{prefix}/{part.name}"] = (part.name, partial(self.part, part))
         sensing: dict[str, Callable[[str, str], Source]] = {
             SCAN: self.scan,
             IMAGE: partial(self.image, selection),
@@ -169,12 +164,6 @@ class _Group:
             if topic in self.log.topics and selection.has_field(kind)
         }
 
-    def state(self, topic: str) -> Source:
-        """What the agents believe their own states to be."""
-        quantities = self._quantities(topic)
-        lay_out = partial(rows.lay_out_rows, width=len(quantities))
-        return self._source("state", _numbers(quantities, "as believed"), lay_out)
-
     def world(self, table: str, topic: str) -> Source:
         """What is so."""
         quantities = self._quantities(topic)
@@ -187,15 +176,18 @@ class _Group:
         lay_out = partial(rows.lay_out_rows, width=len(quantities))
         return self._source(table, _numbers(quantities, description), lay_out)
 
-    def series(self, kind: str, topic: str) -> Source:
-        """A time series."""
+    def part(self, part: Part, topic: str) -> Source:
+        """A part of what the agents are aware of, of themselves."""
         quantities = self._quantities(topic)
+        numbers = _numbers(quantities, part.description)
+        if part.kind == "vector":
+            return self._source(part.name, numbers, partial(rows.lay_out_rows, width=len(quantities)))
         columns = [
             Column("point", "integer", "1", "number of the point in its series"),
             Column("point_time", "number", "s", "simulated time that the point speaks of; NaN if the series is empty"),
-            *_numbers(quantities, _SERIES[kind]),
+            *numbers,
         ]
-        return self._source(kind, columns, partial(rows.lay_out_series, width=len(quantities)))
+        return self._source(part.name, columns, partial(rows.lay_out_series, width=len(quantities)))
 
     def awareness(self, topic: str) -> Source:
         """What the agents believe of others."""

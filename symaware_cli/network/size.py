@@ -54,9 +54,7 @@ def _size(value: Any) -> int:
     if isinstance(value, TimeSeries):
         return value.times.nbytes + value.values.nbytes
     if isinstance(value, AwarenessVector):
-        return len(value.id.encode()) + sum(
-            _size(part) for part in (value.state, value.intent, value.uncertainty, value.risk)
-        )
+        return len(value.id.encode()) + sum(_size(said) for _, said in value.items())
     if isinstance(value, Mapping):
         return sum(_size(key) + _size(each) for key, each in value.items())
     if isinstance(value, Iterable):

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core import AgentGroup, Environment, Quantity
+from symaware_cli.core import AgentGroup, Environment
 from symaware_cli.core.column import Column, SeriesColumn
 from symaware_cli.core.motion import motion_quantities
 from symaware_cli.recording import symaware_v1_pb2 as v1
 from symaware_cli.recording import wire
+from symaware_cli.recording.fields import PART_MESSAGES, columns_metadata, part_metadata
 from symaware_cli.recording.others import OthersChannel
 from symaware_cli.recording.sensing import SensorChannels
 from symaware_cli.recording.shared import POSE, SHARED, shared_metadata
@@ -96,7 +97,6 @@ class GroupChannels:
         environment: Environment,
         group: AgentGroup,
         omit: Collection[str],
-        quantities: Mapping[str, Sequence[Quantity]],
         own: Sequence[int] | None = None,
     ) -> None:
         """Open them.
@@ -106,7 +106,6 @@ class GroupChannels:
             environment: The world, initialised.
             group: The group.
             omit: Which kinds to leave out; `applied` for the control inputs that the world applied.
-            quantities: What the columns of its series are.
             own: The rows that are recorded, ascending; None for all. The others run in another process.
         """
         self._own = None if own is None or len(own) == len(group) else list(own)
@@ -117,18 +116,17 @@ class GroupChannels:
         self._count = len(group)
         self._last_truth: Any = None
         self._told_steps = 0
-        states = _columns(group.model.state)
-        inputs = _columns(group.model.control_input)
-        motion = _columns(motion_quantities(environment.roster.dimensions))
-        series = {kind: _columns(columns) for kind, columns in quantities.items()}
+        awareness = group.awareness
+        inputs = columns_metadata(group.model.control_input)
+        motion = columns_metadata(motion_quantities(environment.roster.dimensions))
         topics = {
-            "world": (f"/world/{group.name}/state", "Rows", states),
-            "state": (f"/agents/{group.name}/state", "Rows", states),
+            "world": (f"/world/{group.name}/state", "Rows", columns_metadata(group.model.state)),
             "control": (f"/agents/{group.name}/control", "Rows", inputs),
             "applied": (f"/world/{group.name}/control", "Rows", inputs),
-            "intent": (f"/agents/{group.name}/intent", "SeriesRows", series.get("intent", {})),
-            "uncertainty": (f"/agents/{group.name}/uncertainty", "SeriesRows", series.get("uncertainty", {})),
-            "risk": (f"/agents/{group.name}/risk", "SeriesRows", series.get("risk", {})),
+            **{
+                name: (f"/agents/{group.name}/{name}", PART_MESSAGES[part.kind], part_metadata(part))
+                for name, part in awareness.parts.items()
+            },
             "awareness": (f"/agents/{group.name}/awareness", "Awareness", motion),
             "knowledge": (f"/agents/{group.name}/knowledge", "Knowledge", {}),
         }
@@ -140,15 +138,9 @@ class GroupChannels:
             else None
         )
         self._sensors = SensorChannels(writer, group, self._own) if "sensors" not in self._omit else None
-        #: Series and the like are read only where their channel is open.
-        self._series = [
-            (self._channels[kind], column)
-            for kind, column in (
-                ("intent", group.awareness.intent),
-                ("uncertainty", group.awareness.uncertainty),
-                ("risk", group.awareness.risk),
-            )
-            if kind in self._channels
+        #: The columns of the parts of awareness, which are read only where their channel is open.
+        self._parts = [
+            (self._channels[name], column) for name, column in awareness.columns.items() if name in self._channels
         ]
 
     def record(self, now: int, steps: int) -> int:
@@ -171,10 +163,11 @@ class GroupChannels:
             # What moved everybody in the last step: the world alone knows.
             self._told_steps = steps
             writer.add(channels["applied"], now, wire.encode_rows(self._environment.applied_input(self._group)))
-        if "state" in channels:
-            updates += self._record_column(now, channels["state"], awareness.state_column)
-        for channel, column in self._series:
-            updates += self._record_series(now, channel, column)
+        for channel, column in self._parts:
+            if isinstance(column, Column):
+                updates += self._record_column(now, channel, column)
+            else:
+                updates += self._record_series(now, channel, column)
         if self._others:
             updates += self._others.record(now)
         if "control" in channels:
@@ -248,10 +241,3 @@ def _record_changes(
         writer.add(channel, now, wire.encode_rows(values))
     elif len(rows):
         writer.add(channel, now, wire.encode_rows(values[rows], rows))
-
-
-def _columns(quantities: Sequence[Quantity]) -> dict[str, str]:
-    return {
-        "columns": ",".join(quantity.name for quantity in quantities),
-        "units": ",".join(quantity.unit for quantity in quantities),
-    }

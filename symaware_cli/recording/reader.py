@@ -10,10 +10,11 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from symaware_cli.core import PARTS, Part
 from symaware_cli.recording import journal
 from symaware_cli.recording.beliefs import Beliefs, beliefs
 from symaware_cli.recording.error import LogError, UnknownNameError
-from symaware_cli.recording.fields import FIELDS, TOPICS
+from symaware_cli.recording.fields import FIELDS, PART_MESSAGES, TOPICS, part_of, parts_of
 from symaware_cli.recording.index import ChannelInfo
 from symaware_cli.recording.journal import Communication, LoggedContact, LoggedEvent, LoggedKnowledge
 from symaware_cli.recording.manifest import read_manifest
@@ -35,14 +36,10 @@ from symaware_cli.recording.sensing import (
 from symaware_cli.recording.series import Prediction, Series, group_series, place_of, present_values, row_series
 from symaware_cli.recording.shared import SHARED, SharedChannel, entities_of, shared
 
-__all__ = ["FIELDS", "PREDICTED", "Log", "LogMessage", "open_log"]
+__all__ = ["FIELDS", "Log", "LogMessage", "open_log"]
 
 _MESSAGES = {
-    "/agents//state": "Rows",
     "/agents//control": "Rows",
-    "/agents//intent": "SeriesRows",
-    "/agents//uncertainty": "SeriesRows",
-    "/agents//risk": "SeriesRows",
     "/agents//awareness": "Awareness",
     "/agents//knowledge": "Knowledge",
     f"/agents//{MEASUREMENT}/": "Rows",
@@ -59,10 +56,7 @@ _MESSAGES = {
     "/contacts": "Contact",
     TIMING: "Timing",
 }
-"""What message each topic has; groups, entities and sensors are left out of it."""
-
-PREDICTED = ("intent", "uncertainty", "risk")
-"""The fields of `Log.predictions`."""
+"""What message each topic has, but for parts of awareness; groups, entities and sensors are left out of it."""
 
 Sensed = TypeVar("Sensed", bound=LoggedReading)
 """An entry of what a sensor measured."""
@@ -157,9 +151,9 @@ class Log(McapFile):
             name: A group, an agent, or an entity of the environment. The name of a group of one is its agent's.
             field: `state` (what they believe), `world` (what is true), `pose` and `joints` (the rest of that, in worlds
                 of space); `control` (what the world applied in the step that ended then), `control_requested` (what
-                was asked for from then on); `intent`, `uncertainty` and `risk`, of which the first point
-                of each time series is taken; or a sensor that measures numbers, by its component's name: its readings
-                when they became known, NaN where it missed one.
+                was asked for from then on); a part of awareness, such as `intent`, `uncertainty` and `risk`, of which
+                the first point is taken where it is a time series; or a sensor that measures numbers, by its
+                component's name: its readings when they became known, NaN where it missed one.
 
         Returns:
             For a group every instant at which any of its agents was recorded, (k, n, columns), where the others keep
@@ -198,23 +192,31 @@ class Log(McapFile):
         """The topics of all fields of a group or an entity, whether or not the log has them."""
         # A sensor that is called as a field is hidden by it.
         fields = {name: template.format(owner) for name, template in TOPICS.items()}
-        return sensors(self.channels, owner, MEASUREMENT) | fields
+        further = {name: f"/agents/{owner}/{name}" for name in self.parts(owner)}
+        return sensors(self.channels, owner, MEASUREMENT) | further | fields
+
+    def parts(self, group: str) -> dict[str, Part]:
+        """The parts of awareness of a group that there are channels of, by name: first those of every group."""
+        return parts_of(self.channels, group)
 
     def predictions(self, agent: str, field: str) -> Iterator[Prediction]:
         """Iterate over what an agent expected: the whole of its time series at each instant at which it set one.
 
         Args:
             agent: Its id.
-            field: `intent`, `uncertainty` or `risk`. `series` names the columns.
+            field: A part of awareness that is a time series: `intent`, `uncertainty`, `risk`, or one of a plugin.
+                `series` names the columns.
 
         Raises:
             LogError: There is no such agent or field.
         """
-        if field not in PREDICTED:
-            message = f"there is no field {field!r} of predictions; there are {', '.join(PREDICTED)}"
-            raise UnknownNameError(message, field, PREDICTED)
         group, row, _ = self._agent(agent)
-        topic = self._channel(TOPICS[field].format(group), f"{field} of {agent!r}", "SeriesRows").topic
+        parts = {part.name: part for part in PARTS} | self.parts(group)
+        predicted = [name for name, part in parts.items() if part.kind == "series"]
+        if field not in predicted:
+            message = f"there is no field {field!r} of predictions; there are {', '.join(predicted)}"
+            raise UnknownNameError(message, field, predicted)
+        topic = self._channel(f"/agents/{group}/{field}", f"{field} of {agent!r}", "SeriesRows").topic
         return self._predictions(topic, row)
 
     def _predictions(self, topic: str, row: int) -> Iterator[Prediction]:
@@ -518,7 +520,8 @@ def _expected(info: ChannelInfo) -> str | None:
     """What message a channel must have; None where that is not known."""
     if info.topic == journal.MESSAGES[0] and info.carries("Message"):
         return "Message"  # as earlier versions wrote them
-    return _MESSAGES.get(_pattern(info.topic))
+    part = part_of(info)
+    return PART_MESSAGES[part.kind] if part else _MESSAGES.get(_pattern(info.topic))
 
 
 def open_log(path: str | os.PathLike[str]) -> Log:

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core import AgentGroup, Contact, Environment, Event, Level, Quantity
+from symaware_cli.core import AgentGroup, Contact, Environment, Event, Level
 from symaware_cli.network.traffic import Traffic
 from symaware_cli.recording import symaware_v1_pb2 as v1
 from symaware_cli.recording import wire
@@ -39,8 +39,8 @@ _STAGES = {
 #: The last event of a run.
 ENDINGS = frozenset({"failed", "finished", "interrupted"})
 
-#: What `Recorder` can be told to leave out.
-KINDS = ("state", "intent", "uncertainty", "risk", "control", "knowledge", "awareness", "sensors", "world")
+#: What `Recorder` can be told to leave out, beside the parts of awareness by their names.
+KINDS = ("control", "knowledge", "awareness", "sensors", "world")
 
 
 class Recorder:
@@ -60,7 +60,6 @@ class Recorder:
         *,
         interval: int = 0,
         omit: Sequence[str] = (),
-        quantities: Mapping[str, Mapping[str, Sequence[Quantity]]] | None = None,
         events: EventKinds = "notable",
         messages: MessageKinds = "all",
         own: Collection[str] | None = None,
@@ -72,9 +71,8 @@ class Recorder:
             environment: The world, initialised.
             groups: All groups.
             interval: Least simulated time between two records of the same group, in nanoseconds; 0 for every step.
-            omit: Which of `KINDS` to leave out; ``applied`` for the control inputs that the world applied alone.
-            quantities: By group, and by ``intent``, ``uncertainty`` and ``risk``, what the columns of these are, where
-                that is known.
+            omit: Which parts of awareness and which of `KINDS` to leave out; ``applied`` for the control inputs that
+                the world applied alone.
             events: Which events to record: those that do not recur, all, or none but the last one.
             messages: Which messages to record: all stages of all of them, those that are dropped, or none.
             own: The ids of those whose awareness, control and knowledge are recorded; None for everybody.
@@ -98,11 +96,10 @@ class Recorder:
         self._groups = []
         for group in sorted(groups, key=lambda group: group.name):
             rows = [row for row, id in enumerate(group.ids) if own is None or id in own]
-            left_out = {*omit} if rows else {*omit, *KINDS[:-1]}  # all but the world
+            left_out = {*omit} if rows else {*omit, *KINDS, *group.awareness.parts} - {"world"}
             if "control" in omit:
                 left_out.add("applied")
-            known = (quantities or {}).get(group.name, {})
-            self._groups.append(GroupChannels(writer, environment, group, left_out, known, rows))
+            self._groups.append(GroupChannels(writer, environment, group, left_out, rows))
         self._entities = None if "world" in omit else EntityChannels(writer, environment)
         postures = [PostureChannels(writer, environment, name) for name in environment.obstacles if "world" not in omit]
         self._postures = [posture for posture in postures if posture.says_something]

@@ -107,5 +107,5 @@ def plain(value: Any) -> Any:
     if hasattr(value, "times") and hasattr(value, "values"):
         return {"times": plain(value.times), "values": plain(value.values)}
     if hasattr(value, "state") and hasattr(value, "id"):
-        return {name: plain(getattr(value, name)) for name in ("id", "state", "intent", "uncertainty", "risk")}
+        return {"id": value.id} | {name: plain(said) for name, said in value.items()}
     return f"<{type(value).__module__}.{type(value).__qualname__}>"

@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.core import AgentGroup, Tracks
+from symaware_cli.core.column import Column, SeriesColumn
 from symaware_cli.core.time import SECOND
 
 
 @contextmanager
 def restrained(group: AgentGroup, rows: Sequence[int]) -> Iterator[None]:
-    """Put back, afterwards, what was written of some agents: beliefs, intent, uncertainty, risk and control input.
+    """Put back, afterwards, what was written of some agents: all parts of their awareness, and the control input.
 
     A component of a whole group works on arrays with a row for each agent, and knows nothing of those that do not take
     part any more. Arrays are never written in place, so what was there before needs no copy.
@@ -27,16 +28,15 @@ def restrained(group: AgentGroup, rows: Sequence[int]) -> Iterator[None]:
         yield
         return
     awareness, chosen = group.awareness, list(rows)
-    columns = [(column, column.values) for column in (awareness.state_column, group.control_column)]
+    written = [group.control_column, *awareness.columns.values()]
+    columns = [(column, column.values) for column in written if isinstance(column, Column)]
     series = [
-        (column, row, column.row(row))
-        for column in (awareness.intent, awareness.uncertainty, awareness.risk)
-        for row in chosen
+        (column, row, column.row(row)) for column in written if isinstance(column, SeriesColumn) for row in chosen
     ]
     seen, told = awareness.seen, awareness.told
     yield
     for column, before in columns:
-        if column.values is not before and not np.array_equal(column.values[chosen], before[chosen]):
+        if column.values is not before and not np.array_equal(column.values[chosen], before[chosen], equal_nan=True):
             column.restore(chosen, before)
     for series_column, row, own in series:
         if series_column.row(row) != own:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core import AgentGroup, TimeSeries, seconds
+from symaware_cli.core import PARTS, AgentGroup, TimeSeries, seconds
 from symaware_cli.runtime.expression import FUNCTIONS
 
 if TYPE_CHECKING:
@@ -25,7 +26,7 @@ AGENT_NAMES: Mapping[str, str] = {
     "nearest": "distance to the nearest other that it is aware of [m]; infinite if there is none",
     "position": "where it believes to be [m]",
     "risk": "the greatest risk it sees; 0 if none was estimated",
-    "state": "what it believes of its own state",
+    "state": "what it believes of its own state, as every further part of its awareness by its name: attention[0]",
     "time": "simulated time [s]",
     "uncertainty": "the greatest number of its uncertainty; 0 if none was estimated",
     "velocity": "how fast it believes to move [m/s]",
@@ -49,18 +50,19 @@ class AgentScope:
 
     def __init__(self, group: AgentGroup) -> None:
         self._group = group
+        #: Parts of awareness, of which those of every agent have a meaning of their own in `AGENT_NAMES`.
+        self._parts = group.awareness.columns.keys() - AGENT_NAMES.keys() | {"state"}
+        taken = {*self._parts, *AGENT_NAMES, *FUNCTIONS}
         self._elements = {
-            quantity.name: index
-            for index, quantity in enumerate(group.model.state)
-            if quantity.name not in AGENT_NAMES and quantity.name not in FUNCTIONS
+            quantity.name: index for index, quantity in enumerate(group.model.state) if quantity.name not in taken
         }
         known = {name for each in group.knowledge for name in each if name.isidentifier()}
-        self._known = known - set(self._elements) - set(AGENT_NAMES) - set(FUNCTIONS)
+        self._known = known - set(self._elements) - taken
 
     @property
     def names(self) -> set[str]:
-        """All that a condition may refer to: the elements of the state, `AGENT_NAMES` and the knowledge."""
-        return {*self._elements, *AGENT_NAMES, *self._known}
+        """All that a condition may refer to: the elements of the state, `AGENT_NAMES`, further parts, the knowledge."""
+        return {*self._elements, *AGENT_NAMES, *self._parts, *self._known}
 
     def look_up(self, row: int, name: str) -> Any:
         """What a name stands for, for one agent."""
@@ -70,6 +72,8 @@ class AgentScope:
             return float(group.awareness.state[row, element])
         if name in self._known:
             return group.knowledge[row][name]
+        if name in self._parts:
+            return group.awareness.columns[name].present(row)
         match name:
             case "control_input":
                 return group.control_input[row]
@@ -83,8 +87,6 @@ class AgentScope:
                 return group.model.positions(group.awareness.state)[row]
             case "risk":
                 return _greatest(group.awareness.risk.row(row))
-            case "state":
-                return group.awareness.state[row]
             case "time":
                 return seconds(group.surroundings.clock.now)
             case "uncertainty":
@@ -108,6 +110,12 @@ class AgentScope:
         return float(np.linalg.norm(others - own, axis=1).min(initial=np.inf))
 
 
+def further_parts(groups: Iterable[AgentGroup]) -> list[str]:
+    """The names of the parts of awareness that components declare, in their order."""
+    every = {part.name for part in PARTS}
+    return list(dict.fromkeys(name for group in groups for name in group.awareness.parts if name not in every))
+
+
 class WorldScope:
     """Tells what names stand for in `run.until`."""
 
@@ -115,6 +123,7 @@ class WorldScope:
         self._simulation = simulation
         self._observer = observer
         self._rows = {id: (group, row) for group in simulation.groups for row, id in enumerate(group.ids)}
+        self._parts = frozenset(further_parts(simulation.groups))
         self._with_goal = sorted(
             id for slot in simulation.slots if "goal-reached" in slot.components[0].events for id in slot.group.ids
         )
@@ -122,6 +131,8 @@ class WorldScope:
     def look_up(self, name: str) -> Any:
         """What a name stands for."""
         simulation = self._simulation
+        if name in self._parts:
+            return _ByName(self._rows, simulation, partial(_part_of, name))
         match name:
             case "agents":
                 return simulation.agent_count
@@ -136,16 +147,18 @@ class WorldScope:
                 positions = simulation.environment.snapshot().positions
                 return simulation.environment.proximity.nearest(positions) if len(positions) > 1 else np.inf
             case "position":
-                return _ByName(self._rows, simulation, lambda group, states: group.model.positions(states))
+                return _ByName(
+                    self._rows, simulation, lambda group: group.model.positions(simulation.environment.state(group))
+                )
             case "state":
-                return _ByName(self._rows, simulation, lambda group, states: states)
+                return _ByName(self._rows, simulation, simulation.environment.state)
             case "time":
                 return seconds(simulation.clock.now)
         raise KeyError(name)
 
 
 class _ByName:
-    """The truth about each agent by its id, and about each group by its name."""
+    """What is so of each agent by its id, and of each group by its name."""
 
     def __init__(self, rows: Mapping[str, tuple[AgentGroup, int]], simulation: Simulation, pick: Any) -> None:
         self._rows = rows
@@ -153,16 +166,23 @@ class _ByName:
         self._pick = pick
 
     def __getitem__(self, name: str) -> Array:
-        environment = self._simulation.environment
         if name in self._rows:
             group, row = self._rows[name]
-            one: Array = self._pick(group, environment.state(group))[row]
+            one: Array = self._pick(group)[row]
             return one
         for group in self._simulation.groups:
             if group.name == name:
-                every: Array = self._pick(group, environment.state(group))
+                every: Array = self._pick(group)
                 return every
         raise KeyError(f"there is no agent or group `{name}`")
+
+
+def _part_of(name: str, group: AgentGroup) -> Array:
+    """A part of the awareness of each agent of a group; of a series, the first point."""
+    column = group.awareness.columns.get(name)
+    if column is None:
+        raise KeyError(f"the agents of `{group.name}` have no part `{name}`")
+    return np.array([column.present(row) for row in range(len(group))])
 
 
 def _greatest(series: TimeSeries) -> float:

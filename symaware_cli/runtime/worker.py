@@ -242,7 +242,7 @@ def group_data(group: AgentGroup, *, sees_world: bool = False) -> dict[str, Any]
     """What a computation may look at of a group, and of the world if it does, and what changes in a run."""
     awareness = group.awareness
     data: dict[str, Any] = {
-        "state": awareness.state,
+        "parts": {name: _column_data(column) for name, column in awareness.columns.items()},
         "control_input": (group.control_input, group.control_column.writes),
         "world": awareness.world,
         "observation": awareness.observation,
@@ -251,8 +251,6 @@ def group_data(group: AgentGroup, *, sees_world: bool = False) -> dict[str, Any]
         "readings": dict(awareness.readings),
         "knowledge": [dict(each) for each in group.knowledge],
     }
-    for name in ("intent", "uncertainty", "risk"):
-        data[name] = _series_data(getattr(awareness, name))
     if sees_world:
         environment = group.surroundings.environment
         data["truth"] = environment.snapshot().time, dict(environment.capture()), tuple(environment.contacts())
@@ -262,30 +260,32 @@ def group_data(group: AgentGroup, *, sees_world: bool = False) -> dict[str, Any]
     return data
 
 
-def _series_data(column: SeriesColumn) -> tuple[Any, ...]:
+def _column_data(column: Column | SeriesColumn) -> Any:
+    if isinstance(column, Column):
+        return column.values
     return column._times, column._values, column._width, column._rows
 
 
 def _take_group_data(group: AgentGroup, data: Mapping[str, Any]) -> None:
     awareness = group.awareness
-    awareness.state_column = _column(awareness.state_column, data["state"])
+    for name, content in data["parts"].items():
+        _take_column_data(awareness.columns[name], content)
     group.control_column.values, writes = data["control_input"]
     group.control_column.writes = writes
     awareness.world, awareness.observation = data["world"], data["observation"]
     awareness.seen, awareness.told, awareness.readings = data["seen"], data["told"], data["readings"]
     for own, known in zip(group.knowledge, data["knowledge"], strict=True):
         own.replace(known)
-    for name in ("intent", "uncertainty", "risk"):
-        column = getattr(awareness, name)
-        column._times, column._values, column._width, column._rows = data[name]
     for agent, (others, world, told) in zip(group.agents, data.get("others", ()), strict=False):
         database = agent.awareness_database
         database._others, database._world, database.told = others, world, told
 
 
-def _column(column: Column, values: Any) -> Column:
-    column.values = values
-    return column
+def _take_column_data(column: Column | SeriesColumn, content: Any) -> None:
+    if isinstance(column, Column):
+        column.values = content
+    else:
+        column._times, column._values, column._width, column._rows = content
 
 
 class Replica:

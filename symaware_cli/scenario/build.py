@@ -39,6 +39,7 @@ from symaware_cli.scenario.consensus import check_consensus, check_metropolis
 from symaware_cli.scenario.document import Scenario
 from symaware_cli.scenario.faults import FaultBuilder
 from symaware_cli.scenario.making import Workshop, mapping, topologies, words
+from symaware_cli.scenario.parts import check_omitted, declared_parts, name_columns
 from symaware_cli.scenario.problem import Problem, ScenarioError, dotted, nearest, quoted
 from symaware_cli.scenario.requirement import check_requirements
 from symaware_cli.scenario.resolved import resolved
@@ -68,7 +69,6 @@ class Built:
         resolved: The one document, as YAML, that the files and overrides amount to; running it repeats the run.
         files: Each file as written, by its path relative to the scenario's folder; meshes and the like, too.
         uses: For each group, the entry-point names of its ``model`` and ``components``.
-        quantities: For each group, what the columns of its series are: of the intent, for example.
         transport: What carries a run that is spread over several processes; None where the scenario does not say.
     """
 
@@ -79,7 +79,6 @@ class Built:
     resolved: bytes
     files: Mapping[str, bytes]
     uses: Mapping[str, Mapping[str, Any]]
-    quantities: Mapping[str, Mapping[str, Sequence[Quantity]]]
     transport: Transport | None = None
 
     @property
@@ -130,7 +129,8 @@ class _Builder:
         self._found = tuple(found)
         self._problems: list[Problem] = []
         self._uses: dict[str, dict[str, Any]] = {}
-        self._quantities: dict[str, dict[str, Sequence[Quantity]]] = {}
+        #: The names of the parts of awareness that components declare.
+        self._declared: set[str] = set()
         self._workshop = Workshop(composition, catalogue, self._report, self._problems.extend)
 
     def build(self) -> Built:
@@ -154,6 +154,7 @@ class _Builder:
         steps = self._steps(mapping(data.get("run")).get("duration"), environment)
         networks = self._topologies(data.get("topology"))
         transport = next(iter(self._workshop.make(mapping(data.get("transport")), ("transport",))), None)
+        check_omitted(mapping(data.get("recording")).get("omit"), self._declared, self._report)
         terms, network = Terms(), None
         if isinstance(document, Scenario) and environment is not None:
             terms = self._terms(document, environment, groups, slots)
@@ -173,7 +174,7 @@ class _Builder:
             simulation.connect(network)
         text = resolved(data, document)
         files = {**self._composition.files, **assets(document, self._folder)}
-        return Built(document, simulation, steps, terms, text, files, self._uses, self._quantities, transport)
+        return Built(document, simulation, steps, terms, text, files, self._uses, transport)
 
     def _terms(
         self, document: Scenario, environment: Environment, groups: Sequence[AgentGroup], slots: Sequence[Slot]
@@ -185,7 +186,7 @@ class _Builder:
             path: Path = ("agents", slot.group.name, "components", slot.name)
             slot.timing = check.timing(use, slot.group, type(slot.components[0]), path)
         check.triggers(slots)
-        run, until = document.run, check.until(document.run)
+        run, until = document.run, check.until(document.run, groups)
         faults: Sequence[Fault | None] = ()
         if len(groups) == len(document.agents):
             builder = FaultBuilder(self._composition, self._report, check, environment, groups, slots, document.faults)
@@ -282,12 +283,18 @@ class _Builder:
             for component, made in instances.items()
             if made and self._is_told(made[0], entry, (*path, "components", component), uses[component])
         ]
+        declaring = [(instances[each][0], uses[each], (*path, "components", each)) for each in capable]
+        parts = declared_parts(declaring, self._report)
+        self._declared.update(part.name for part in parts)
         if model is None or states is None or sampler.problems or self._found:
             return None, []
         body = document.agents[name].entity if isinstance(document, Scenario) else Entity()
         if not self._conforms(model, str(uses_model), states[0], (*path, "model", "use")):
             return None, []
-        group = AgentGroup(name, ids, model, body, states, knowledge)
+        parts = declared_parts(
+            [(instances[each][0], uses[each], (*path, "components", each)) for each in capable], self._report
+        )
+        group = AgentGroup(name, ids, model, body, states, knowledge, parts)
         slots = [
             Slot(group, component, uses[component], instances[component])
             for component in capable
@@ -326,7 +333,7 @@ class _Builder:
         try:
             component.check(group)
             # Of several components that set a series, the last has its say.
-            self._quantities.setdefault(group.name, {}).update(_quantities(component.series_quantities(group)))
+            name_columns(group, component)
         except KeyboardInterrupt:
             raise
         except BaseException as error:
@@ -395,21 +402,6 @@ def _unresolved(value: Any, path: Path) -> Iterator[Path]:
     items = value.items() if isinstance(value, Mapping) else enumerate(value) if isinstance(value, list) else ()
     for key, each in items:
         yield from _unresolved(each, (*path, key))
-
-
-def _quantities(told: Mapping[str, Sequence[Quantity]]) -> Mapping[str, Sequence[Quantity]]:
-    """What `series_quantities` returned, if it is what it should be.
-
-    Raises:
-        ValueError: It is not.
-    """
-    sound = isinstance(told, Mapping) and all(
-        isinstance(columns, Sequence) and all(isinstance(each, Quantity) for each in columns)
-        for columns in told.values()
-    )
-    if not sound:
-        raise ValueError(f"`series_quantities` returned {told!r:.100}, not a list of `Quantity` for each series")
-    return told
 
 
 def _fault_of(model: Model | type[Model]) -> str | None:

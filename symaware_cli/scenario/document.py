@@ -16,8 +16,6 @@ from symaware_cli.network.channel.parameters import ChannelParameters
 #: The version of the format that this package reads.
 FORMAT = 1
 
-#: What `recording.omit` may name; the channels are described in docs/log-format.md.
-Kind = Literal["state", "intent", "uncertainty", "risk", "control", "knowledge", "awareness", "sensors", "world"]
 
 _NAME = r"^[A-Za-z_][A-Za-z0-9_-]*$"
 Name = Annotated[str, Field(pattern=_NAME, max_length=64)]
@@ -378,7 +376,11 @@ class Recording(Part):
     messages: Literal["all", "dropped", "none"] = Field(
         "all", description="Which messages between agents: all, those that are dropped, or none."
     )
-    omit: list[Kind] = Field(default_factory=list, description="What to leave out, for smaller logs.")
+    omit: list[str] = Field(
+        default_factory=list,
+        description="What to leave out, for smaller logs: parts of awareness by their names, such as state, intent, "
+        "uncertainty and risk; control, knowledge, awareness (of others), sensors, world.",
+    )
 
 
 class Scenario(Part):

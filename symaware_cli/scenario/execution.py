@@ -116,7 +116,6 @@ def _recorder(
         built.simulation.groups,
         interval=nanoseconds(recording.interval),
         omit=omit,
-        quantities=built.quantities,
         events=recording.events,
         messages=messages,
         own=None if share is None else frozenset(share["agents"]),

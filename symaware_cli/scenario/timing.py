@@ -13,7 +13,7 @@ from symaware_cli.core import AgentGroup, CommunicationReceiver, Component, Envi
 from symaware_cli.core.component import BaseComponent
 from symaware_cli.core.event import RECURRING, TURNS
 from symaware_cli.runtime.expression import Expression, ExpressionError
-from symaware_cli.runtime.scope import WORLD_NAMES, AgentScope
+from symaware_cli.runtime.scope import WORLD_NAMES, AgentScope, further_parts
 from symaware_cli.runtime.simulation import Slot
 from symaware_cli.runtime.timing import Duration, Timing, Trigger
 from symaware_cli.scenario.compose import Composition
@@ -73,9 +73,10 @@ class TimingCheck:
             self._report(_narrowed(problem, text, error))
             return None
 
-    def until(self, run: Run) -> Expression | None:
+    def until(self, run: Run, groups: Sequence[AgentGroup]) -> Expression | None:
         """The condition that ends a run; None where there is none, or after a problem."""
-        return None if run.until is None else self.expression(run.until, ("run", "until"), WORLD_NAMES)
+        names = {*WORLD_NAMES, *further_parts(groups)}
+        return None if run.until is None else self.expression(run.until, ("run", "until"), names)
 
     def timing(self, use: ComponentUse, group: AgentGroup, component: type[BaseComponent[Any]], path: Path) -> Timing:
         """When a component takes its turns, and what becomes of them."""

@@ -13,7 +13,7 @@ from symaware_cli.recording import journal
 from symaware_cli.recording.sensing import MEASUREMENT, sensors
 from symaware_cli.viewing.cast import Cast
 from symaware_cli.viewing.detail import Detail
-from symaware_cli.viewing.drawing.curves import reading_paths
+from symaware_cli.viewing.drawing.curves import plotted, reading_paths
 from symaware_cli.viewing.palette import BACKGROUND
 from symaware_cli.viewing.stage import TIMELINE
 
@@ -136,24 +136,23 @@ def _agent(cast: Cast, detail: Detail, content: Content, agent: str) -> rrb.Vert
     import rerun.blueprint as rrb
 
     group, _ = cast.place[agent]
+    troupe = cast.troupes[group]
     bodies = [
         f"+ world/agents/{name}/{part}" for name in cast.troupes for part in ("body", "heading", "label", "informed")
     ]
     contents = [
         *(f"+ world/{part}" for part in ("ground", "figures/**", "scenery/**")),
         f"+ world/agents/{group}/goal",
-        f"+ minds/{group}/uncertainty",
+        *(f"+ minds/{group}/{part.name}/**" for how in ("ellipse", "bars") for part, _ in troupe.drawn(how)),
         *bodies,
     ]
-    contents += [f"+ minds/{group}/samples", "+ world/messages", "+ world/contacts", f"+ as/{agent}/**"]
+    contents += ["+ world/messages", "+ world/contacts", f"+ as/{agent}/**"]
     view = _spatial(cast, detail, content, f"as {agent} believes", contents, follow=agent)
     curves = [
         _curves(f"{field} of {agent}", [f"+ curves/agents/{agent}/{field}"])
         for field, topic in (
-            ("state", f"/agents/{group}/state"),
+            *((part.name, topic) for part, topic in plotted(troupe)),
             ("control", f"/world/{group}/control"),
-            ("uncertainty", f"/agents/{group}/uncertainty"),
-            ("risk", f"/agents/{group}/risk"),
         )
         if topic in content.topics
     ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from symaware_cli.core import Shape
+from symaware_cli.core import Part, Shape
 from symaware_cli.core.footprint import footprint
+from symaware_cli.core.part import Drawn
 from symaware_cli.geometry.rotation import about, attitude, attitude_columns, rotated
 from symaware_cli.recording.error import LogError
 from symaware_cli.recording.geometry import geometry_of
@@ -42,6 +43,7 @@ class Troupe:
         perception_range: How far they see [m]; None if that is not limited or not known.
         height: At which height those are whose position is one in a plane [m].
         figure: What their bodies consist of, if more than their outline is known.
+        parts: The parts of awareness that the log has of them, by name.
     """
 
     name: str
@@ -56,6 +58,11 @@ class Troupe:
     perception_range: float | None = None
     height: float = 0.0
     figure: Figure | None = None
+    parts: Mapping[str, Part] = field(default_factory=dict)
+
+    def drawn(self, how: Drawn) -> Iterator[tuple[Part, str]]:
+        """The parts of awareness that are drawn in some way, each with its topic."""
+        return ((part, f"/agents/{self.name}/{part.name}") for part in self.parts.values() if part.drawn == how)
 
     @property
     def radius(self) -> float:
@@ -206,6 +213,7 @@ def cast_of(log: Log) -> Cast:
                     perception_range=ranges.get(name),
                     height=heights.get(name, 0.0),
                     figure=of.get(name),
+                    parts=log.parts(name),
                 )
                 for (name, group), colour in zip(groups.items(), colours, strict=True)
             },

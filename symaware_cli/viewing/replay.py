@@ -12,6 +12,7 @@ from symaware_cli.recording.reader import Log, LogMessage
 from symaware_cli.viewing.blueprint import Content
 from symaware_cli.viewing.cast import Cast, in_space
 from symaware_cli.viewing.detail import Detail
+from symaware_cli.viewing.drawing.bars import Bars, legend
 from symaware_cli.viewing.drawing.base import Drawing
 from symaware_cli.viewing.drawing.bodies import Bodies, Trails
 from symaware_cli.viewing.drawing.contacts import Contacts
@@ -62,9 +63,10 @@ class Replay:
             Goals(*given),
             Bodies(*given),
             Trails(*given),
-            Intents(*given, columns),
-            Uncertainties(*given, columns),
-            Others(*given, columns),
+            Intents(*given),
+            Uncertainties(*given),
+            Others(*given),
+            Bars(*given),
             Scans(*given),
             Images(*given),
             Messages(*given),
@@ -85,7 +87,7 @@ class Replay:
         counts = {
             f"/{root}/{troupe.name}/{field}": len(troupe.agents)
             for troupe in self._cast.troupes.values()
-            for root, fields in (("world", _TRUTHS), ("agents", _FIELDS))
+            for root, fields in (("world", _TRUTHS), ("agents", ("control", *troupe.parts)))
             for field in fields
         }
         return Gathering(counts)
@@ -126,6 +128,7 @@ class Replay:
         cast = self._cast
         believed = [name for name, troupe in cast.troupes.items() if not troupe.whereabouts.startswith("/world/")]
         bodies = "where agents truly are" + (f" ({', '.join(believed)}: believe to be)" if believed else "")
+        shared = "".join(f"| bars beside them | {part}, from left to right: {said} |\n" for part, said in legend(cast))
         text = f"""# {cast.name}
 
 Seed {cast.seed}. Time is simulated time.
@@ -139,7 +142,7 @@ Seed {cast.seed}. Time is simulated time.
 | fading lines ahead | their intents |
 | ellipses | 95 % of where they may be |
 | thin fans | samples of what may happen |
-| crosses | goals and waypoints |
+{shared}| crosses | goals and waypoints |
 | red rings | contacts |
 | fine points | where the rays of lidars end |
 | yellow arrows | messages as they arrive |
@@ -152,7 +155,6 @@ In the tab of an agent, rings stand where it believes others to be, fainter the 
 
 
 _TRUTHS = ("state", "pose", "joints")
-_FIELDS = ("state", "control", "intent", "uncertainty", "risk")
 
 
 def content_of(log: Log, cast: Cast, start: int | None = None, end: int | None = None) -> Content:

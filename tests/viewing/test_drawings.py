@@ -189,7 +189,7 @@ def test_samples_are_drawn_as_a_fan(tmp_path):
     fan = np.arange(12, dtype=float).reshape(1, 3, 4)
     script.say("/agents/a/uncertainty", 0, wire.encode_series([0, 1, 2], fan), "SeriesRows", "x.0,y.0,x.1,y.1")
     recording = saved(script.finish(), tmp_path)
-    (ways,) = recording.values("/minds/a/samples", "LineStrips3D:strips")
+    (ways,) = recording.values("/minds/a/uncertainty/samples", "LineStrips3D:strips")
     assert [[point[:2] for point in way] for way in ways] == [[[0, 1], [4, 5], [8, 9]], [[2, 3], [6, 7], [10, 11]]]
 
 

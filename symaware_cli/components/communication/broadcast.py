@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from symaware_cli.components.communication.body import ToldAlong, position_covariance
-from symaware_cli.core import EVERYBODY, AgentGroup, AwarenessVector, CommunicationSender, Message, Parameters
+from symaware_cli.core import EVERYBODY, AgentGroup, CommunicationSender, Message, Parameters
 
 #: The kind of its messages.
 BROADCAST = "broadcast"
@@ -42,7 +42,7 @@ class Broadcast(CommunicationSender):
         if self.parameters.awareness:
             own, model = agent.self_awareness, agent.group.model
             state = own.state
-            payload["awareness"] = AwarenessVector(agent.id, state, own.intent, own.uncertainty, own.risk)
+            payload["awareness"] = own.replaced()
             payload["position"] = model.positions(state[None])[0]
             payload["velocity"] = model.velocity(state[None], agent.control_input[None])[0]
             covariance = position_covariance(model, own.uncertainty)

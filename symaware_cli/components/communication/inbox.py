@@ -188,9 +188,7 @@ class Inbox(GroupCommunicationReceiver):
         payload, state = message.payload, self._group.awareness.motion(vector.id, vector.state, is_state=True)
         if vector.id == message.sender and "position" in payload:
             state = np.concatenate(self._in_space([payload["position"], payload["velocity"]]))
-        agent.awareness_database.told[vector.id] = AwarenessVector(
-            vector.id, state, vector.intent, uncertainty, vector.risk
-        )
+        agent.awareness_database.told[vector.id] = vector.replaced(state=state, uncertainty=uncertainty)
 
     def _learn_from(self, delivery: Delivery, keys: NDArray[np.int64], names: Sequence[str]) -> None:
         """Take over what senders tell of what they know."""

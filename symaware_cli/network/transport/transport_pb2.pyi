@@ -280,15 +280,9 @@ class Series(_message.Message):
     def __init__(self, times: _Optional[_Union[Array, _Mapping]] = ..., values: _Optional[_Union[Array, _Mapping]] = ...) -> None: ...
 
 class AwarenessVector(_message.Message):
-    __slots__ = ("id", "state", "intent", "uncertainty", "risk")
+    __slots__ = ("id", "parts")
     ID_FIELD_NUMBER: _ClassVar[int]
-    STATE_FIELD_NUMBER: _ClassVar[int]
-    INTENT_FIELD_NUMBER: _ClassVar[int]
-    UNCERTAINTY_FIELD_NUMBER: _ClassVar[int]
-    RISK_FIELD_NUMBER: _ClassVar[int]
+    PARTS_FIELD_NUMBER: _ClassVar[int]
     id: str
-    state: Array
-    intent: Series
-    uncertainty: Series
-    risk: Series
-    def __init__(self, id: _Optional[str] = ..., state: _Optional[_Union[Array, _Mapping]] = ..., intent: _Optional[_Union[Series, _Mapping]] = ..., uncertainty: _Optional[_Union[Series, _Mapping]] = ..., risk: _Optional[_Union[Series, _Mapping]] = ...) -> None: ...
+    parts: _containers.RepeatedScalarFieldContainer[bytes]
+    def __init__(self, id: _Optional[str] = ..., parts: _Optional[_Iterable[bytes]] = ...) -> None: ...

@@ -13,7 +13,7 @@ import numpy as np
 from google.protobuf.message import DecodeError, Message
 from numpy.typing import NDArray
 
-from symaware_cli.core import AwarenessVector, TimeSeries
+from symaware_cli.core import PARTS, AwarenessVector, TimeSeries
 from symaware_cli.network.transport import transport_pb2 as wire
 from symaware_cli.network.transport.frame import FrameError
 
@@ -22,6 +22,9 @@ DEPTH = 16
 
 #: An array without any number could claim any shape; no side of it may be longer than this.
 LONGEST_EMPTY = 2**20
+
+#: The kinds of the parts of every awareness vector.
+_KINDS = {part.name: part.kind for part in PARTS}
 
 #: How many dimensions every NumPy can have.
 _DIMENSIONS = 32
@@ -211,6 +214,8 @@ def value_from_wire(message: wire.Value, depth: int = 0) -> Any:
     kind = message.WhichOneof("kind")
     if kind is None:
         raise FrameError("a value is missing, or of a kind that is not known")
+    if depth > DEPTH and kind not in ("array", "series"):
+        raise FrameError(f"a part of an awareness vector is a {kind}, neither an array nor a series")
     content = getattr(message, kind)
     if kind == "nothing":
         return None
@@ -248,19 +253,21 @@ def _series_from_wire(message: wire.Series) -> TimeSeries:
 def _awareness_to_wire(vector: AwarenessVector) -> wire.AwarenessVector:
     return wire.AwarenessVector(
         id=text_to_wire(vector.id),
-        state=array_to_wire(vector.state),
-        intent=_series_to_wire(vector.intent),
-        uncertainty=_series_to_wire(vector.uncertainty),
-        risk=_series_to_wire(vector.risk),
+        parts=entries_to_wire(dict(vector.items())),
     )
 
 
 def _awareness_from_wire(message: wire.AwarenessVector) -> AwarenessVector:
-    return AwarenessVector(
-        message.id,
-        array_from_wire(present(message, "state"), "f"),
-        *(_series_from_wire(present(message, part)) for part in ("intent", "uncertainty", "risk")),
-    )
+    parts = entries_from_wire(message.parts, DEPTH + 1)
+    if "state" not in parts:
+        raise FrameError("AwarenessVector.state is missing")
+    for name, value in parts.items():
+        is_series = isinstance(value, TimeSeries)
+        if not (is_series or value.dtype.kind == "f") or (name in _KINDS and is_series != (_KINDS[name] == "series")):
+            raise FrameError(f"the part {name!r} of an awareness vector is of a wrong kind")
+    if "id" in parts:
+        raise FrameError("an awareness vector has no part `id`")
+    return AwarenessVector(message.id, **parts)
 
 
 def _called(value: Any) -> str:

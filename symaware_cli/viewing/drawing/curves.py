@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from symaware_cli.core import Part
 from symaware_cli.geometry.bodies import Bodies
 from symaware_cli.geometry.proximity import Proximity
 from symaware_cli.recording.sensing import MEASUREMENT, sensors
@@ -97,7 +98,7 @@ class Separation(Drawing):
 
 
 class Awareness(Drawing):
-    """State, control input, uncertainty, risk and readings of each agent in focus, with names and units."""
+    """Control input, parts of awareness and readings of each agent in focus, with names and units."""
 
     def begin(self) -> None:
         """Nothing is named yet."""
@@ -108,15 +109,16 @@ class Awareness(Drawing):
         for agent in self.detail.focus:
             group, row = self.cast.place[agent]
             troupe = self.cast.troupes[group]
-            for field, topic in (("state", f"/agents/{group}/state"), ("control", f"/world/{group}/control")):
-                frames = excerpt.frames.get(topic)
+            topic = f"/world/{group}/control"
+            applied = excerpt.frames.get(topic)
+            if applied is not None:
+                self._curve(agent, troupe, "control", topic, applied.times, applied.values[:, row])
+            for part, topic in plotted(troupe):
+                frames, strips = excerpt.frames.get(topic), excerpt.strips.get(topic)
                 if frames is not None:
-                    self._curve(agent, troupe, field, topic, frames.times, frames.values[:, row])
-            for field in ("uncertainty", "risk"):
-                topic = f"/agents/{group}/{field}"
-                strips = excerpt.strips.get(topic)
-                if strips is not None and strips.values.shape[1]:
-                    self._curve(agent, troupe, field, topic, strips.times, strips.firsts[:, row])
+                    self._curve(agent, troupe, part.name, topic, frames.times, frames.values[:, row])
+                elif strips is not None and strips.values.shape[1]:
+                    self._curve(agent, troupe, part.name, topic, strips.times, strips.firsts[:, row])
             for sensor, topic in sensors(excerpt.frames, group, MEASUREMENT).items():
                 self._readings(agent, topic, sensor, excerpt.frames[topic], row)
 
@@ -124,7 +126,7 @@ class Awareness(Drawing):
         self, agent: str, troupe: Troupe, field: str, topic: str, times: NDArray[np.int64], values: Array
     ) -> None:
         names, units = self._quantities(topic, field, values.shape[1])
-        if field == "uncertainty":
+        if field in troupe.parts and troupe.parts[field].drawn == "ellipse":
             names, units, values = _deviations(troupe, names, units, values)
         self._plot(f"curves/agents/{agent}/{field}", times, names, units, values)
 
@@ -151,6 +153,12 @@ class Awareness(Drawing):
             colours = [AGENTS[number % len(AGENTS)] for number in range(len(shown))]
             self.stage.series(path, shown, colours, keep="greatest" if path.endswith("/risk") else "both")
         self.stage.scalars(path, times, values)
+
+
+def plotted(troupe: Troupe) -> list[tuple[Part, str]]:
+    """The parts of awareness that an agent's tab has curves of, with their topics: all numbers but those of paths."""
+    parts = (part for part in troupe.parts.values() if part.drawn not in (None, "path"))
+    return [(part, f"/agents/{troupe.name}/{part.name}") for part in parts]
 
 
 def reading_paths(agent: str, sensor: str, units: Sequence[str]) -> dict[str, list[int]]:

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from symaware_cli.core import Part
 from symaware_cli.viewing.cast import Troupe, in_space
 from symaware_cli.viewing.drawing.base import Drawing
 from symaware_cli.viewing.excerpt import Excerpt, Strips
@@ -30,73 +31,63 @@ class Intents(Drawing):
     """The ways that agents mean to go, fading with time."""
 
     def begin(self) -> None:
-        """Put up how thick they are, and look up where positions stand."""
+        """Put up how thick they are."""
         import rerun as rr
 
-        self._places = {
-            troupe.name: position_columns(troupe, self.columns.get(f"/agents/{troupe.name}/intent", ()))
-            for troupe in self.cast.troupes.values()
-        }
+        width = rr.LineStrips3D.from_fields(radii=rr.Radius.ui_points([1.5]))
         for troupe in self.cast.troupes.values():
-            width = rr.LineStrips3D.from_fields(radii=rr.Radius.ui_points([1.5]))
-            self.stage.static(f"minds/{troupe.name}/intent", width)
+            for part, _ in troupe.drawn("path"):
+                self.stage.static(f"minds/{troupe.name}/{part.name}", width)
 
     def draw(self, excerpt: Excerpt) -> None:
         """Draw the intents of all who are shown."""
         for troupe in self.cast.troupes.values():
-            strips = excerpt.strips.get(f"/agents/{troupe.name}/intent")
-            if strips is None:
-                continue
             rows = [row for row, id in enumerate(troupe.agents) if self.detail.minds or id in self.detail.focus]
-            path = f"minds/{troupe.name}/intent"
-            columns = self._places[troupe.name] or unnamed_position(troupe, strips)
-            fading(self.stage, path, troupe, strips, rows, columns)
+            for part, topic in troupe.drawn("path"):
+                strips = excerpt.strips.get(topic)
+                if strips is not None:
+                    columns = path_columns(troupe, part, strips)
+                    fading(self.stage, f"minds/{troupe.name}/{part.name}", troupe, strips, rows, columns)
 
 
 class Uncertainties(Drawing):
     """How far the truth may be from what agents believe of themselves, and what else they hold possible."""
 
     def begin(self) -> None:
-        """Put up how thick the lines are, and look up what the uncertainties consist of."""
+        """Put up how thick the lines are."""
         import rerun as rr
 
-        troupes = self.cast.troupes
-        named = {name: self.columns.get(f"/agents/{name}/uncertainty", ()) for name in troupes}
-        self._covariance = {name: covariance_columns(troupes[name], names) for name, names in named.items()}
-        self._samples = {name: sample_columns(troupes[name], names) for name, names in named.items()}
         thin = rr.Radius.ui_points([0.75])
         for troupe in self.cast.troupes.values():
-            self.stage.static(
-                f"minds/{troupe.name}/uncertainty",
-                rr.Ellipsoids3D.from_fields(line_radii=thin, fill_mode="majorwireframe"),
-            )
-            self.stage.static(f"minds/{troupe.name}/samples", rr.LineStrips3D.from_fields(radii=thin))
+            for part, _ in troupe.drawn("ellipse"):
+                path = f"minds/{troupe.name}/{part.name}"
+                self.stage.static(path, rr.Ellipsoids3D.from_fields(line_radii=thin, fill_mode="majorwireframe"))
+                self.stage.static(f"{path}/samples", rr.LineStrips3D.from_fields(radii=thin))
 
     def draw(self, excerpt: Excerpt) -> None:
         """Draw the uncertainties of all who are shown."""
         for troupe in self.cast.troupes.values():
-            strips = excerpt.strips.get(f"/agents/{troupe.name}/uncertainty")
             believed = excerpt.frames.get(f"/agents/{troupe.name}/state")
             rows = [row for row, id in enumerate(troupe.agents) if self.detail.minds or id in self.detail.focus]
-            if strips is None or not rows:
-                continue
-            covariance, samples = self._covariance[troupe.name], self._samples[troupe.name]
-            if covariance is not None and believed is not None:
-                states = believed.at(strips.times)
-                if states is not None:
-                    centres = troupe.positions(states)[:, rows]
+            for part, topic in troupe.drawn("ellipse"):
+                path, strips, names = f"minds/{troupe.name}/{part.name}", excerpt.strips.get(topic), part.column_names
+                if strips is None or not rows:
+                    continue
+                covariance, samples = covariance_columns(troupe, names), sample_columns(troupe, names)
+                if covariance is not None and believed is not None:
+                    centres = troupe.positions(believed.at(strips.times))[:, rows]
                     matrices = strips.firsts[:, rows][..., covariance]
-                    self._draw_ellipses(troupe, strips.times, centres, matrices, rows)
-            if samples is not None:
-                self._draw_samples(troupe, strips, rows, samples)
+                    self._draw_ellipses(path, troupe, strips.times, centres, matrices, rows)
+                if samples is not None:
+                    self._draw_samples(f"{path}/samples", troupe, strips, rows, samples)
 
     def _draw_ellipses(
-        self, troupe: Troupe, times: Times, centres: Array, matrices: Array, rows: Sequence[int]
+        self, path: str, troupe: Troupe, times: Times, centres: Array, matrices: Array, rows: Sequence[int]
     ) -> None:
         half_sizes, quaternions = ellipsoids(matrices.reshape(-1, *matrices.shape[2:]))
         colours = np.broadcast_to(faded(troupe.colours[rows], 0.15), (*centres.shape[:2], 3))
         self.stage.ellipsoids(
-            f"minds/{troupe.name}/uncertainty",
+            path,
             times,
             centres.reshape(-1, 3),
             half_sizes,
@@ -105,7 +96,9 @@ class Uncertainties(Drawing):
             colours.reshape(-1, 3),
         )
 
-    def _draw_samples(self, troupe: Troupe, strips: Strips, rows: Sequence[int], columns: NDArray[np.intp]) -> None:
+    def _draw_samples(
+        self, path: str, troupe: Troupe, strips: Strips, rows: Sequence[int], columns: NDArray[np.intp]
+    ) -> None:
         """Draw the ways of all samples; columns (samples, d)."""
         points: list[Array] = []
         lengths: list[int] = []
@@ -125,7 +118,7 @@ class Uncertainties(Drawing):
             counts.append(len(lengths) - before)
         if points:
             self.stage.strips(
-                f"minds/{troupe.name}/samples",
+                path,
                 strips.times,
                 np.concatenate(points),
                 lengths,
@@ -225,8 +218,11 @@ def position_columns(troupe: Troupe, names: Sequence[str]) -> list[int] | None:
     return [names.index(name) for name in wanted] if all(name in names for name in wanted) else None
 
 
-def unnamed_position(troupe: Troupe, strips: Strips) -> list[int] | None:
-    """Where the position stands in an intent whose columns have no names: states, or positions alone."""
+def path_columns(troupe: Troupe, part: Part, strips: Strips) -> list[int] | None:
+    """Where the position stands in a path; without names of columns those are states, or positions alone."""
+    named = position_columns(troupe, part.column_names)
+    if named:
+        return named
     columns = strips.values.shape[1]
     if columns == len(troupe.state):
         return list(troupe.position)

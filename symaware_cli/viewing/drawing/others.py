@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from symaware_cli.viewing.beliefs import Beliefs, Reading
 from symaware_cli.viewing.cast import in_space
 from symaware_cli.viewing.drawing.base import Drawing
-from symaware_cli.viewing.drawing.minds import ellipsoids, fading, position_columns, unnamed_position
+from symaware_cli.viewing.drawing.minds import ellipsoids, fading, path_columns
 from symaware_cli.viewing.excerpt import Excerpt
 from symaware_cli.viewing.outline import circle
 from symaware_cli.viewing.palette import faded
@@ -52,7 +52,8 @@ class Others(Drawing):
             for agent, _ in agents:
                 self.stage.static(f"as/{agent}/others", ghosts)
                 self.stage.static(f"as/{agent}/doubts", doubts)
-                self.stage.static(f"as/{agent}/intent", rr.LineStrips3D.from_fields(radii=thick))
+                for part, _ in self.cast.troupes[group].drawn("path"):
+                    self.stage.static(f"as/{agent}/{part.name}", rr.LineStrips3D.from_fields(radii=thick))
                 # An eye follows only what there is something of.
                 self.stage.static(f"as/{agent}/place", rr.Points3D([[0.0, 0.0, 0.0]], radii=rr.Radius.ui_points([0.0])))
                 if reach:
@@ -65,16 +66,16 @@ class Others(Drawing):
         for group, agents in self._focus.items():
             troupe = self.cast.troupes[group]
             frames = excerpt.frames.get(troupe.whereabouts)
-            strips = excerpt.strips.get(f"/agents/{group}/intent")
             for agent, row in agents:
                 if frames is not None:
                     places = troupe.positions(frames.values[:, row])
                     # What stands here moves along, and so does the eye that looks at it.
                     self.stage.poses(f"as/{agent}/place", frames.times, places)
-                if strips is not None:
-                    names = self.columns.get(f"/agents/{group}/intent", ())
-                    columns = position_columns(troupe, names) or unnamed_position(troupe, strips)
-                    fading(self.stage, f"as/{agent}/intent", troupe, strips, [row], columns)
+                for part, topic in troupe.drawn("path"):
+                    strips = excerpt.strips.get(topic)
+                    if strips is not None:
+                        columns = path_columns(troupe, part, strips)
+                        fading(self.stage, f"as/{agent}/{part.name}", troupe, strips, [row], columns)
             entries = excerpt.entries.get(f"/agents/{group}/awareness")
             if entries:
                 beliefs = self._readings[group].read(entries, len(troupe.agents), [row for _, row in agents])

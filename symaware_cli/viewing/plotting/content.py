@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core import seconds
+from symaware_cli.core import PARTS, seconds
 from symaware_cli.recording.error import LogError
 from symaware_cli.recording.journal import LoggedContact
 from symaware_cli.recording.reader import Log
@@ -20,11 +20,15 @@ from symaware_cli.viewing.plotting.curves import Curves, altitude, named, record
 from symaware_cli.viewing.plotting.motion import Chosen, Motion, Obstacles, goals, intents, motion, obstacles
 from symaware_cli.viewing.plotting.request import Request, Window
 from symaware_cli.viewing.plotting.separation import Separation
+from symaware_cli.viewing.plotting.shares import Shares, shares
 
 Array = NDArray[np.float64]
 
 #: More panels than anybody reads.
 _MOST_PANELS = 16
+
+#: No part of awareness that was not asked for makes it more panels than these.
+_MOST_UNASKED = 8
 
 #: So many points of paths are drawn; beyond, instants are left out.
 _POINTS = 120_000
@@ -137,7 +141,7 @@ class Distances:
         return notes
 
 
-Panel = Trajectories | Distances | Curves
+Panel = Trajectories | Distances | Curves | Shares
 
 
 @dataclass(frozen=True)
@@ -173,7 +177,7 @@ class Content:
     @property
     def notes(self) -> list[str]:
         """What was left out."""
-        return [note for panel in self.panels if not isinstance(panel, Curves) for note in panel.notes()]
+        return [note for panel in self.panels if isinstance(panel, Trajectories | Distances) for note in panel.notes()]
 
 
 def gather(log: Log, request: Request) -> Content:
@@ -183,6 +187,7 @@ def gather(log: Log, request: Request) -> Content:
         LogError: There is nothing to plot, or not what was asked for.
     """
     cast = cast_of(log)
+    request.require_known(name for troupe in cast.troupes.values() for name in troupe.parts)
     chosen = Chosen.of(cast, request.agents)
     window = Window.of(log, request)
     reading = _Reading(log, cast, chosen, window, request)
@@ -211,12 +216,21 @@ class _Reading:
         if not asked and self._request.series:
             return []
         found: list[Panel] = []
-        for name in asked or _DEFAULT:
+        for name in asked or (*_DEFAULT, *self._further):
             panels = self._named(name)
             if asked and not panels:
-                raise LogError(f"{self._log.path} has nothing to show for {name!r}: {_REASONS[name]}")
-            found += panels
+                why = _REASONS.get(name, "no component wrote it, or it was not recorded")
+                raise LogError(f"{self._log.path} has nothing to show for {name!r}: {why}")
+            if asked or name in _DEFAULT or len(found) + len(panels) <= _MOST_UNASKED:
+                found += panels
         return found
+
+    @property
+    def _further(self) -> Sequence[str]:
+        """The parts of awareness of plugins that are curves or bars."""
+        parts = {part.name: part for troupe in self._cast.troupes.values() for part in troupe.parts.values()}
+        every = {part.name for part in PARTS}
+        return [name for name, part in parts.items() if name not in every and part.drawn in ("curve", "bars")]
 
     def _named(self, name: str) -> Sequence[Panel]:
         """The panels of a name; none where the log has nothing for it."""
@@ -230,7 +244,9 @@ class _Reading:
             case "altitude":
                 curves = self._motion and altitude(self._chosen, self._motion)
             case field:
-                return recorded(self._log, self._chosen, field, self._window)
+                return shares(self._log, self._chosen, field, self._window) or recorded(
+                    self._log, self._chosen, field, self._window
+                )
         return [curves] if isinstance(curves, Curves) else []
 
     @cached_property

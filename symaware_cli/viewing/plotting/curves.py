@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core import seconds
+from symaware_cli.core import PARTS, seconds
 from symaware_cli.recording.error import LogError, UnknownNameError
-from symaware_cli.recording.reader import Log
+from symaware_cli.recording.reader import FIELDS, Log
 from symaware_cli.viewing.cast import Cast
 from symaware_cli.viewing.palette import DISTINCT, SCENERY, hexadecimal
 from symaware_cli.viewing.plotting.motion import Chosen, Line, Motion, held, instants, series_of
@@ -21,6 +21,9 @@ Array = NDArray[np.float64]
 
 #: [ns] Speed is taken from positions this much before and after, so that noise of each step does not drown it.
 _AROUND = 250_000_000
+
+#: What is known by the names of its columns.
+_BY_COLUMN = tuple(part.name for part in PARTS)
 
 #: What changes gradually; all else, such as inputs and readings, stands until the next value.
 _GRADUAL = ("state", "world", "intent", "uncertainty")
@@ -76,15 +79,16 @@ def recorded(log: Log, chosen: Chosen, field: str, window: Window) -> list[Curve
         LogError: The log cannot be read, or not understood.
     """
     found: dict[tuple[str, str], list[Curves]] = {}
-    first = 0
-    for name, rows in chosen.rows.items():
-        lines = chosen.lines[first : first + len(rows)]
-        first += len(rows)
+    for name, rows, lines in chosen.groupwise:
+        if field not in (*FIELDS, *log.parts(name)):
+            continue  # the components of another group write it
         for curves in _columns(log, name, field, rows, lines, window):
             found.setdefault((curves.name, curves.unit), []).append(curves)
     joined = [_joined(parts) for parts in found.values()]
-    # A column of a control input may be called as the speed is.
-    return [replace(curves, name=f"control {curves.name}") if field == "control" else curves for curves in joined]
+    if field in _BY_COLUMN:
+        return joined
+    # A column of a control input may be called as the speed is, and one of a part of awareness as anything.
+    return [replace(curves, name=f"{field} {curves.name}".replace(f"{field} {field}", field)) for curves in joined]
 
 
 def speed(chosen: Chosen, motion: Motion) -> Curves | None:

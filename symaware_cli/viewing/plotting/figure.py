@@ -24,10 +24,12 @@ from matplotlib.transforms import Bbox
 from symaware_cli.core import seconds
 from symaware_cli.recording.error import LogError
 from symaware_cli.viewing.plotting.content import Content, Distances, Trajectories
+from symaware_cli.viewing.plotting.curves import Curves
 from symaware_cli.viewing.plotting.motion import Line
 from symaware_cli.viewing.plotting.plane import draw_trajectories, extent
 from symaware_cli.viewing.plotting.request import Request
-from symaware_cli.viewing.plotting.time import DASHES, INK, draw_curves, draw_separation
+from symaware_cli.viewing.plotting.shares import Shares
+from symaware_cli.viewing.plotting.time import DASHES, INK, draw_curves, draw_separation, draw_shares
 
 _FAINT = "#65707d"
 
@@ -154,7 +156,7 @@ def _figure(content: Content, layout: _Layout, size: tuple[float, float], title:
     for panel, place in zip(others, places, strict=True):
         axes = figure.add_subplot(place, sharex=first)
         first = first or axes
-        marks, words = draw_separation(axes, panel) if isinstance(panel, Distances) else draw_curves(axes, panel)
+        marks, words = _drawn(axes, panel)
         handles, said = handles + marks, said + words
         if content.moment:
             axes.axvline(seconds(content.window.at), color=_FAINT, linewidth=1.0, linestyle=":")
@@ -171,6 +173,16 @@ def _figure(content: Content, layout: _Layout, size: tuple[float, float], title:
     whole.set_height_ratios((max(size[1] - _AROUND - sum(feet), 1.0), *(max(foot, 0.01) for foot in feet)))
     figure.suptitle(_title(content, title), x=0.012, ha="left", fontsize=_HEADING * _scale(), fontweight="bold")
     return figure
+
+
+def _drawn(axes: Axes, panel: Distances | Curves | Shares) -> tuple[list[Line2D | Patch], list[str]]:
+    match panel:
+        case Distances():
+            return draw_separation(axes, panel)
+        case Shares():
+            return draw_shares(axes, panel)
+        case _:
+            return draw_curves(axes, panel)
 
 
 @dataclass(frozen=True)
@@ -256,7 +268,7 @@ def _owners(content: Content) -> list[Line2D | Patch]:
     """What a legend says of whose a line is: the agents where they can be told apart, else the groups."""
     lines: dict[Line, None] = {}
     for panel in content.panels:
-        if isinstance(panel, Distances):
+        if isinstance(panel, Distances | Shares):
             continue
         each = panel.chosen if isinstance(panel, Trajectories) else panel
         groups = content.chosen.groups if len(content.chosen.groups) > 1 else ()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -65,6 +65,14 @@ class Chosen:
         """How each group is drawn where its agents are too many."""
         found = {troupe.name: line.colour for line, troupe in zip(self.lines, self.troupe, strict=True)}
         return tuple(Line(name, colour) for name, colour in found.items())
+
+    @property
+    def groupwise(self) -> Iterator[tuple[str, NDArray[np.intp], tuple[Line, ...]]]:
+        """Each group with the rows that are chosen, and how their agents are drawn."""
+        first = 0
+        for name, rows in self.rows.items():
+            yield name, rows, self.lines[first : first + len(rows)]
+            first += len(rows)
 
     @classmethod
     def of(cls, cast: Cast, names: Sequence[str] = ()) -> Chosen:

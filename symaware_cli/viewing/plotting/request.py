@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,7 +10,7 @@ from symaware_cli.core import nanoseconds, seconds
 from symaware_cli.recording.error import LogError, UnknownNameError
 from symaware_cli.recording.reader import Log
 
-#: The panels that can be asked for by name, in the order in which they are drawn.
+#: The panels that can be asked for by name, beside parts of awareness, in the order in which they are drawn.
 PANELS = ("trajectories", "separation", "risk", "speed", "altitude", "control")
 
 #: The formats that a plot can be saved in, by suffix.
@@ -57,7 +58,8 @@ class Request:
     """What a plot is asked to show.
 
     Attributes:
-        show: Which of `PANELS`; empty for those that suit the log, unless there are `series`.
+        show: Which of `PANELS` and of the parts of awareness in the log; empty for those that suit the log, unless
+            there are `series`.
         series: Series to show, each in a panel with those that measure the same.
         agents: The agents and groups that it is about; empty for all.
         start: The first simulated time [s]; None for the beginning.
@@ -78,10 +80,19 @@ class Request:
     size: tuple[float, float] | None = None
     dpi: int = 150
 
-    def __post_init__(self) -> None:
+    def require_known(self, parts: Iterable[str]) -> None:
+        """Insist on panels that there are.
+
+        Args:
+            parts: The names of the parts of awareness that the log has.
+
+        Raises:
+            UnknownNameError: There is no panel of a name.
+        """
+        known = list(dict.fromkeys([*PANELS, *parts]))
         for name in self.show:
-            if name not in PANELS:
-                raise UnknownNameError(f"there is no panel {name!r}; there are {', '.join(PANELS)}", name, PANELS)
+            if name not in known:
+                raise UnknownNameError(f"there is no panel {name!r}; there are {', '.join(known)}", name, known)
 
 
 @dataclass(frozen=True)

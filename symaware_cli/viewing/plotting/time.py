@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from symaware_cli.viewing.palette import AGENTS, RISK, SCENERY, hexadecimal
 from symaware_cli.viewing.plotting.content import Distances
 from symaware_cli.viewing.plotting.curves import Curves
+from symaware_cli.viewing.plotting.shares import Shares
 
 Array = NDArray[np.float64]
 
@@ -86,6 +87,25 @@ def _draw_bands(axes: Axes, curves: Curves, times: Array, values: Array) -> list
     if len(kinds) == 1:
         return [f"Line: median of {len(curves.lines):,} agents; bands: the middle 80 % of them, and all."]
     return [f"Lines: medians of the groups, {len(curves.lines):,} agents; bands: the middle 80 % of each."]
+
+
+def draw_shares(axes: Axes, shares: Shares) -> tuple[list[Line2D | Patch], list[str]]:
+    """Draw numbers that share a whole, one on top of the other.
+
+    Returns:
+        What a legend is to explain, and what a caption is to say.
+    """
+    times, values = shares.times / 1e9, shares.values.copy()
+    values[np.isnan(values).any(axis=1)] = 0.0
+    tops = np.cumsum(values, axis=1)
+    for number, name in enumerate(shares.names):
+        top, colour = tops[:, number], hexadecimal(AGENTS[number % len(AGENTS)])
+        style: dict[str, Any] = {"color": colour, "alpha": 0.75, "linewidth": 0, "step": "post", "label": name}
+        axes.fill_between(times, top - values[:, number], top, **style)
+    axes.set_ylim(0.0, max(1.0, float(tops[:, -1].max())))
+    axes.set_title(shares.name, loc="left")
+    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, reverse=True, handlelength=1.0)
+    return [], []
 
 
 def draw_separation(axes: Axes, distances: Distances) -> tuple[list[Line2D | Patch], list[str]]:

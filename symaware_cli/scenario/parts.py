@@ -1,0 +1,106 @@
+"""The parts of awareness that the components of a group declare, checked."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any
+
+from symaware_cli.core import PARTS, AgentGroup, Part, Quantity
+from symaware_cli.core.component import BaseComponent
+from symaware_cli.exporting.selection import FIELDS as TABLES
+from symaware_cli.recording.fields import FIELDS
+from symaware_cli.recording.recorder import KINDS
+from symaware_cli.runtime.expression import FUNCTIONS
+from symaware_cli.runtime.scope import AGENT_NAMES
+from symaware_cli.scenario.problem import dotted, nearest, quoted
+from symaware_cli.scenario.source import Path
+
+#: What logs, tables, expressions and messages call something else.
+_TAKEN = frozenset({*TABLES, *FIELDS, *KINDS, *AGENT_NAMES, *FUNCTIONS, "applied", "id"})
+
+
+def declared_parts(
+    components: Iterable[tuple[BaseComponent[Any], str, Path]], report: Callable[..., None]
+) -> Sequence[Part]:
+    """Collect the parts that the components of a group declare, beside those of every group.
+
+    Args:
+        components: Each with its entry-point name and where it stands.
+        report: Takes the code and the message of a problem, the path, and hints.
+
+    Returns:
+        Those that are sound; the others are reported.
+    """
+    known: dict[str, tuple[Part, str]] = {part.name: (part, "") for part in PARTS}
+    for component, use, path in components:
+        parts = component.parts
+        if not isinstance(parts, Sequence) or not all(isinstance(part, Part) for part in parts):
+            report("broken-plugin", f"the `parts` of {quoted(use)} are not a list of `Part`", path, key=True)
+            continue
+        for part in parts:
+            other, by = known.get(part.name, (part, ""))
+            if other != part:
+                whose = quoted(by) if by else "every agent"
+                said = f"{quoted(use)} and {whose} have a part {quoted(part.name)} each, and not the same"
+                report("unsuitable", said, path, key=True, expected="one of the two components, or another name")
+            elif part.name not in known and part.name in _TAKEN:
+                said = f"{quoted(use)} declares a part {quoted(part.name)}, and something else is called so"
+                report("broken-plugin", said, path, key=True)
+            elif part.kind == "vector" and part.columns is None and part.name not in known:
+                said = f"{quoted(use)} declares a part {quoted(part.name)}, a vector, and names no columns"
+                report("broken-plugin", said, path, key=True)
+            else:
+                known.setdefault(part.name, (part, use))
+    return [part for part, use in known.values() if use]
+
+
+def name_columns(group: AgentGroup, component: BaseComponent[Any]) -> None:
+    """Let a component say what the columns of the series that it sets are.
+
+    Raises:
+        ValueError: What it says is no such thing, or is about what is no part of the group's awareness.
+    """
+    told = component.series_quantities(group)
+    sound = isinstance(told, Mapping) and all(
+        isinstance(columns, Sequence) and all(isinstance(each, Quantity) for each in columns)
+        for columns in told.values()
+    )
+    if not sound:
+        raise ValueError(f"`series_quantities` returned {told!r:.100}, not a list of `Quantity` for each series")
+    parts = group.awareness.parts
+    for name, columns in told.items():
+        part = parts.get(name)
+        if part is None or part.kind != "series":
+            series = ", ".join(name for name, part in parts.items() if part.kind == "series")
+            raise ValueError(f"`series_quantities` is about {name!r}, and the series are {series}")
+        parts[name] = part.of(columns)
+
+
+def check_omitted(omit: Any, declared: Iterable[str], report: Callable[..., None]) -> None:
+    """Report what `recording.omit` names and no log would have.
+
+    Args:
+        omit: What stands there.
+        declared: The names of the parts that components declare.
+        report: Takes the code and the message of a problem, the path, and hints.
+    """
+    known = omittable(declared)
+    for place, name in enumerate(omit if isinstance(omit, list) else ()):
+        if isinstance(name, str) and name not in known:
+            where: Path = ("recording", "omit", place)
+            report(
+                "invalid-value",
+                f"{quoted(dotted(where))} is the text {quoted(name)}",
+                where,
+                expected=f"one of {', '.join(known)}",
+                suggestion=nearest(name, known),
+            )
+
+
+def omittable(declared: Iterable[str]) -> list[str]:
+    """What `recording.omit` may name.
+
+    Args:
+        declared: The names of the parts that components declare.
+    """
+    return list(dict.fromkeys([*(part.name for part in PARTS), *KINDS, *sorted(declared)]))

@@ -1,0 +1,155 @@
+"""A plugin adds a part of awareness in one file: the example of docs/plugins.md, installed outside the package."""
+
+import csv
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from symaware_cli import open_log
+
+DOCUMENT = Path(__file__).parents[1] / "docs" / "plugins.md"
+
+
+def shown(language: str, beginning: str) -> str:
+    """The block of the document that begins so."""
+    found = re.findall(rf"(?ms)^```{language}\n({re.escape(beginning)}.*?)^```$", DOCUMENT.read_text(encoding="utf-8"))
+    assert len(found) == 1
+    return found[0]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("attention")
+    about = folder / "site" / "my_attention-1.0.dist-info"
+    about.mkdir(parents=True)
+    about.with_name("my_attention.py").write_text(shown("python", '"""Attention'), encoding="utf-8")
+    about.joinpath("METADATA").write_text("Metadata-Version: 2.1\nName: my-attention\nVersion: 1.0\n", encoding="utf-8")
+    points = "[symaware.components]\nmine.attend = my_attention:Attend\nmine.notice = my_attention:Notice\n"
+    about.joinpath("entry_points.txt").write_text(points, encoding="utf-8")
+    (folder / "attention.yaml").write_text(shown("yaml", "# attention.yaml"), encoding="utf-8")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def symaware(folder):
+    """Run a command, with the plugin or without it."""
+
+    def run(*arguments, plugin=True):
+        environment = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
+        if plugin:
+            environment["PYTHONPATH"] = str(folder / "site")
+        line = [sys.executable, "-m", "symaware_cli", *map(str, arguments)]
+        done = subprocess.run(
+            line, cwd=folder, env=environment, capture_output=True, text=True, timeout=300, check=False
+        )
+        assert "Traceback" not in done.stderr, done.stderr
+        return done
+
+    return run
+
+
+@pytest.fixture(scope="module")
+def log(folder, symaware):
+    done = symaware("run", "attention.yaml", "--quiet")
+    assert done.returncode == 0, done.stderr
+    return folder / "attention.mcap"
+
+
+def test_the_plugin_is_one_file_of_less_than_sixty_lines(folder):
+    lines = (folder / "site" / "my_attention.py").read_text(encoding="utf-8").splitlines()
+    assert len(lines) < 60
+    assert [line for line in lines if "symaware_cli" in line] == [
+        "from symaware_cli import Component, GroupComponent, Parameters, Part, Quantity"
+    ]
+
+
+def test_the_log_has_the_part_and_says_what_it_is(log):
+    series = open_log(log).series("robot", "attention")
+    assert series.columns == ("ahead", "left", "behind", "right")
+    assert series.values.shape == (160, 3, 4)
+    assert series.values.sum(axis=2) == pytest.approx(1.0)
+    part = open_log(log).parts("robot")["attention"]
+    assert (part.kind, part.drawn, part.description) == ("vector", "bars", "share of each side")
+
+
+def test_a_component_that_writes_it_may_compute_in_a_process_of_its_own(log, folder, symaware):
+    here = folder / "here.mcap"
+    symaware(
+        "run", "attention.yaml", "--quiet", "--output", here, "--set", "agents.robot.components.attend.run_in=here"
+    )
+    one, other = (open_log(path).series("robot", "attention").values for path in (log, here))
+    assert one.tobytes() == other.tobytes()
+
+
+def test_it_is_told_along_and_found_in_what_is_known_of_others(log):
+    told = next(each for each in open_log(log).communications() if each.payload)
+    assert len(told.payload["awareness"]["attention"]) == 4
+    assert any(event.name == "inattentive" for event in open_log(log).events())
+
+
+def test_a_condition_and_an_end_look_at_it(folder, symaware):
+    condition = "agents.robot.components.steer.condition=attention[3] < 0"
+    symaware("run", "attention.yaml", "--quiet", "--output", folder / "still.mcap", "--set", condition)
+    assert not open_log(folder / "still.mcap").series("robot", "control").values.any()
+    until = 'run.until=max(attention["robot.1"]) > 0.7'
+    symaware("run", "attention.yaml", "--quiet", "--output", folder / "ended.mcap", "--set", until)
+    greatest = open_log(folder / "ended.mcap").series("robot.1", "attention").values.max(axis=1)
+    assert greatest[-1] > 0.7
+    assert (greatest[:-1] <= 0.7).all()
+
+
+def test_a_name_that_is_nearly_that_of_the_part_is_found_out(symaware):
+    done = symaware("validate", "attention.yaml", "--set", "agents.robot.components.steer.condition=attenton[0] < 1")
+    assert done.returncode == 2
+    assert "did you mean `attention`?" in done.stderr
+
+
+def test_whoever_has_the_log_alone_inspects_exports_plots_and_replays_it(log, folder, symaware):
+    shown = symaware("inspect", log, "--series", "robot.0:attention:ahead", plugin=False)
+    assert "ahead [1]" in shown.stdout
+    exported = symaware(
+        "export", log, "--format", "csv", "--fields", "attention", "--output", folder / "tables", plugin=False
+    )
+    assert exported.returncode == 0, exported.stderr
+    with open(folder / "tables" / "attention" / "robot.csv", encoding="utf-8") as file:
+        assert next(csv.reader(file)) == ["time", "agent", "ahead", "left", "behind", "right"]
+    foxglove = symaware("export", log, "--format", "foxglove", "--output", folder / "fox.mcap", plugin=False)
+    assert foxglove.returncode == 0, foxglove.stderr
+    plotted = symaware("plot", log, "--output", folder / "attention.png", "--json", plugin=False)
+    panels = {panel["panel"]: panel for panel in json.loads(plotted.stdout)["panels"]}
+    assert set(panels["attention of robot.2"]["shares"]) == {"ahead", "left", "behind", "right"}
+    alone = symaware("plot", log, "--show", "attention", "--output", folder / "alone.png", "--json", plugin=False)
+    assert [panel["panel"] for panel in json.loads(alone.stdout)["panels"]] == [
+        f"attention of robot.{row}" for row in range(3)
+    ]
+    replayed = symaware("replay", log, "--save", folder / "attention.rrd", plugin=False)
+    assert replayed.returncode == 0, replayed.stderr
+
+
+def test_the_replay_has_bars_beside_the_agents_and_curves_in_their_tabs(log, folder, symaware):
+    from rerun_files import Recording
+
+    symaware("replay", log, "--save", folder / "shown.rrd", plugin=False)
+    recording = Recording(folder / "shown.rrd")
+    assert recording.values("/minds/robot/attention", "LineStrips3D:strips")
+    assert recording.values("/curves/agents/robot.0/attention", "Scalars:scalars")
+
+
+def test_it_can_be_left_out_of_the_log(folder, symaware):
+    symaware(
+        *("run", "attention.yaml", "--quiet", "--output", folder / "less.mcap", "--set", "recording.omit=[attention]"),
+    )
+    assert "/agents/robot/attention" not in open_log(folder / "less.mcap").channels
+    done = symaware("validate", "attention.yaml", "--set", "recording.omit=[atention]")
+    assert done.returncode == 2
+    assert "did you mean `attention`?" in done.stderr
+
+
+def test_the_editor_knows_the_part(symaware):
+    schema = json.loads(symaware("schema").stdout)
+    assert "attention" in schema["$defs"]["Recording"]["properties"]["omit"]["items"]["enum"]
