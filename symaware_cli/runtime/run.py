@@ -1,4 +1,4 @@
-"""A run: from the first instant to the last, in either mode.
+"""A run: from the first instant to the last, in either mode, whatever ends it.
 
 Both modes are one loop over the instants of simulated time. In the synchronous mode all instants are steps of the
 world; in the asynchronous mode components have instants of their own in between, and may wait within their turns.
@@ -6,7 +6,6 @@ world; in the asynchronous mode components have instants of their own in between
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager, suppress
@@ -17,16 +16,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.core import AgentGroup, Level, SubscriberError
-from symaware_cli.core.column import Array, Column
+from symaware_cli.core.column import Array
 from symaware_cli.recording.error import LogError
 from symaware_cli.runtime.attribution import attribute_livelock, attribute_subscriber_error
 from symaware_cli.runtime.awaiting import Awaiter
 from symaware_cli.runtime.coroutine import is_coroutine
 from symaware_cli.runtime.departure import deadline, exits_refused, leave
 from symaware_cli.runtime.event_recorder import record_events
-from symaware_cli.runtime.expression import EvaluationError, Expression
 from symaware_cli.runtime.failure import RunError, describe
 from symaware_cli.runtime.fault_scheduler import FaultScheduler
+from symaware_cli.runtime.instant import Instants
 from symaware_cli.runtime.interruption import Interrupted, Interruption
 from symaware_cli.runtime.kernel import Kernel
 from symaware_cli.runtime.membership import Membership
@@ -34,7 +33,6 @@ from symaware_cli.runtime.motion import Motion
 from symaware_cli.runtime.pacer import Pacer
 from symaware_cli.runtime.queue import LivelockError, Queue
 from symaware_cli.runtime.scheduler import TurnScheduler
-from symaware_cli.runtime.scope import WorldScope
 from symaware_cli.runtime.shared import Shared, Sharing
 from symaware_cli.runtime.simulation import Simulation
 from symaware_cli.runtime.summary import Observer, Summary, summarise
@@ -45,9 +43,6 @@ from symaware_cli.runtime.workers import Workers
 if TYPE_CHECKING:
     from symaware_cli.recording.recorder import Recorder
     from symaware_cli.runtime.asyncio_bridge import AsyncioBridge
-
-#: Wall time between two calls of the progress callback [s].
-_PROGRESS_INTERVAL = 0.1
 
 
 def run(
@@ -83,15 +78,13 @@ class Run:
 
     Attributes:
         simulation: What runs.
-        kernel: Goes from instant to instant; this is its hooks.
+        kernel: Goes from instant to instant.
         schedulers: The turns of each slot.
         membership: Which agents take part.
         recorder: Writes it down; None where nobody does.
         status: How it ended, as `Summary` says it; None while it goes on.
         failure: Why it failed, if it did.
         signal: The signal that ended it, or came as it ended by itself; None where there was none.
-        imposed: Control inputs that stand in for what the components of a group request, whatever that is: which rows,
-            and what for each row of the group.
     """
 
     def __init__(
@@ -108,23 +101,19 @@ class Run:
         self.status: str | None = None
         self.failure: RunError | None = None
         self.signal: int | None = None
-        self.imposed: dict[AgentGroup, tuple[NDArray[np.bool_], Array]] = {}
         self._terms = terms
         self._company = company
-        self._asynchronous = terms.mode == "asynchronous"
+        is_asynchronous = terms.mode == "asynchronous"
         time_step = simulation.environment.time_step
-        queue = Queue(simulation.clock, 0 if self._asynchronous else time_step)
+        queue = Queue(simulation.clock, 0 if is_asynchronous else time_step)
         switchboard = Switchboard(simulation.events)
         self.kernel = Kernel(queue, time_step, steps)
         self._interruption = Interruption(terms.timeout, terms.turn_limit, self._give_up if terms.may_exit else None)
         self._motion = Motion(simulation, self._interruption)
-        self._on_progress = on_progress
-        self._progress_due = 0.0
         self._waited = 0.0  # for others, before the run [s]
         self._spent = 0.0  # wall time in this run's own hands [s]
         self._course = self._begin_to_end()
         self._observer = Observer(simulation)
-        self._world = WorldScope(simulation, self._observer)
         self._pacer = Pacer(terms.pace) if terms.pace else None
         self._workers = Workers(
             simulation, [slot for slot in simulation.slots if slot.timing.in_process], terms.workers
@@ -135,14 +124,14 @@ class Run:
                 recorder.pace = self._pacer.kept.figures
         components = [each for slot in simulation.slots for each in slot.components]
         self._bridge: AsyncioBridge | None = None
-        if self._asynchronous and self._pacer and any(is_coroutine(each) for each in components):
+        if is_asynchronous and self._pacer and any(is_coroutine(each) for each in components):
             # asyncio takes as long to import as a short run does.
             from symaware_cli.runtime.asyncio_bridge import AsyncioBridge
 
             self._bridge = AsyncioBridge()
         self.schedulers: list[TurnScheduler] = []
         self.membership = Membership(simulation, self.schedulers)
-        awaiter = Awaiter(switchboard, simulation.exchange, self._bridge) if self._asynchronous else None
+        awaiter = Awaiter(switchboard, simulation.exchange, self._bridge) if is_asynchronous else None
         self.schedulers += [
             TurnScheduler(
                 simulation,
@@ -161,10 +150,25 @@ class Run:
         self._faults = FaultScheduler(
             terms.faults, simulation, self.schedulers, self.membership, self._motion, queue, switchboard
         )
-        #: What was sent and delivered when it was last asked when the next message arrives, and the answer.
-        self._sent, self._arrival = -1, math.inf
-        #: What control inputs were as the step began that the world is making; None where nothing comes in between.
-        self._latched: list[tuple[Column, Array]] | None = None
+        self._instants = Instants(
+            simulation,
+            self.kernel,
+            self._motion,
+            self._observer,
+            self._interruption,
+            is_asynchronous=is_asynchronous,
+            until=terms.until,
+            recorder=recorder,
+            pacer=self._pacer,
+            bridge=self._bridge,
+            sharing=company,
+            on_progress=on_progress,
+        )
+
+    @property
+    def imposed(self) -> dict[AgentGroup, tuple[NDArray[np.bool_], Array]]:
+        """Control inputs that stand in for what components request; see `Instants`."""
+        return self._instants.imposed
 
     @property
     def done(self) -> int:
@@ -324,12 +328,12 @@ class Run:
             yield
             if self._pacer:
                 self._pacer.lead(0)  # the clock on the wall starts
-            over = yield from self.kernel.run(self)
+            over = yield from self.kernel.run(self._instants)
             reason = f"{self.done} steps made"
             if over is not None:
                 reason += f"; {over}"
             else:
-                self._look_last()
+                self._instants.look_last()
                 if self._terms.until is not None:
                     reason += f"; never {self._terms.until.text}"
             waiting = [each for scheduler in self.schedulers for each in scheduler.end()]
@@ -366,7 +370,7 @@ class Run:
                     observer=self._observer,
                     interruption=self._interruption,
                     pacer=self._pacer,
-                    asynchronous=self._asynchronous,
+                    asynchronous=self._terms.mode == "asynchronous",
                 )
             )
             self._waited = time.monotonic() - began
@@ -375,131 +379,6 @@ class Run:
             scheduler.begin()
         self._faults.begin()
         self._motion.announce_contacts()
-
-    def _look_last(self) -> None:
-        """Take note of how the world and the agents are at the end."""
-        now = self.simulation.clock.now
-        self._observer.look(now)
-        if self.recorder:
-            self.recorder.record(now, self.done)
-        self._interruption.unshield()
-        self._interruption.shield()
-
-    def begin(self, now: int, is_step: bool) -> None:
-        """Deliver the messages that are due."""
-        simulation = self.simulation
-        if "iterating" in simulation.events.wanted:
-            simulation.announce("iterating", "run")
-        if is_step or self._arrival <= now:
-            simulation.exchange.deliver(now)
-            self._sent = -1
-        else:
-            simulation.exchange.now = now
-        if is_step and self._company:
-            self._company.arrived()
-
-    def settle(self) -> bool:
-        """Let messages go on their way."""
-        return self.simulation.exchange.flush()
-
-    def end(self, now: int, is_step: bool) -> str | None:
-        """Record what changed, and look whether the run is over."""
-        simulation, until = self.simulation, self._terms.until
-        if self.imposed:
-            self._impose()
-        if self.recorder:
-            self.recorder.record(now, self.kernel.done)
-        if "iterated" in simulation.events.wanted:
-            simulation.announce("iterated", "run")
-        if self._company:
-            self._company.acted()
-        if is_step:
-            self._observer.look(now)
-            decides = self._company is None or self._company.decides
-            if until is not None and decides and self._is_over(until):
-                return until.text
-            if "stepping" in simulation.events.wanted:
-                simulation.announce("stepping", "environment")
-            self._latched = None
-        return None
-
-    def next_instant(self, before: int) -> int:
-        """Messages arrive at instants of their own in the asynchronous mode."""
-        if not self._asynchronous:
-            return before
-        exchange = self.simulation.exchange
-        if exchange.sent != self._sent:
-            # Only what was sent or delivered changes which is next.
-            arrival = exchange.next_time
-            self._sent, self._arrival = exchange.sent, math.inf if arrival is None else arrival
-        return before if self._arrival >= before else max(int(self._arrival), self.simulation.clock.now + 1)
-
-    def wait(self, upcoming: int) -> int:
-        """Sleep where there is a pace to be kept."""
-        return self._sleep(self._pacer, upcoming) if self._pacer else upcoming
-
-    def pause(self) -> None:
-        """Keep the control inputs: the world moves under what was requested when its step began."""
-        if self._latched is None:
-            self._latched = [(group.control_column, group.control_input) for group in self.simulation.groups]
-
-    def step(self, upcoming: int) -> str | None:
-        """Move the world, under what was requested when its step began."""
-        present = [(column, column.exchange(values)) for column, values in self._latched or ()]
-        try:
-            if self._company:
-                return self._company.step()
-            self._motion.step()
-            return None
-        finally:
-            for column, values in present:
-                column.exchange(values)
-
-    def stepped(self) -> None:
-        """Look at what came of it."""
-        simulation = self.simulation
-        self._motion.check()
-        self._motion.announce_contacts()
-        if "stepped" in simulation.events.wanted:
-            simulation.announce("stepped", "environment")
-        if self._on_progress:
-            self._progress(simulation.clock.now)
-
-    def _impose(self) -> None:
-        """Put control inputs in the place of those that components have requested."""
-        for group, (rows, values) in self.imposed.items():
-            requested = group.control_input
-            if not np.array_equal(requested[rows], values[rows]):
-                group.control_input = np.where(rows[:, None], values, requested)
-
-    def _is_over(self, until: Expression) -> bool:
-        try:
-            return until.holds(self._world.look_up)
-        except EvaluationError as error:
-            raise RunError("run.until", "symaware", self.simulation.clock.now, str(error), error) from error
-
-    def _sleep(self, pacer: Pacer, upcoming: int) -> int:
-        """Wait until it is time for an instant, or for an earlier one at which something outside is done."""
-        bridge, clock = self._bridge, self.simulation.clock
-        self._interruption.unshield(watched=False)
-        try:
-            if bridge is None:
-                pacer.wait(upcoming)
-                return upcoming
-            while True:
-                lead = pacer.lead(upcoming)
-                ready = bridge.wait(lead)
-                self._interruption.unshield(watched=False)  # asyncio keeps what a signal raises in its callbacks
-                if ready:
-                    now = min(max(pacer.simulated(), clock.now + 1), upcoming)
-                    for call in ready:
-                        call(now)
-                    return now
-                if pacer.lead(upcoming) <= 0.0:
-                    pacer.note(-pacer.lead(upcoming))
-                    return upcoming
-        finally:
-            self._interruption.shield()
 
     def _announce_end(self, name: str, source: str, text: str, level: Level, **data: Any) -> None:
         with suppress(SubscriberError):
@@ -510,9 +389,3 @@ class Run:
             # The run is over, and one subscriber that raises does not keep the others, the recorder among them,
             # from being told.
             return
-
-    def _progress(self, now: int) -> None:
-        monotonic = time.monotonic()
-        if monotonic >= self._progress_due and self._on_progress:
-            self._progress_due = monotonic + _PROGRESS_INTERVAL
-            self._on_progress(now)
