@@ -79,10 +79,12 @@ if TYPE_CHECKING:
         nanoseconds,
         seconds,
     )
+    from symaware_cli.core.state import StateError
     from symaware_cli.processor import ProcessorWarning
     from symaware_cli.recording.error import LogError
     from symaware_cli.recording.reader import Log, open_log
     from symaware_cli.recording.series import Series
+    from symaware_cli.runtime.state.state import SimulationState
     from symaware_cli.scenario.place import DistributionError, Place
     from symaware_cli.scenario.problem import ScenarioError
 
@@ -140,7 +142,9 @@ __all__ = [
     "ScriptedPath",
     "Series",
     "Shape",
+    "SimulationState",
     "Snapshot",
+    "StateError",
     "SteppedSimulation",
     "TimeSeries",
     "Topology",
@@ -170,10 +174,12 @@ _HOMES = {
     "symaware_cli.api.result": ("RunFailedError", "RunInterrupted", "RunResult"),
     "symaware_cli.api.scenario": ("Scenario", "load"),
     "symaware_cli.api.stepping": ("SteppedSimulation",),
+    "symaware_cli.core.state": ("StateError",),
     "symaware_cli.processor": ("ProcessorWarning",),
     "symaware_cli.recording.error": ("LogError",),
     "symaware_cli.recording.reader": ("Log", "open_log"),
     "symaware_cli.recording.series": ("Series",),
+    "symaware_cli.runtime.state.state": ("SimulationState",),
     "symaware_cli.scenario.place": ("DistributionError", "Place"),
     "symaware_cli.scenario.problem": ("ScenarioError",),
 }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
@@ -11,9 +12,11 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from symaware_cli import __version__
 from symaware_cli.api.report import Report, number
 from symaware_cli.api.result import RunResult, result_of
 from symaware_cli.core.column import frozen, is_finite
+from symaware_cli.runtime.state.state import SimulationState, put, take
 from symaware_cli.scenario.execution import prepared
 from symaware_cli.scenario.problem import nearest
 
@@ -46,6 +49,7 @@ class SteppedSimulation:
         """
         self._simulation = built.simulation
         self._steps = built.steps
+        self._digest = hashlib.sha256(built.resolved).hexdigest()
         self._events: list[Event] = []
         simulation = built.simulation
         self._rows = {id: (group, row) for group in simulation.groups for row, id in enumerate(group.ids)}
@@ -224,6 +228,32 @@ class SteppedSimulation:
         if name in self._named:
             return self._named[name], None
         raise KeyError(_unknown("group or agent", name, [*self._named, *self._rows]))
+
+    def capture(self) -> SimulationState:
+        """Take the state of the simulation, to `restore` it here or in any process that started the same scenario.
+
+        Raises:
+            StateError: The run is over, or something cannot be put away, such as a turn that waits; says what.
+            LogError: The log cannot be written.
+        """
+        return take(self._run, self._digest, __version__)
+
+    def restore(self, state: SimulationState) -> None:
+        """Put the simulation where it was, or another one of the same scenario was, as its state was taken.
+
+        It goes on as that did: the log, too, if there is one, message by message. What a log has of later instants than
+        the state is removed from it if the state was taken while it was written.
+
+        Args:
+            state: What `capture` returned, or `SimulationState.from_bytes`.
+
+        Raises:
+            StateError: The state is one of another scenario, seed or version, or cannot be put here; says why. Nothing
+                has changed.
+            LogError: The log cannot be written.
+        """
+        put(self._run, state, self._digest, __version__)
+        self._events.clear()
 
     def close(self) -> None:
         """End the run if it goes on, and finish its log; to do it twice does nothing."""

@@ -8,7 +8,9 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from operator import attrgetter
-from typing import Any
+from typing import Any, ClassVar
+
+from symaware_cli.core.state import StateError
 
 #: What a component announces about its turns; hot paths make these only if somebody listens.
 TURNS = frozenset({"computing", "computed", "updating", "updated"})
@@ -97,6 +99,9 @@ class EventBus:
 
     __slots__ = ("_count", "_muted", "_subscriptions", "turns_wanted", "wanted")
 
+    #: Who listens belongs to the process; what components subscribed to is told by `captured`.
+    uncaptured: ClassVar[Collection[str]] = "*"
+
     def __init__(self) -> None:
         self._count = 0
         self._muted: Collection[str] = ()
@@ -133,6 +138,27 @@ class EventBus:
             yield
         finally:
             self._muted = before
+
+    def captured(self) -> list[list[str]]:
+        """What components listen to, which they do from their start on."""
+        return [
+            [name, each.source, path]
+            for name, subscriptions in sorted(self._subscriptions.items())
+            for each in subscriptions
+            if each.active and (path := getattr(getattr(each.callback, "__self__", None), "path", ""))
+        ]
+
+    def check_state(self, state: list[list[str]]) -> None:
+        """Make sure that the same components listen to the same.
+
+        Raises:
+            StateError: One of them subscribed to something, or cancelled that, in a turn.
+        """
+        for name, source, path in sorted(set(map(tuple, state)) ^ set(map(tuple, self.captured()))):
+            raise StateError(f"{path} listens to `{name}` of {source} at one of two instants, and not at the other")
+
+    def restored(self, state: list[list[str]]) -> None:
+        """Go on; there is nothing to take over."""
 
     def fire(self, event: Event) -> None:
         """Tell all who subscribed.

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping, Sequence
-from typing import ClassVar
+from collections.abc import Collection, Mapping, Sequence
+from typing import ClassVar, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,7 @@ from symaware_cli.core import (
     WorldError,
     seconds,
 )
+from symaware_cli.core.state import StateError
 from symaware_cli.environments.columns import ColumnEnvironment, adopted
 from symaware_cli.environments.drive import Drive
 from symaware_cli.environments.touch import GROUND, TouchLedger
@@ -61,6 +62,8 @@ class PhysicsEnvironment(ColumnEnvironment):
 
     dimensions: ClassVar[int]
 
+    uncaptured: ClassVar[Collection[str]] = "*"
+
     class Parameters(EnvironmentParameters):
         """How a world of forces moves."""
 
@@ -68,6 +71,17 @@ class PhysicsEnvironment(ColumnEnvironment):
         damping: float = Field(
             0.0, ge=0, lt=1, description="Part of its velocity that a free body loses in a second, moving and turning."
         )
+
+    def captured(self) -> NoReturn:
+        """Refuse: engines keep what nobody can read, such as the impulses with which they begin to solve contacts.
+
+        Raises:
+            StateError: Always.
+        """
+        raise StateError("its engine does not tell all that it goes on from; the kinematic world does")
+
+    def restored(self, state: object) -> None:
+        """Never called, as there is no state."""
 
     def initialise(self, groups: Sequence[AgentGroup], obstacles: Mapping[str, Obstacle], seed: int) -> None:
         """Put everybody in place.

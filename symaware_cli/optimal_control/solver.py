@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from itertools import chain
-from typing import Any
+from typing import Any, ClassVar
 
 import casadi
 import numpy as np
@@ -24,6 +24,9 @@ class Solver:
     Building it takes a while, and one serves any number of agents: nothing of one solution enters into the next but
     what is handed over as a guess.
     """
+
+    #: A solver keeps nothing from one call to the next: where it begins is told each time.
+    uncaptured: ClassVar[Collection[str]] = "*"
 
     def __init__(
         self,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Collection, Mapping, Sequence
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,6 +51,8 @@ class Recorder:
         updates: How many rows of awareness, control and knowledge were recorded so far.
         pace: Tells how well the pace is kept, as `LogWriter.add_timing` takes it; None where none is asked for.
     """
+
+    uncaptured: ClassVar[Collection[str]] = ("pace", "_started", "_timing_due", "_cpu_started")
 
     def __init__(
         self,

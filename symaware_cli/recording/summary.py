@@ -51,6 +51,20 @@ class Summary:
     chunk_count: int = 0
     _chunks: bytearray = field(default_factory=bytearray)  # serialised, as there may be many
 
+    def copied(self) -> "Summary":
+        """A summary that does not change with this one."""
+        return Summary(
+            dict(self.schemas),
+            list(self.channels),
+            dict(self.counts),
+            list(self.attachments),
+            list(self.metadata),
+            self.start_time,
+            self.end_time,
+            self.chunk_count,
+            bytearray(self._chunks),
+        )
+
     def add_attachment(self, attachment: Attachment, offset: int, length: int) -> None:
         """Enter an attachment.
 

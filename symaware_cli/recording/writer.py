@@ -10,14 +10,15 @@ import os
 import struct
 import threading
 import zlib
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import Any, ClassVar
 
 import zstandard
 from mcap.records import Attachment, Channel, Chunk, DataEnd, Header, McapRecord, Metadata, MetadataIndex, Schema
 
+from symaware_cli.core.state import StateError
 from symaware_cli.recording import symaware_v1_pb2 as v1
 from symaware_cli.recording.error import LogError, OutputError, reason
 from symaware_cli.recording.schema import (
@@ -62,6 +63,8 @@ class LogWriter:
         timing: The number of the channel /timing, which is there from the beginning.
     """
 
+    uncaptured: ClassVar[Collection[str]] = "*"
+
     def __init__(self, path: str | os.PathLike[str], *, flush_interval: float = 0.5):
         self.path = Path(path)
         self.size = 0
@@ -78,6 +81,9 @@ class LogWriter:
         self._positions: dict[int, list[int]] = {}
 
         self._summary = Summary()
+        #: What the log was where a state was taken, by its size and what it held: there it can go on again.
+        self._marks: dict[tuple[int, int], tuple[Summary, int]] = {}
+        self._checksum = 0
 
         try:
             self._file = open(self.path, "wb", buffering=0)  # noqa: SIM115 (closed by finish, abort and _fail)
@@ -93,6 +99,11 @@ class LogWriter:
         self.timing = self.channel(
             TIMING, "Timing", {"columns": "wall_time,cpu_time,steps", "units": "s,s,1", "deterministic": "false"}
         )
+
+    @property
+    def sequence(self) -> int:
+        """The sequence number that the next message gets, unless it is one of wall time."""
+        return self._sequence
 
     @property
     def messages(self) -> int:
@@ -238,6 +249,67 @@ class LogWriter:
                 self._refuse()
             self._end_chunk()
 
+    def captured(self) -> dict[str, Any]:
+        """Where the log stands: what was written before goes to the operating system.
+
+        Raises:
+            LogError: It cannot be written.
+        """
+        with self._lock:
+            self.flush()
+            summary = self._summary
+            self._marks[self.size, self._checksum] = summary.copied(), self._time
+            names = {schema.id: name for name, schema in summary.schemas.items()}
+            channels = [[each.topic, names[each.schema_id], each.metadata] for each in summary.channels]
+            return {
+                "position": [self.size, self._checksum],
+                "time": self._time,
+                "sequence": self._sequence,
+                "channels": channels,
+            }
+
+    def check_state(self, state: dict[str, Any]) -> None:
+        """See `restored`.
+
+        Raises:
+            StateError: The log cannot go on from there.
+        """
+        if tuple(state["position"]) not in self._marks and self._time > state["time"]:
+            raise StateError(
+                f"the log {self.path} is at {self._time / 1e9:g} s, and cannot go back to {state['time'] / 1e9:g} s: "
+                "the state was not taken while it was written"
+            )
+
+    def restored(self, state: dict[str, Any]) -> None:
+        """Go on where a log stood: in this one by forgetting what came after it, in another one behind what it has.
+
+        Raises:
+            LogError: It cannot be written.
+        """
+        with self._lock:
+            position = tuple(state["position"])
+            if position in self._marks:
+                self._go_back(*position)
+            for topic, name, metadata in state["channels"][len(self._summary.channels) :]:
+                self.channel(topic, name, metadata)
+            self._sequence = state["sequence"]
+
+    def _go_back(self, size: int, checksum: int) -> None:
+        """Forget what was added after a mark."""
+        if not self._open:
+            self._refuse()
+        summary, self._time = self._marks[size, checksum]
+        self._marks = {mark: each for mark, each in self._marks.items() if mark[0] <= size}
+        self._summary = summary.copied()
+        self._chunk.clear()
+        self._positions = {channel.id: [] for channel in summary.channels}
+        self.size, self._checksum = size, checksum
+        try:
+            self._file.truncate(size)
+            self._file.seek(size)
+        except OSError as error:
+            self._fail(error)
+
     def flush_in_background(self) -> None:
         """Flush every `flush_interval` from now on, until the log is closed.
 
@@ -346,6 +418,7 @@ class LogWriter:
             while rest:
                 rest = rest[self._file.write(rest) or 0 :]
             self.size += len(data)
+            self._checksum = zlib.crc32(data, self._checksum)
         except OSError as error:
             self._fail(error)
         except BaseException:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Awaitable, Callable, Iterator
+from collections.abc import Awaitable, Callable, Collection, Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, ClassVar
 
 #: Wall time that is given to what is under way when a run ends [s].
 _PATIENCE = 1.0
@@ -18,6 +18,9 @@ class AsyncioBridge:
     A coroutine of a component is not an asyncio task: it is driven by the run, so that all that does not wait for the
     outside happens in the same order as ever. Its asyncio futures are watched here.
     """
+
+    #: It belongs to the process.
+    uncaptured: ClassVar[Collection[str]] = "*"
 
     def __init__(self) -> None:
         self._loop = asyncio.new_event_loop()

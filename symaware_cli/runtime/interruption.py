@@ -8,9 +8,9 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from types import FrameType, TracebackType
-from typing import Any, NoReturn
+from typing import Any, ClassVar, NoReturn
 
 from symaware_cli.core import Event
 from symaware_cli.runtime.departure import PATIENCE
@@ -52,6 +52,9 @@ class Interruption:
     The context may be entered again and again. In other threads than the main one no signals are handled, and turns
     have no limit.
     """
+
+    #: It belongs to the process.
+    uncaptured: ClassVar[Collection[str]] = "*"
 
     def __init__(
         self,

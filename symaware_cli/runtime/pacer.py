@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Collection
 from dataclasses import dataclass
+from typing import ClassVar
 
 #: So late a wake-up counts as late [s]: what an idle machine takes to wake a process up, and some more.
 TOLERANCE = 0.002
@@ -38,6 +40,9 @@ class Pacer:
         started: When simulated time began, by the monotonic clock [s]; None before it does.
         factor: Simulated seconds for each second of wall time.
     """
+
+    #: It belongs to the clock on the wall.
+    uncaptured: ClassVar[Collection[str]] = "*"
 
     def __init__(self, factor: float) -> None:
         self.factor = factor

@@ -7,10 +7,10 @@ world; in the asynchronous mode components have instants of their own in between
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Collection, Generator, Iterator
 from contextlib import contextmanager, suppress
 from itertools import repeat
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -86,6 +86,12 @@ class Run:
         failure: Why it failed, if it did.
         signal: The signal that ended it, or came as it ended by itself; None where there was none.
     """
+
+    #: What is the same in every run of the scenario, or belongs to the process.
+    uncaptured: ClassVar[Collection[str]] = (
+        *("recorder", "_terms", "_company", "_course"),
+        *("_on_progress", "_progress_due", "_waited", "_spent"),
+    )
 
     def __init__(
         self,

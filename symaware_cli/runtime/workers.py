@@ -7,9 +7,9 @@ import pickle
 import signal
 import subprocess
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, ClassVar
 
 from symaware_cli import processor
 from symaware_cli.core import AgentGroup, Component, Environment, GroupComponent, Plugin
@@ -51,6 +51,9 @@ class Workers:
     A component always computes in the same worker, whatever the number of workers, so that what cannot be sent (such as
     a solver) stays what it was. Results do not depend on who computes.
     """
+
+    #: They hold nothing that is not sent anew when it differs.
+    uncaptured: ClassVar[Collection[str]] = "*"
 
     def __init__(self, simulation: Simulation, slots: Sequence[Slot], count: int | None) -> None:
         """Prepare; `start` starts them.

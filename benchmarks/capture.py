@@ -1,0 +1,148 @@
+"""Takes the state of shipped scenarios at random instants, and compares what follows with the unbroken run.
+
+    python benchmarks/capture.py [--pairs 50] [--seed 1] [--further 10] [--table docs/capture.md]
+
+Each pair of a scenario and an instant is drawn by the seed. What must be equal are the messages of the log after the
+instant, sequence numbers included: of a run that went on, was put back and went on again, and of one in a fresh
+process that was given the bytes of the state. A component or a world that cannot be put away exactly has to say so.
+"""
+
+from __future__ import annotations
+
+import argparse
+import random
+import subprocess
+import sys
+import tempfile
+from collections import defaultdict
+from pathlib import Path
+from typing import Any
+
+import symaware_cli as sa
+
+ROOT = Path(__file__).parents[1]
+
+#: Instants are drawn from the first steps of a scenario, as many as this at most.
+MOST_STEPS = 120
+
+BEGIN, END = "<!-- begin: benchmarks/capture.py -->\n", "<!-- end -->\n"
+
+
+def scenarios() -> list[Path]:
+    """All shipped scenarios that can be loaded here, by name."""
+    files = [*ROOT.glob("scenarios/*.yaml"), *ROOT.glob("scenarios/*.toml"), *ROOT.glob("plugins/*/scenarios/*.yaml")]
+    return sorted(path for path in files if not path.name.startswith("_"))
+
+
+def messages(path: Path, since: int) -> list[tuple[Any, ...]]:
+    """The messages of a log from a sequence number on, but those of wall time."""
+    return [
+        (each.sequence, each.time, each.channel.topic, each.data)
+        for each in sa.open_log(path).messages()
+        if each.channel.topic != "/timing" and each.sequence >= since
+    ]
+
+
+def unbroken(path: Path, instants: list[int], further: int, folder: Path) -> dict[int, Any]:
+    """Run a scenario with a state taken at each instant; what each comes to within this process, or why it does not."""
+    scenario, found = sa.load(path), {}
+    with scenario.start(output=folder / "whole.mcap") as simulation:
+        states, sequences = {}, {}
+        for instant in instants:
+            simulation.step(instant - simulation.steps)
+            try:
+                states[instant] = simulation.capture()
+            except sa.StateError as error:
+                return {each: str(error) for each in instants}
+            assert simulation._run.recorder is not None
+            sequences[instant] = simulation._run.recorder.writer.sequence
+        simulation.step(further)
+    for instant, state in states.items():
+        (folder / f"{instant}.state").write_bytes(state.to_bytes())
+        with scenario.start(output=folder / "again.mcap") as simulation:
+            simulation.step(instant)
+            taken = simulation.capture()
+            simulation.step(3)
+            simulation.restore(taken)
+            simulation.step(further)
+        found[instant] = {"sequence": sequences[instant], "bytes": len(state.to_bytes())}
+        (folder / "again.mcap").rename(folder / f"{instant}.again.mcap")
+    return found
+
+
+def fresh(path: Path, further: int, folder: Path) -> None:
+    """In a process of its own: go on from each state."""
+    for file in sorted(folder.glob("*.state")):
+        with sa.load(path).start(output=folder / f"{file.stem}.fresh.mcap") as simulation:
+            simulation.restore(sa.SimulationState.from_bytes(file.read_bytes()))
+            simulation.step(further)
+
+
+def compared(path: Path, instants: list[int], further: int) -> list[str]:
+    """A row of the table for each instant."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        found = unbroken(path, instants, further, folder)
+        if any(isinstance(each, dict) for each in found.values()):
+            arguments = ["--fresh", str(path), str(folder), "--further", str(further)]
+            subprocess.run([sys.executable, __file__, *arguments], check=True)
+        rows = []
+        for instant, each in found.items():
+            if isinstance(each, str):
+                rows.append(f"refused: {each.partition(';')[0]}")
+                continue
+            whole = messages(folder / "whole.mcap", each["sequence"])
+            cells = []
+            for kind in ("again", "fresh"):
+                log = messages(folder / f"{instant}.{kind}.mcap", each["sequence"])
+                # What ends a run between two steps comes last, and is no part of the unbroken one.
+                last = max(time for _, time, _, _ in log)
+                log = [message for message in log if message[1] < last]
+                equal = bool(log) and log == whole[: len(log)]
+                cells.append(f"{len(log)} equal" if equal else "DIFFER")
+            rows.append(f"{cells[0]} | {cells[1]} | {each['bytes']:,}")
+        return rows
+
+
+def main() -> None:
+    """Draw pairs, compare, and print the table or write it into a document."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--pairs", type=int, default=50)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--further", type=int, default=10)
+    parser.add_argument("--table", type=Path)
+    parser.add_argument("--fresh", nargs=2, type=Path, metavar=("SCENARIO", "FOLDER"), help=argparse.SUPPRESS)
+    asked = parser.parse_args()
+    if asked.fresh:
+        fresh(asked.fresh[0], asked.further, asked.fresh[1])
+        return
+    draw, drawn = random.Random(asked.seed), defaultdict(set)
+    paths = scenarios()
+    steps = {}
+    while sum(map(len, drawn.values())) < asked.pairs:
+        path = draw.choice(paths)
+        if path not in steps:
+            outline = sa.load(path).outline
+            assert outline is not None
+            steps[path] = outline.steps
+        drawn[path].add(draw.randint(1, min(MOST_STEPS, steps[path] - asked.further - 1)))
+    lines = [
+        "| scenario | step | messages after it, in the process | in a fresh one | bytes |",
+        "|---|---|---|---|---|",
+    ]
+    for path in sorted(drawn):
+        instants = sorted(drawn[path])
+        for instant, row in zip(instants, compared(path, instants, asked.further), strict=True):
+            said = f"{row} | | |" if row.startswith("refused") else f"{row} |"
+            lines.append(f"| {path.relative_to(ROOT)} | {instant} | {said}")
+            print(lines[-1], file=sys.stderr, flush=True)
+    table = "\n".join(lines) + "\n"
+    if asked.table:
+        before, _, rest = asked.table.read_text().partition(BEGIN)
+        asked.table.write_text(before + BEGIN + "\n" + table + "\n" + END + rest.partition(END)[2])
+    else:
+        print(table)
+
+
+if __name__ == "__main__":
+    main()

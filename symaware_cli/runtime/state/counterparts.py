@@ -1,0 +1,246 @@
+"""Counterparts: which objects stand where others stood as a state was taken, and which would have to be made."""
+
+from __future__ import annotations
+
+import enum
+import functools
+import types
+from collections import Counter, OrderedDict, defaultdict, deque
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from symaware_cli.core.state import StateError
+from symaware_cli.runtime.state.layout import attributes, layout, named_class, resolved, said_class
+from symaware_cli.runtime.state.taking import Entry, Path, said_path
+
+#: Stands for no object.
+NOTHING = object()
+
+#: Python's own collections, of which others may be subclasses.
+COLLECTIONS = {each.__name__: each for each in (list, tuple, deque, dict, set, frozenset)}
+
+_KNOWN = (*COLLECTIONS.values(), Counter, OrderedDict, defaultdict)
+
+_GENERATORS = frozenset({"MT19937", "PCG64", "PCG64DXSM", "Philox", "SFC64"})
+
+#: Entries without references.
+_SIMPLE = frozenset({"array", "int", "fixed", "enum", "same", "complex", "dtype", "range", "slice"})
+
+
+class Counterparts:
+    """Which objects stand where others stood.
+
+    Attributes:
+        entries: What stood there, as `Taking` lists it.
+        found: What stands there, by the number of the entry.
+        roots: The references of what is to be put somewhere.
+    """
+
+    def __init__(self, entries: Sequence[Entry], root: Mapping[str, Any], packages: Collection[str]) -> None:
+        """Find the counterparts of all entries.
+
+        Args:
+            entries: What `Taking` made of a root like this one.
+            root: The objects.
+            packages: The packages of whose classes objects may be made, besides data classes.
+
+        Raises:
+            StateError: An object cannot be made that does not stand here; says where it stood.
+        """
+        self.entries = entries
+        self.found: dict[int, Any] = {}
+        self.roots: list[Any] = []
+        self._packages = packages
+        self._claimed: set[int] = set()
+        self._places: dict[int, Path] = {}
+        self._find(root)
+        for number in sorted(self._places.keys() - self.found.keys()):
+            self._look_at(number)
+
+    def _find(self, root: Mapping[str, Any]) -> None:
+        contents = self.entries[0][2]
+        there = dict(zip(contents[::2], contents[1::2], strict=True))
+        missing = next((name for name in root if name not in there), None)
+        if missing is not None:
+            raise StateError(f"the state was taken of a run without {missing}")
+        self.roots = [there[name] for name in root]
+        waiting: list[tuple[Any, Any, Path]] = [
+            (there[name], root[name], (None, name)) for name in reversed(list(root))
+        ]
+        while waiting:
+            reference, live, path = waiting.pop()
+            if type(reference) is not tuple:
+                continue
+            number = reference[0]
+            self._places.setdefault(number, path)
+            if number in self.found or id(live) in self._claimed or not self._fits(number, live):
+                continue
+            self.found[number] = live
+            if not isinstance(live, type(None) | bool | int | float | str | bytes):
+                self._claimed.add(id(live))
+            waiting.extend(reversed([*self._children(number, live, path)]))
+        # Where those stand that have no counterpart, for messages.
+        for number in range(1, len(self.entries)):
+            if number in self._places and number not in self.found:
+                for reference, _, path in self._children(number, NOTHING, self._places[number]):
+                    if type(reference) is tuple:
+                        self._places.setdefault(reference[0], path)
+
+    def _fits(self, number: int, live: Any) -> bool:
+        """Whether an object can be the counterpart of an entry."""
+        kind, name, contents = self.entries[number]
+        match kind:
+            case "object" | "list" | "tuple" | "deque" | "dict" | "set" | "frozenset" | "array" | "objects" | "view":
+                if layout(type(live)).name != name:
+                    return False
+                return kind != "deque" or live.maxlen == contents[2 + contents[1]]
+            case "enum":
+                return named_class(type(live)) == name
+            case "method":
+                return isinstance(live, types.MethodType) and live.__func__.__name__ == name
+            case "builtin":
+                return isinstance(live, types.BuiltinFunctionType) and live.__name__ == name
+            case "function":
+                return isinstance(live, types.FunctionType) and named_class(live) == name
+            case "fixed":
+                if isinstance(live, types.ModuleType):
+                    return live.__name__ + ":" == name
+                return isinstance(getattr(live, "__qualname__", None), str) and named_class(live) == name
+            case "cell":
+                return isinstance(live, types.CellType)
+            case "partial":
+                return isinstance(live, functools.partial)
+            case "generator":
+                return isinstance(live, np.random.Generator) and type(live.bit_generator).__name__ == name
+            case "same":
+                return named_class(type(live)) == name
+        return False
+
+    def _children(self, number: int, live: Any, path: Path) -> Iterator[tuple[Any, Any, Path]]:
+        """What an entry refers to, each with what stands there now, if something does."""
+        kind, _, contents = self.entries[number]
+        stands = live is not NOTHING
+        if kind in ("object", *COLLECTIONS):
+            count = contents[1]
+            held = contents[2 : 2 + count]
+            if kind == "dict":
+                keys = {self._key(key): key for key in live} if stands else {}
+                for key, each in zip(held[::2], held[1::2], strict=True):
+                    plain = self._plain(key)
+                    known = keys.get(plain, NOTHING) if plain is not NOTHING else NOTHING
+                    place = (path, f"[{plain!r}]" if plain is not NOTHING else "[...]")
+                    yield key, known, place
+                    yield each, NOTHING if known is NOTHING else dict.__getitem__(live, known), place
+            elif kind not in ("set", "frozenset"):
+                there = list(live) if stands and kind in ("list", "tuple", "deque") else []
+                for index, each in enumerate(held):
+                    yield each, there[index] if index < len(there) else NOTHING, (path, f"[{index}]")
+            else:
+                for each in held:
+                    yield each, NOTHING, (path, "{}")
+            rest = contents[2 + count :]
+            if len(rest) % 2:  # the length of a deque, or what makes the values of a mapping
+                yield rest[0], getattr(live, "default_factory", NOTHING), path
+                return
+            own = attributes(live, layout(type(live))) if stands else {}
+            for name, each in zip(rest[::2], rest[1::2], strict=True):
+                yield each, own.get(name, NOTHING), (path, f".{name}")
+            yield contents[0], NOTHING, path
+        elif kind == "objects":
+            there = live.ravel().tolist() if stands else []
+            for index, each in enumerate(contents[2:]):
+                yield each, there[index] if index < len(there) else NOTHING, (path, f"[{index}]")
+        elif kind == "view":
+            yield contents[0], live.base if stands else NOTHING, path
+        elif kind in ("method", "builtin"):
+            yield contents[0], live.__self__ if stands else NOTHING, path
+        elif kind == "function":
+            cells = (live.__closure__ or ()) if stands else ()
+            for index, each in enumerate(contents):
+                yield each, cells[index] if index < len(cells) else NOTHING, path
+        elif kind == "cell":
+            for each in contents:
+                try:
+                    yield each, live.cell_contents if stands else NOTHING, path
+                except ValueError:
+                    yield each, NOTHING, path
+        elif kind == "partial":
+            for each, name in zip(contents, ("func", "args", "keywords"), strict=True):
+                yield each, getattr(live, name) if stands else NOTHING, (path, f".{name}")
+        elif kind not in _SIMPLE:
+            for each in contents:
+                yield each, NOTHING, path
+
+    def _key(self, key: Any) -> Any:
+        """What finds a key of a mapping again: itself if it is plain, else which object it is."""
+        return key if _is_plain_key(key) else ("object", id(key))
+
+    def _plain(self, key: Any) -> Any:
+        """A key of a mapping that is plain, or the mark of an object whose counterpart is known."""
+        if type(key) is not tuple:
+            return key
+        number = key[0]
+        kind, name, contents = self.entries[number]
+        if kind == "int":
+            return int(name)
+        if kind == "enum":
+            return resolved(name)[contents[0]]
+        if kind == "tuple":
+            parts = tuple(self._plain(each) for each in contents[2 : 2 + contents[1]])
+            return NOTHING if any(each is NOTHING for each in parts) else parts
+        live = self.found.get(number, NOTHING)
+        return NOTHING if live is NOTHING else ("object", id(live))
+
+    def _look_at(self, number: int) -> None:
+        """Make sure that what has no counterpart can be made."""
+        kind, name, _ = self.entries[number]
+        if kind in COLLECTIONS or kind in ("array", "objects", "view"):
+            found = resolved(name)
+            base = COLLECTIONS.get(kind, np.ndarray)
+            right = isinstance(found, type) and issubclass(found, base) and (found in _KNOWN or self._is_known(found))
+            if found is np.ndarray or right:
+                return
+        elif kind == "object":
+            found = resolved(name)
+            if isinstance(found, type) and self._can_make(found):
+                return
+        elif kind in ("function", "fixed"):
+            found = resolved(name)
+            if name.endswith(":") or (found is not None and "<" not in name and named_class(found) == name):
+                return
+        elif kind == "generator":
+            if name in _GENERATORS:
+                return
+        elif kind == "enum":
+            found = resolved(name)
+            if isinstance(found, type) and issubclass(found, enum.Enum):
+                return
+        elif kind not in ("same",):
+            return
+        what = {"function": "function"}.get(kind, "object of the class")
+        place = said_path(self._places.get(number))
+        raise StateError(
+            f"the state of {place} cannot be put here: the {what} {said_class(name)} that stood there does not stand "
+            "here, and is none that can be made"
+        )
+
+    def _is_known(self, kind: type) -> bool:
+        return layout(kind).package in self._packages
+
+    def _can_make(self, kind: type) -> bool:
+        of = layout(kind)
+        return (
+            (self._is_known(kind) or of.is_data)
+            and of.is_plain
+            and not of.uncaptured
+            and not of.speaks
+            and not hasattr(kind, "__del__")
+        )
+
+
+def _is_plain_key(key: Any) -> bool:
+    if type(key) is tuple or (isinstance(key, tuple) and hasattr(key, "_fields")):
+        return all(map(_is_plain_key, key))
+    return isinstance(key, str | int | float | bytes | bool | type(None) | enum.Enum)

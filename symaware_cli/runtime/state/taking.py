@@ -1,0 +1,275 @@
+"""Objects taken apart: what they refer to becomes a table of entries that hold nothing but plain values.
+
+An entry is a tuple: its kind, a name (mostly of a class), and a list of contents. What stands in such a list is an atom
+(nothing, a truth value, a number, a text, bytes) or a reference: a tuple of one number, that of another entry. So
+objects may refer to each other in circles, and what was one object is one object afterwards.
+"""
+
+from __future__ import annotations
+
+import enum
+import types
+from collections import defaultdict, deque
+from collections.abc import Callable, Collection, Iterable, Mapping
+from functools import partial
+from pathlib import PurePath
+from typing import Any
+
+import numpy as np
+
+from symaware_cli.core.state import StateError
+from symaware_cli.runtime.state.layout import Layout, attributes, layout, named_class, said_class
+
+Entry = tuple[str, str, list[Any]]
+
+#: Where something stands: a chain of names, the last one first.
+Path = tuple[Any, str]
+
+_ATOMS = frozenset({type(None), bool, float, str, bytes})
+
+_HELP = (
+    "if it holds no state, name the attribute in `uncaptured` of its class; otherwise let the class tell its state by "
+    "`captured` and take it by `restored`"
+)
+
+
+def said_path(path: Path | None) -> str:
+    """Where something stands, as people write it."""
+    names: list[str] = []
+    while path is not None:
+        names.append(path[1])
+        path = path[0]
+    return "".join(reversed(names))
+
+
+class Taking:
+    """Takes one object apart, with all that it refers to.
+
+    Attributes:
+        entries: The table; the first entry is that of the object.
+    """
+
+    def __init__(self, root: Mapping[str, Any], packages: Collection[str]) -> None:
+        """Take objects apart.
+
+        Args:
+            root: Named as messages about what they refer to shall name them.
+            packages: The packages whose classes are taken by their attributes, besides data classes; of others, nobody
+                knows whether these are all.
+
+        Raises:
+            StateError: Something cannot be taken; says where it stands.
+        """
+        self.entries: list[Entry] = []
+        self._packages = packages
+        self._numbers: dict[int, int] = {}
+        self._kept: list[Any] = []  # so that nobody gets the identity of what is gone
+        contents: list[Any] = []
+        self.entries.append(("root", "", contents))
+        self._waiting: deque[Callable[[], None]] = deque()
+        for name, value in root.items():
+            contents += [name, self._put(value, (None, name))]
+        while self._waiting:
+            # What is near the root comes first, so that everything is named by the shortest way to it.
+            self._waiting.popleft()()
+
+    def _put(self, value: Any, path: Path) -> Any:
+        kind = type(value)
+        if kind in _ATOMS:
+            return value
+        if kind is int:
+            return value if -(2**63) <= value < 2**63 else self._new(value, "int", str(value), [])
+        number = self._numbers.get(id(value))
+        if number is not None:
+            return (number,)
+        if isinstance(value, np.generic) and value.dtype.kind in "biuf":
+            return value
+        for known, take in _TAKERS:
+            if isinstance(value, known):
+                return take(self, value, path)
+        of = layout(kind)
+        if not (of.speaks or (of.is_plain and (of.is_data or of.package in self._packages))):
+            self._refuse(path, f"is a {said_class(of.name)}")
+        return self._object(value, of, path)
+
+    def _refuse(self, path: Path, why: str) -> None:
+        raise StateError(f"the state of {said_path(path)} cannot be taken: it {why}; {_HELP}")
+
+    def _new(self, value: Any, kind: str, name: str, contents: list[Any]) -> tuple[int]:
+        number = len(self.entries)
+        self._numbers[id(value)] = number
+        self._kept.append(value)
+        self.entries.append((kind, name, contents))
+        return (number,)
+
+    def _later(self, value: Any, kind: str, name: str, fill: Callable[[], Iterable[Any]], *contents: Any) -> tuple[int]:
+        """Enter an object, of whose contents the rest is found out later."""
+        everything = [*contents]
+        reference = self._new(value, kind, name, everything)
+        self._waiting.append(lambda: everything.extend(fill()))
+        return reference
+
+    def _attributes(self, value: Any, of: Layout, path: Path) -> list[Any]:
+        found: list[Any] = []
+        for name, each in attributes(value, of).items():
+            found += [name, self._put(each, (path, f".{name}"))]
+        return found
+
+    def _object(self, value: Any, of: Layout, path: Path) -> tuple[int]:
+        def fill() -> list[Any]:
+            if not of.speaks:
+                return [None, 0, *self._attributes(value, of, path)]
+            try:
+                part = value.captured()
+            except StateError as error:
+                raise StateError(f"the state of {said_path(path)} cannot be taken: {error}") from error
+            return [self._put([part], (path, ".captured()")), 0, *self._attributes(value, of, path)]
+
+        return self._later(value, "object", of.name, fill)
+
+    def _sequence(self, value: Any, path: Path) -> tuple[int]:
+        kind = next(each for each in (list, tuple, deque) if isinstance(value, each))
+        return self._collection(value, kind, path, lambda: self._all(value, path))
+
+    def _set(self, value: Any, path: Path) -> tuple[int]:
+        kind = frozenset if isinstance(value, frozenset) else set
+        try:
+            ordered = sorted(value)
+        except TypeError:
+            ordered = list(value)
+        return self._collection(value, kind, path, lambda: self._all(ordered, path))
+
+    def _mapping(self, value: Any, path: Path) -> tuple[int]:
+        def contents() -> list[Any]:
+            found: list[Any] = []
+            for key, each in value.items():
+                place = (path, f"[{key!r}]" if type(key) in (str, int, tuple) else "[...]")
+                found += [self._put(key, place), self._put(each, place)]
+            return found
+
+        return self._collection(value, dict, path, contents)
+
+    def _all(self, values: Iterable[Any], path: Path) -> list[Any]:
+        return [self._put(each, (path, f"[{number}]")) for number, each in enumerate(values)]
+
+    def _collection(self, value: Any, kind: type, path: Path, contents: Callable[[], list[Any]]) -> tuple[int]:
+        of = layout(type(value))
+
+        def fill() -> list[Any]:
+            held = contents()
+            found = [None, len(held), *held]
+            if kind is deque:
+                return [*found, value.maxlen]
+            if isinstance(value, defaultdict):
+                return [*found, self._put(value.default_factory, (path, ".default_factory"))]
+            return found + self._attributes(value, of, path)
+
+        return self._later(value, kind.__name__, of.name, fill)
+
+    def _array(self, value: Any, path: Path) -> tuple[int]:
+        own, dtype = layout(type(value)).name, value.dtype
+        if isinstance(value, np.memmap) or (dtype.kind != "O" and dtype.hasobject) or dtype.kind == "m":
+            self._refuse(path, f"is an array of {dtype}" + (" in a file" if isinstance(value, np.memmap) else ""))
+        extra = [value.known_as] if hasattr(value, "known_as") else []
+        writeable, base = bool(value.flags.writeable), value.base
+        if dtype.kind == "O":
+            fill = partial(self._all, value.ravel().tolist(), path)
+            return self._later(value, "objects", own, fill, _joined(value.shape), writeable)
+        told = repr(dtype.descr) if dtype.names else dtype.str
+        if type(base) is np.ndarray and base.dtype.kind != "O" and value.size:
+            offset = value.__array_interface__["data"][0] - base.__array_interface__["data"][0]
+            contents = [told, offset, _joined(value.shape), _joined(value.strides), writeable, *extra]
+            return self._new(value, "view", own, [self._put(base, path), *contents])
+        # Laid out in memory as it is, because the last bits of what is computed from it may depend on that.
+        axes = list(range(value.ndim))
+        if value.size:
+            axes.sort(key=lambda axis: -abs(value.strides[axis]))
+        dense = np.ascontiguousarray(value.transpose(axes).view(np.ndarray)) if axes else value.view(np.ndarray)
+        contents = [dense.tobytes(), told, _joined(dense.shape), _joined(axes), writeable, *extra]
+        return self._new(value, "array", own, contents)
+
+    def _method(self, value: Any, path: Path) -> tuple[int]:
+        return self._new(value, "method", value.__func__.__name__, [self._put(value.__self__, (path, ".__self__"))])
+
+    def _builtin(self, value: Any, path: Path) -> tuple[int]:
+        owner = value.__self__
+        if owner is None or isinstance(owner, types.ModuleType):
+            return self._new(value, "fixed", named_class(value), [])
+        return self._new(value, "builtin", value.__name__, [self._put(owner, (path, ".__self__"))])
+
+    def _function(self, value: Any, path: Path) -> tuple[int]:
+        cells = [
+            self._put(cell, (path, f".{name}"))
+            for name, cell in zip(value.__code__.co_freevars, value.__closure__ or (), strict=True)
+        ]
+        return self._new(value, "function", named_class(value), cells)
+
+    def _cell(self, value: Any, path: Path) -> tuple[int]:
+        def fill() -> list[Any]:
+            try:
+                return [self._put(value.cell_contents, path)]
+            except ValueError:
+                return []
+
+        return self._later(value, "cell", "", fill)
+
+    def _partial(self, value: Any, path: Path) -> tuple[int]:
+        names = ("func", "args", "keywords")
+        fill = partial(map, lambda name: self._put(getattr(value, name), (path, f".{name}")), names)
+        return self._later(value, "partial", "", fill)
+
+    def _fixed(self, value: Any, path: Path) -> tuple[int]:
+        name = value.__name__ + ":" if isinstance(value, types.ModuleType) else named_class(value)
+        return self._new(value, "fixed", name, [])
+
+    def _enumeration(self, value: Any, path: Path) -> tuple[int]:
+        return self._new(value, "enum", named_class(type(value)), [value.name])
+
+    def _same(self, value: Any, path: Path) -> tuple[int]:
+        return self._new(value, "same", named_class(type(value)), [])
+
+    def _generator(self, value: Any, path: Path) -> tuple[int]:
+        kind = type(value.bit_generator).__name__
+        return self._new(value, "generator", kind, [self._put(value.bit_generator.state, path)])
+
+    def _range(self, value: Any, path: Path) -> tuple[int]:
+        return self._new(value, type(value).__name__, "", self._all((value.start, value.stop, value.step), path))
+
+    def _complex(self, value: complex, path: Path) -> tuple[int]:
+        return self._new(value, "complex", "", [value.real, value.imag])
+
+    def _dtype(self, value: Any, path: Path) -> tuple[int]:
+        return self._new(value, "dtype", value.str, [])
+
+    def _running(self, value: Any, path: Path) -> None:
+        what = "coroutine" if isinstance(value, types.CoroutineType) else "generator"
+        self._refuse(path, f"is a suspended {what}, `{value.__qualname__}`")
+
+
+def _joined(numbers: Iterable[int]) -> str:
+    """Several numbers as one atom."""
+    return ",".join(map(str, numbers))
+
+
+Taker = Callable[[Taking, Any, Path], Any]
+
+#: How instances of each kind are taken, the special kinds before the general ones; of all others their attributes.
+_TAKERS: tuple[tuple[Any, Taker], ...] = (
+    (np.ndarray, Taking._array),
+    (enum.Enum, Taking._enumeration),
+    (np.dtype, Taking._dtype),
+    (list | tuple | deque, Taking._sequence),
+    (dict, Taking._mapping),
+    (set | frozenset, Taking._set),
+    (types.MethodType, Taking._method),
+    (types.BuiltinFunctionType, Taking._builtin),
+    (types.FunctionType, Taking._function),
+    (types.CellType, Taking._cell),
+    (partial, Taking._partial),
+    (type | types.ModuleType | np.ufunc, Taking._fixed),
+    (np.random.Generator, Taking._generator),
+    (range | slice, Taking._range),
+    (complex, Taking._complex),
+    (types.CoroutineType | types.GeneratorType, Taking._running),
+    (PurePath, Taking._same),
+)

@@ -1,0 +1,156 @@
+"""The state of a simulation, taken and put back."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import symaware_cli as sa
+
+SCENARIOS = Path(__file__).parents[2] / "scenarios"
+
+#: Shipped scenarios of a world without a physics engine, and a step at which to take their state.
+KINEMATIC = {"hello": 12, "asynchronous": 11, "consensus": 9, "flooding": 20, "formation": 1, "noisy": 15, "mpc": 4}
+
+
+def messages(path, since=0):
+    """All messages of a log from a sequence number on, but those of wall time."""
+    return [
+        (each.sequence, each.time, each.channel.topic, each.data)
+        for each in sa.open_log(path).messages()
+        if each.channel.topic != "/timing" and each.sequence >= since
+    ]
+
+
+@pytest.mark.parametrize("name", KINEMATIC)
+def test_a_simulation_goes_on_from_its_state_as_if_nothing_had_come_between(name, tmp_path):
+    scenario, step = sa.load(SCENARIOS / f"{name}.yaml"), KINEMATIC[name]
+    with scenario.start(output=tmp_path / "whole.mcap") as simulation:
+        simulation.step(step + 8)
+        whole = simulation.state(next(iter(simulation.groups)))
+    with scenario.start(output=tmp_path / "again.mcap") as simulation:
+        simulation.step(step)
+        state = simulation.capture()
+        simulation.step(5)
+        simulation.restore(state)
+        simulation.step(8)
+        assert np.array_equal(simulation.state(next(iter(simulation.groups))), whole)
+    assert messages(tmp_path / "again.mcap") == messages(tmp_path / "whole.mcap")
+
+
+@pytest.mark.parametrize("name", ["billiards", "drones"])
+def test_a_world_with_a_physics_engine_is_refused_by_name(name):
+    with sa.load(SCENARIOS / f"{name}.yaml").start() as simulation:
+        simulation.step(2)
+        with pytest.raises(sa.StateError, match="the state of the environment cannot be taken: its engine"):
+            simulation.capture()
+        simulation.step()
+
+
+def test_a_fresh_process_goes_on_from_bytes_with_the_same_sequence_numbers(tmp_path):
+    path = SCENARIOS / "flooding.yaml"
+    scenario = sa.load(path)
+    with scenario.start(output=tmp_path / "whole.mcap") as simulation:
+        simulation.step(20)
+        (tmp_path / "state").write_bytes(simulation.capture().to_bytes())
+        simulation.step(10)
+    code = (
+        "import sys, symaware_cli as sa\n"
+        "from pathlib import Path\n"
+        "path, state, log = sys.argv[1:]\n"
+        "with sa.load(path).start(output=log) as simulation:\n"
+        "    simulation.restore(sa.SimulationState.from_bytes(Path(state).read_bytes()))\n"
+        "    simulation.step(10)\n"
+    )
+    arguments = [path, tmp_path / "state", tmp_path / "rest.mcap"]
+    subprocess.run(
+        [sys.executable, "-c", code, *map(str, arguments)], check=True, env={**os.environ, "PYTHONHASHSEED": "7"}
+    )
+    rest = [each for each in messages(tmp_path / "rest.mcap") if each[1] >= 2_000_000_000]
+    assert len(rest) > 50
+    assert rest == messages(tmp_path / "whole.mcap", since=rest[0][0])
+
+
+def test_a_state_can_be_put_back_as_often_as_one_likes(path):
+    with sa.load(path).start() as simulation:
+        simulation.step(3)
+        state, ends = simulation.capture(), []
+        for _ in range(3):
+            simulation.restore(state)
+            assert simulation.steps == 3
+            simulation.step(10)
+            ends.append(simulation.state("robot"))
+    assert np.array_equal(ends[0], ends[1])
+    assert np.array_equal(ends[0], ends[2])
+
+
+def test_controls_from_outside_are_part_of_the_state(path):
+    with sa.load(path).start() as simulation:
+        simulation.step(2)
+        simulation.set_control("robot.0", np.full(len(simulation.control_columns("robot")), 0.25))
+        state = simulation.capture()
+        simulation.step(5)
+        wanted = simulation.state("robot")
+        simulation.set_control("robot.0", None)
+        simulation.restore(state)
+        simulation.step(5)
+        assert np.array_equal(simulation.state("robot"), wanted)
+
+
+def test_what_was_handed_out_before_does_not_change_as_a_state_is_put_back(path):
+    with sa.load(path).start() as simulation:
+        simulation.step(2)
+        state = simulation.capture()
+        simulation.step(4)
+        held = simulation.state("robot")
+        before = held.copy()
+        simulation.restore(state)
+        assert np.array_equal(held, before)
+
+
+def test_the_state_of_another_seed_is_refused(path):
+    with sa.load(path).start(seed=1) as one, sa.load(path).start(seed=2) as other:
+        one.step(2)
+        before = other.state("robot")
+        with pytest.raises(sa.StateError, match="of another seed"):
+            other.restore(one.capture())
+        assert other.steps == 0
+        assert np.array_equal(other.state("robot"), before)
+
+
+def test_bytes_that_are_no_state_are_refused(path):
+    with sa.load(path).start() as simulation:
+        data = simulation.capture().to_bytes()
+    with pytest.raises(sa.StateError, match="not the state"):
+        sa.SimulationState.from_bytes(b"something else")
+    with pytest.raises(sa.StateError, match="damaged"):
+        sa.SimulationState.from_bytes(data[:-20])
+
+
+def test_a_run_that_is_over_has_no_state_to_take(path):
+    with sa.load(path).start() as simulation:
+        simulation.finish()
+        with pytest.raises(sa.StateError, match="is over: finished"):
+            simulation.capture()
+
+
+def test_a_log_does_not_go_back_behind_what_another_one_knows(path, tmp_path):
+    with sa.load(path).start(output=tmp_path / "one.mcap") as one:
+        one.step(2)
+        state = one.capture()
+    with sa.load(path).start(output=tmp_path / "other.mcap") as other:
+        other.step(5)
+        with pytest.raises(sa.StateError, match=r"cannot go back to .* s: the state was not taken"):
+            other.restore(state)
+        other.step()
+    with sa.load(path).start() as silent:
+        silent.step(2)
+        with_none = silent.capture()
+    with (
+        sa.load(path).start(output=tmp_path / "third.mcap") as third,
+        pytest.raises(sa.StateError, match="without the log"),
+    ):
+        third.restore(with_none)

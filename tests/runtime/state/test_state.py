@@ -1,0 +1,260 @@
+"""Objects taken apart and put together again."""
+
+import enum
+import threading
+from collections import Counter, OrderedDict, defaultdict, deque
+from dataclasses import dataclass
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from symaware_cli.core import TimeSeries
+from symaware_cli.core.state import StateError
+from symaware_cli.runtime.state.counterparts import Counterparts
+from symaware_cli.runtime.state.putting import Putting
+from symaware_cli.runtime.state.taking import Taking
+
+PACKAGES = {__name__.partition(".")[0], "symaware_cli"}
+
+
+class Thing:
+    """Something with attributes."""
+
+    def __init__(self, **attributes):
+        vars(self).update(attributes)
+
+    def method(self):
+        return self
+
+
+class Slotted:
+    __slots__ = ("_a", "b")
+
+
+class Colour(enum.Enum):
+    RED = "red"
+
+
+class Pair(NamedTuple):
+    one: int
+    other: int
+
+
+@dataclass(frozen=True)
+class Value:
+    part: object
+
+
+def take(thing):
+    return Taking({"thing": thing}, PACKAGES).entries
+
+
+def put(entries, thing):
+    Putting(Counterparts(entries, {"thing": thing}, PACKAGES)).put()
+
+
+def moved(**attributes):
+    """A thing that got its attributes from another one."""
+    thing = Thing()
+    put(take(Thing(**attributes)), thing)
+    return thing
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        *(None, True, 3, 2**80, -1.5, "text", b"bytes", 1 + 2j, np.float32(0.1), np.int64(3)),
+        *([1, [2]], (1, (2, "a")), {"a": 1, 2: (3,), (4, 5): 6}, {3, 1}, frozenset({"a"}), deque([1, 2], maxlen=3)),
+        *(Counter("aab"), OrderedDict(b=1, a=2), defaultdict(list, {"a": [1]}), Pair(1, 2), Colour.RED),
+        *(Value([1]), range(2, 9, 3), slice(1, None), np.dtype("f4"), int, len),
+    ],
+    ids=repr,
+)
+def test_a_value_is_equal_and_of_the_same_type_afterwards(value):
+    found = moved(value=value).value
+    assert type(found) is type(value)
+    assert found == value
+
+
+@pytest.mark.parametrize(
+    "array",
+    [
+        *(np.arange(6.0).reshape(2, 3), np.asfortranarray(np.arange(6.0).reshape(2, 3)), np.zeros((0, 3)), np.array(4)),
+        *(np.array(["a", "bc"]), np.array([True, False]), np.zeros(2, [("x", "f8"), ("y", "i4")])),
+        np.arange(24).reshape(2, 3, 4).transpose(2, 0, 1).copy(order="K"),
+    ],
+    ids=repr,
+)
+@pytest.mark.parametrize("writeable", [True, False])
+def test_an_array_has_the_same_bits_layout_and_permission(array, writeable):
+    array = array.copy(order="K")
+    array.flags.writeable = writeable
+    found = moved(array=array).array
+    assert (found.dtype, found.shape, found.strides) == (array.dtype, array.shape, array.strides)
+    assert found.tobytes() == array.tobytes()
+    assert found.flags.writeable == writeable
+    assert found.base is None
+
+
+def test_an_array_of_objects_holds_the_same_objects():
+    part = [1]
+    array = np.empty(2, object)
+    array[:] = [part, "text"]
+    found = moved(array=array, part=part)
+    assert found.array[0] is found.part
+    assert found.array[1] == "text"
+
+
+def test_a_view_still_shows_the_array_that_it_showed():
+    base = np.arange(12.0).reshape(3, 4)
+    found = moved(base=base, view=base[::2, 1:][::-1])
+    assert np.array_equal(found.view, base[::2, 1:][::-1])
+    found.base[0, 1] = 77.0
+    assert found.view[1, 0] == 77.0
+
+
+def test_what_was_one_object_is_one_object_even_in_a_circle():
+    circle = [1]
+    circle.append(circle)
+    found = moved(one=circle, other=circle)
+    assert found.one is found.other
+    assert found.one[1] is found.one
+
+
+def test_an_object_that_stands_is_the_same_one_afterwards():
+    inner, held = Thing(number=1), [1]
+    thing = Thing(inner=inner, held=held, bound=inner.method, called=partial(inner.method))
+    entries = take(thing)
+    inner.number, inner.extra, thing.held, thing.bound = 2, 3, [1, 2], None
+    put(entries, thing)
+    assert thing.inner is inner
+    assert vars(inner) == {"number": 1}
+    assert thing.held == [1]
+    assert thing.bound() is inner
+    assert thing.called() is inner
+
+
+def test_slots_without_a_value_have_none_afterwards():
+    source, target = Slotted(), Slotted()
+    source.b, target._a = 1, 2
+    entries = take(source)
+    put(entries, target)
+    assert target.b == 1
+    assert not hasattr(target, "_a")
+
+
+def test_what_never_changes_is_not_changed_under_the_hands_of_who_holds_it():
+    thing = Thing(series=TimeSeries({0.0: [1.0]}), value=Value(1))
+    entries = take(thing)
+    series, value = thing.series, thing.value
+    thing.series, thing.value = later = TimeSeries({0.0: [2.0]}), Value(2)
+    put(entries, thing)
+    assert thing.series == series
+    assert thing.value == value
+    assert later == (TimeSeries({0.0: [2.0]}), Value(2))
+
+
+def test_a_function_keeps_what_it_remembers():
+    count = 0
+
+    def step():
+        nonlocal count
+        count += 1
+        return count
+
+    thing = Thing(step=step)
+    step()
+    entries = take(thing)
+    step()
+    put(entries, thing)
+    assert thing.step is step
+    assert step() == 2
+
+
+def test_a_generator_of_chance_draws_on_from_where_it_was():
+    thing = Thing(random=np.random.default_rng(3))
+    thing.random.random(5)
+    entries = take(thing)
+    wanted = thing.random.random(3)
+    put(entries, thing)
+    assert np.array_equal(thing.random.random(3), wanted)
+    assert np.array_equal(moved(random=np.random.Generator(np.random.Philox(2))).random.random(), 0) is False
+
+
+@pytest.mark.parametrize(
+    ("value", "said"),
+    [
+        (threading.Lock(), r"the state of thing\.inner\.value cannot be taken: it is a _thread\.lock; .*`uncaptured`"),
+        ((each for each in "ab"), r"it is a suspended generator, `<genexpr>`"),
+        (threading.Thread(), r"it is a threading\.Thread"),
+    ],
+)
+def test_what_cannot_be_taken_is_refused_with_the_place_where_it_stands(value, said):
+    with pytest.raises(StateError, match=said):
+        take(Thing(inner=Thing(value=value)))
+
+
+def test_an_open_file_is_refused(tmp_path):
+    with open(tmp_path / "file", "w") as file, pytest.raises(StateError, match=r"it is a _io\.TextIOWrapper"):
+        take(Thing(file=file))
+
+
+def test_attributes_that_hold_no_state_stay_what_they_are():
+    class Holder(Thing):
+        uncaptured = ("lock",)
+
+    thing = Holder(lock=threading.Lock(), number=1)
+    entries = take(thing)
+    lock, thing.number = thing.lock, 2
+    put(entries, thing)
+    assert thing.lock is lock
+    assert thing.number == 1
+
+
+class Speaking:
+    uncaptured = "*"
+
+    def __init__(self):
+        self.engine, self.number = threading.Lock(), 1
+
+    def captured(self):
+        return {"number": self.number}
+
+    def check_state(self, state):
+        if state["number"] < 0:
+            raise StateError("a negative number")
+
+    def restored(self, state):
+        self.number = state["number"]
+
+
+def test_an_object_may_tell_its_state_itself():
+    thing = Thing(speaking=Speaking())
+    entries = take(thing)
+    thing.speaking.number = 2
+    put(entries, thing)
+    assert thing.speaking.number == 1
+
+
+def test_nothing_has_changed_where_a_state_is_refused():
+    thing = Thing(number=1, speaking=Speaking())
+    thing.speaking.number = -1
+    entries = take(thing)
+    thing.number = thing.speaking.number = 2
+    with pytest.raises(StateError, match="a negative number"):
+        put(entries, thing)
+    assert thing.number == thing.speaking.number == 2
+
+
+def test_a_local_function_that_does_not_stand_is_not_made():
+    with pytest.raises(StateError, match=r"the state of thing\.call cannot be put here: the function .*<lambda>"):
+        moved(call=lambda: 1)
+
+
+def test_only_known_classes_and_data_classes_are_made():
+    assert moved(value=Value(Thing(a=1))).value.part.a == 1
+    entries = take(Thing(value=Thing(a=1)))
+    with pytest.raises(StateError, match=r"thing\.value cannot be put here: the object of the class .*Thing"):
+        Counterparts(entries, {"thing": Thing()}, {"other"})
