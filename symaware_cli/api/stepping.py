@@ -163,6 +163,18 @@ class SteppedSimulation:
         group, row = self._find(name)
         return _part(group.awareness.state, row, group.model.state, columns)
 
+    def awareness(self, name: str, part: str, *columns: str) -> Array:
+        """A part of what agents are aware of, of themselves, such as ``risk``; as `state`.
+
+        Of a series it is the first point. What was never said is NaN.
+        """
+        group, row = self._find(name)
+        column, declared = group.awareness.columns.get(part), group.awareness.parts.get(part)
+        if column is None or declared is None:
+            raise KeyError(_unknown("part of awareness", part, list(group.awareness.columns)))
+        values = np.array([column.present(each) for each in range(len(group))])
+        return _part(values, row, declared.columns or (), columns)
+
     def control(self, name: str, *columns: str) -> Array:
         """The control input that was requested last; as `state`, with the columns of `control_columns`."""
         group, row = self._find(name)

@@ -66,7 +66,8 @@ def inspect(
         str | None,
         typer.Option(
             help="Values over time, such as `robot.0:state` or `robot:world:x`. NAME: an agent, a group, an entity. "
-            "FIELD: state, world, control, control_requested, intent, uncertainty, risk, or a sensor's name.",
+            "FIELD: state, world, control, control_requested, intent, uncertainty, risk, another part of "
+            "awareness, or a sensor's name.",
             metavar="NAME:FIELD[:COLUMN]",
             rich_help_panel=VIEW,
         ),

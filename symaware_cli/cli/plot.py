@@ -36,8 +36,8 @@ def plot(
     show: Annotated[
         str | None,
         typer.Option(
-            help="The panels, separated by commas: trajectories, separation, risk, speed, altitude, control. By "
-            "default those that suit the log.",
+            help="The panels, separated by commas: trajectories, separation, risk, speed, altitude, control, or a "
+            "part of awareness. By default those that suit the log.",
             metavar="PANELS",
         ),
     ] = None,
@@ -45,7 +45,8 @@ def plot(
         list[str] | None,
         typer.Option(
             help="A series to plot, such as `robot.0:state:heading` or `robot:risk`, of an agent, a group or an "
-            "entity; may be repeated. The fields: state, world, control, control_requested, intent, uncertainty, risk.",
+            "entity; may be repeated. The fields: state, world, control, control_requested, intent, uncertainty, risk, "
+            "and further parts of awareness.",
             metavar="NAME:FIELD[:COLUMN]",
         ),
     ] = None,

@@ -54,6 +54,7 @@ def _text(description: Description) -> str:
         ("Control input", description.control_input),
         ("Needs the knowledge", description.knowledge),
         ("Needs of the world", description.requires),
+        ("Writes the parts of awareness", description.parts),
         ("Fires the events", description.events),
     ]
     if description.parameters:

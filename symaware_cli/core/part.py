@@ -30,8 +30,8 @@ class Part:
         merge: Which of two sources counts of another agent's part: the ``latest``, or with ``seen-first`` what an
             agent's own components wrote, and only where they wrote nothing what it was told.
         drawn: How it is drawn, which the log says too: as a ``curve`` for each number; as a ``path`` through the
-            positions in it; as the ``ellipse`` of a covariance of the position; as ``bars`` for numbers that share a
-            whole, such as probabilities. None for not at all.
+            positions of a series; as the ``ellipse`` of the covariance of the position in one; as ``bars`` for numbers
+            that share a whole, such as probabilities. None for not at all.
         description: What it says, in a few words.
     """
 
@@ -53,6 +53,8 @@ class Part:
             if given not in known:
                 listed = ", ".join(str(each) for each in known)
                 raise ValueError(f"`{what}` of the part `{self.name}` is one of {listed}, not {given!r}")
+        if self.kind == "vector" and self.drawn in ("path", "ellipse"):
+            raise ValueError(f"the part `{self.name}` is a vector, and only a series is drawn as a {self.drawn}")
         if self.columns is None:
             return
         columns = tuple(self.columns)

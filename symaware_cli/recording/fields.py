@@ -56,7 +56,7 @@ def part_of(info: ChannelInfo) -> Part | None:
         kind, drawn = said.get("part"), said.get("drawn")
         if kind not in PART_MESSAGES or not name.isidentifier() or name != name.lower():
             return part
-        known = drawn if drawn in get_args(Drawn) else None
+        known = drawn if drawn in get_args(Drawn) and (kind == "series" or drawn in ("curve", "bars")) else None
         merge = "seen-first" if part is None else part.merge
         part = Part(name, kind, None, merge, known, said.get("description", ""))  # type: ignore[arg-type]
     names, units = (said[key].split(",") if said.get(key) else [] for key in ("columns", "units"))

@@ -9,8 +9,9 @@ from typing import Any
 
 from pydantic_core import to_jsonable_python
 
-from symaware_cli.core import Model
+from symaware_cli.core import Model, Part
 from symaware_cli.scenario.catalogue import GROUPS, Catalogue, Listing, PluginError
+from symaware_cli.scenario.parts import declared_by
 from symaware_cli.scenario.problem import nearest
 
 
@@ -47,6 +48,7 @@ class Description:
         events: What it fires, with what each means.
         knowledge: What an agent must know for it to work.
         requires: What the world must have for it to work, with where it is.
+        parts: The parts of awareness that it writes beside those of every agent, with what each says.
         state: Names and units of the state, for a model.
         control_input: Names and units of the control input, for a model.
     """
@@ -60,6 +62,7 @@ class Description:
     events: dict[str, str]
     knowledge: dict[str, str]
     requires: dict[str, str]
+    parts: dict[str, str]
     state: dict[str, str]
     control_input: dict[str, str]
 
@@ -112,9 +115,15 @@ def _describe(listing: Listing, plugin: Any) -> Description:
         dict(getattr(plugin, "events", {})),
         dict(getattr(plugin, "knowledge", {})),
         dict(getattr(plugin, "requires", {})),
+        {part.name: _said_of(part) for part in declared_by(plugin)},
         {quantity.name: quantity.unit for quantity in plugin.state} if is_model else {},
         {quantity.name: quantity.unit for quantity in plugin.control_input} if is_model else {},
     )
+
+
+def _said_of(part: Part) -> str:
+    columns = f" of {', '.join(part.column_names)}" if part.columns else ""
+    return f"a {part.kind}{columns}" + (f": {part.description}" if part.description else "")
 
 
 _BOUNDS = {"exclusiveMinimum": ">", "minimum": ">=", "exclusiveMaximum": "<", "maximum": "<="}

@@ -11,6 +11,7 @@ from symaware_cli.network.transport.address import is_loopback, parse_address
 from symaware_cli.runtime.distributed.company import Company, Identity
 from symaware_cli.runtime.distributed.host import Host
 from symaware_cli.runtime.distributed.member import Member
+from symaware_cli.runtime.scope import further_parts
 from symaware_cli.scenario.build import Built
 from symaware_cli.scenario.catalogue import Catalogue
 from symaware_cli.scenario.place import DistributionError, Place
@@ -41,6 +42,12 @@ def company(built: Built, place: Place) -> Company:
     if not environment.is_shared:
         use = built.simulation.environment_use
         raise DistributionError(f"the world `{use}` cannot be followed by other processes")
+    if built.terms.until is not None:
+        names = {*further_parts(built.simulation.groups)} & {*built.terms.until.names}
+        if names:
+            raise DistributionError(
+                f"`run.until` looks at `{min(names)}`, which the process knows that runs the agent, and not the host"
+            )
     agents = _chosen(built, place)
     key = None if place.key is None else _key(place.key)
     if key is None and not is_loopback(host):

@@ -19,6 +19,12 @@ from symaware_cli.scenario.source import Path
 _TAKEN = frozenset({*TABLES, *FIELDS, *KINDS, *AGENT_NAMES, *FUNCTIONS, "applied", "id"})
 
 
+def declared_by(plugin: Any) -> Sequence[Part]:
+    """The parts that a plugin declares; none where what it says is no list of parts."""
+    parts = getattr(plugin, "parts", ())
+    return parts if isinstance(parts, Sequence) and all(isinstance(part, Part) for part in parts) else ()
+
+
 def declared_parts(
     components: Iterable[tuple[BaseComponent[Any], str, Path]], report: Callable[..., None]
 ) -> Sequence[Part]:

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Sequence
 from typing import Any
 
-from symaware_cli.core import Part
 from symaware_cli.scenario.catalogue import GROUPS, Catalogue, PluginError
 from symaware_cli.scenario.document import Scenario
-from symaware_cli.scenario.parts import omittable
+from symaware_cli.scenario.parts import declared_by, omittable
 from symaware_cli.scenario.sampling import Grid, Ring
 
 _USES = {
@@ -51,10 +49,7 @@ def scenario_schema(
                 continue
             names.append({"const": listing.name, "description": (inspect.getdoc(plugin) or "").partition("\n")[0]})
             branches.append(_branch(listing.name, kind, plugin, definitions))
-            parts = getattr(plugin, "parts", ())
-            declared.update(
-                part.name for part in (parts if isinstance(parts, Sequence) else ()) if isinstance(part, Part)
-            )
+            declared.update(part.name for part in declared_by(plugin))
         for use in _USES[kind]:
             definitions[use]["properties"]["use"]["anyOf"] = names
             definitions[use]["allOf"] = branches

@@ -88,6 +88,10 @@ def test_a_state_is_that_of_a_group_or_an_agent_by_columns(scenario):
         assert simulation.state("lone").shape == (2,)
         assert not np.array_equal(simulation.belief("robot"), everything)  # it is noisy
         assert simulation.control("robot.0").shape == (2,)
+        assert (simulation.awareness("robot", "state") == simulation.belief("robot")).all()
+        assert simulation.awareness("robot.1", "intent", "x", "y").shape == (2,)
+        with pytest.raises(KeyError, match="there is no part of awareness 'rsk'; did you mean 'risk'"):
+            simulation.awareness("robot", "rsk")
         with pytest.raises(KeyError, match="there is no group or agent 'robto'; did you mean 'robot'"):
             simulation.state("robto")
         with pytest.raises(KeyError, match="there is no column 'headin'; did you mean 'heading'"):

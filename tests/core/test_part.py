@@ -102,6 +102,7 @@ def test_what_another_told_of_a_part_stands_beside_what_is_believed_of_its_state
         ({"name": "a", "kind": "matrix"}, "`kind` of the part `a` is one of vector, series"),
         ({"name": "a", "drawn": "cake"}, "`drawn` of the part `a` is one of curve, path, ellipse, bars, None"),
         ({"name": "a", "merge": "both"}, "`merge` of the part `a` is one of"),
+        ({"name": "a", "drawn": "path"}, "only a series is drawn as a path"),
         ({"name": "a", "columns": []}, "at least one"),
         ({"name": "a", "columns": ["x"]}, "a `Quantity` each"),
         ({"name": "a", "columns": [Quantity("x", "m"), Quantity("x", "s")]}, "same name"),

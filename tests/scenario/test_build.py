@@ -265,6 +265,36 @@ def test_a_required_parameter_beside_with_is_one_problem(problems: Problems) -> 
             r"`broken.nameless-quantities` cannot work here: .* not a list of `Quantity` for each series",
         ),
         (
+            {"components": {"c": {"use": "broken.foreseeing"}}},
+            "unsuitable",
+            "components.c",
+            r"`broken.foreseeing` cannot work here: .* about 'future', and the series are intent, uncertainty, risk",
+        ),
+        (
+            {"components": {"c": {"use": "broken.taken"}}},
+            "broken-plugin",
+            "components.c",
+            r"`broken.taken` declares a part `control`, and something else is called so",
+        ),
+        (
+            {"components": {"c": {"use": "broken.riskier"}}},
+            "unsuitable",
+            "components.c",
+            r"`broken.riskier` and every agent have a part `risk` each, and not the same",
+        ),
+        (
+            {"components": {"c": {"use": "broken.endless"}}},
+            "broken-plugin",
+            "components.c",
+            r"`broken.endless` declares a part `modes`, a vector, and names no columns",
+        ),
+        (
+            {"components": {"c": {"use": "broken.part-names"}}},
+            "broken-plugin",
+            "components.c",
+            r"the `parts` of `broken.part-names` are not a list of `Part`",
+        ),
+        (
             {"model": {"use": "broken.stateless"}},
             "broken-plugin",
             "model.use",

@@ -14,6 +14,7 @@ from foxglove_schemas_protobuf.SceneEntity_pb2 import SceneEntity
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from numpy.typing import NDArray
 
+from symaware_cli.core import Part
 from symaware_cli.recording import journal, wire
 from symaware_cli.recording.index import ChannelInfo
 from symaware_cli.recording.sensing import IMAGE, MEASUREMENT, SCAN, sensors
@@ -31,7 +32,7 @@ from symaware_cli.viewing.foxglove.sensors import Camera, Lidar
 from symaware_cli.viewing.palette import CONTACT, GOAL, tinted
 
 Array = NDArray[np.float64]
-Take = Callable[[int, Any], None]
+Take = Callable[[int, Any], Any]
 
 #: How often a trail has a point, and how many; those of a crowd are shorter [ns].
 _TRAIL = (200_000_000, 50)
@@ -189,6 +190,11 @@ class _Held:
         return self._values
 
 
+def _layer(part: Part) -> str:
+    """What the drawings of a part are called."""
+    return {"intent": "intents", "uncertainty": "uncertainties"}.get(part.name, part.name)
+
+
 class _Troupe:
     """A group of agents: bodies, trails, minds and curves."""
 
@@ -209,11 +215,12 @@ class _Troupe:
         self._tints: NDArray[np.intp] = np.full(len(troupe.agents), -1)
         self._believed: Array | None = None
         self._goals: dict[str, SceneEntity] = {}
-        self._ahead: dict[str, SceneEntity] = {}
+        self._ahead: dict[str, dict[str, SceneEntity]] = {}
         self._trail_step, length = _TRAIL_OF_MANY if crowd else _TRAIL
         self._trail: deque[Array] = deque(maxlen=length)
         self._trail_due = 0
-        layers = ("bodies", "labels", "trails", "goals", "intents", "uncertainties")
+        layers = ["bodies", "labels", "trails", "goals"]
+        layers += [_layer(part) for how in ("path", "ellipse") for part, _ in troupe.drawn(how)]
         self._layers = {kind: Layer(output, f"/{kind}/{troupe.name}") for kind in layers}
         self._show_bodies(start, np.zeros(len(troupe.agents)))
         # The names of a crowd would hide it.
@@ -222,16 +229,28 @@ class _Troupe:
         self.takers: dict[str, Take] = {
             f"/world/{troupe.name}/state": self._world,
             f"/world/{troupe.name}/pose": self._pose,
-            f"{self._agents}/state": self._state,
             f"{self._agents}/control": partial(self._numbers, f"{self._agents}/control"),
             f"/world/{troupe.name}/control": partial(self._numbers, f"/world/{troupe.name}/control"),
-            f"{self._agents}/risk": self._risk,
-            f"{self._agents}/intent": self._intent,
-            f"{self._agents}/uncertainty": self._uncertainty,
             f"{self._agents}/knowledge": self._knowledge,
         }
+        self.takers |= {f"{self._agents}/{part.name}": self._taker(part) for part in troupe.parts.values()}
         for topic in sensors(channels, troupe.name, MEASUREMENT).values():
             self.takers[topic] = partial(self._numbers, topic)
+
+    def _taker(self, part: Part) -> Take:
+        """What draws a part of awareness."""
+        topic = f"{self._agents}/{part.name}"
+        if part.name in ("state", "risk"):
+            return self._state if part.name == "state" else self._risk
+        if part.kind == "vector":
+            return partial(self._numbers, topic)
+        match part.drawn:
+            case "path":
+                return partial(self._path, part)
+            case "ellipse":
+                return partial(self._spread, part)
+            case _:
+                return partial(self._firsts, topic)
 
     def _numbers(self, topic: str, time: int, message: wire.Rows) -> None:
         self._plot(topic, time, self._update(topic, message.rows, message.values))
@@ -261,9 +280,9 @@ class _Troupe:
         if values.shape[1]:
             self._show_bodies(time, values[:, 0])
 
-    def _intent(self, time: int, message: wire.SeriesRows) -> None:
+    def _path(self, part: Part, time: int, message: wire.SeriesRows) -> None:
         troupe = self._troupe
-        names = [name for name, _ in self._quantities(f"{self._agents}/intent", message.values.shape[1])]
+        names = [name for name, _ in self._quantities(f"{self._agents}/{part.name}", message.values.shape[1])]
         columns = position_columns(troupe, names)
         if columns is None and message.values.shape[1] == len(troupe.position):
             columns = list(range(len(troupe.position)))
@@ -271,16 +290,17 @@ class _Troupe:
             return
         ways = replace(message, values=in_space(message.values[:, columns]))
         sound = bool(np.isfinite(ways.values).all())
+        ahead = self._ahead.setdefault(part.name, {})
         for row, (_, points) in zip(self._rows(message.rows), ways, strict=False):
             id = troupe.agents[row]
-            self._ahead.pop(id, None)
+            ahead.pop(id, None)
             if len(points) > 1 and (sound or np.isfinite(points).all()):
-                self._ahead[id] = entity(id, time)
-                self._ahead[id].lines.append(entities.line(points, colour(troupe.colours[row], 0.7), 2.0))
-        self._layers["intents"].show(time, self._ahead.values())
+                ahead[id] = entity(id, time)
+                ahead[id].lines.append(entities.line(points, colour(troupe.colours[row], 0.7), 2.0))
+        self._layers[_layer(part)].show(time, ahead.values())
 
-    def _uncertainty(self, time: int, message: wire.SeriesRows) -> None:
-        troupe, topic = self._troupe, f"{self._agents}/uncertainty"
+    def _spread(self, part: Part, time: int, message: wire.SeriesRows) -> None:
+        troupe, topic = self._troupe, f"{self._agents}/{part.name}"
         values = self._firsts(topic, time, message)
         names = [name for name, _ in self._quantities(topic, message.values.shape[1])]
         covariance, samples = covariance_columns(troupe, names), sample_columns(troupe, names)
@@ -300,7 +320,7 @@ class _Troupe:
                 shade = colour(troupe.colours[row], 0.4)
                 made.lines.extend(entities.line(strip, shade, 1.0) for strip in strips if np.isfinite(strip).all())
                 shown.append(made)
-        self._layers["uncertainties"].show(time, shown)
+        self._layers[_layer(part)].show(time, shown)
 
     def _knowledge(self, time: int, message: Any) -> None:
         troupe = self._troupe

@@ -5,7 +5,7 @@ from typing import Any
 
 from pydantic import Field, field_validator
 
-from symaware_cli import AgentGroup, Component, Environment, GroupComponent, Model, Parameters, Quantity
+from symaware_cli import AgentGroup, Component, Environment, GroupComponent, Model, Parameters, Part, Quantity
 
 
 def function() -> None:
@@ -124,6 +124,38 @@ class NamelessQuantities(_Idle):
     def series_quantities(self, group: AgentGroup) -> Any:
         """Leave out the units."""
         return {"intent": ["x", "y"]}
+
+
+class Taken(_Idle):
+    """Calls a part of awareness as a log calls something else."""
+
+    parts = (Part("control", columns=[Quantity("x", "m")]),)
+
+
+class Riskier(_Idle):
+    """Declares a part that every agent has in another way."""
+
+    parts = (Part("risk", columns=[Quantity("x", "m")]),)
+
+
+class Endless(_Idle):
+    """Declares a vector and does not say how long it is."""
+
+    parts = (Part("modes"),)
+
+
+class PartNames(_Idle):
+    """Declares parts by their names alone."""
+
+    parts = ("modes",)
+
+
+class Foreseeing(_Idle):
+    """Names the columns of what is no part."""
+
+    def series_quantities(self, group: AgentGroup) -> Any:
+        """Say something of the future."""
+        return {"future": [Quantity("x", "m")]}
 
 
 class Stateless(Model):
