@@ -47,6 +47,7 @@ COMPONENTS = {
     "doubles.chance": "Chance",
     "doubles.risk": "Risk",
     "doubles.thinker": "Thinker",
+    "doubles.napper": "Napper",
     "doubles.odd": "Odd",
     "doubles.unruly": "Unruly",
     "doubles.kernels": "Kernels",
@@ -373,6 +374,7 @@ class Thinker(Controller):
     """A controller that has state, draws by chance and fires events, as a planner does; and that may die of it."""
 
     events: ClassVar = {"thought": "It computed."}
+    uncaptured: ClassVar = ("_solver",)
 
     class Parameters(Parameters):
         """What becomes of it."""
@@ -411,6 +413,19 @@ class Thinker(Controller):
     def _update(self, value):
         super()._update(value)
         self._last = np.array(value[0])
+
+
+class Napper(Component):
+    """Sleeps within each turn."""
+
+    async def _async_compute(self):
+        await self.sleep(0.12)
+
+    def _compute(self):
+        """Nothing."""
+
+    def _update(self, value):
+        """Nothing."""
 
 
 class Unruly(GroupComponent):
