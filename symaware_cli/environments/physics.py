@@ -73,7 +73,7 @@ class PhysicsEnvironment(ColumnEnvironment):
         )
 
     def captured(self) -> NoReturn:
-        """Refuse: engines keep what nobody can read, such as the impulses with which they begin to solve contacts.
+        """Refuse: what engines let one save of themselves is not all that they go on from, in another process at least.
 
         Raises:
             StateError: Always.
