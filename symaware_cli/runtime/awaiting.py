@@ -72,6 +72,8 @@ class Wakeups:
 
     def clear(self) -> None:
         """Take out all that are left."""
+        if not self._entered:
+            return
         for entry in self._entered.values():
             self._queue.cancel(entry)
         self._entered.clear()
@@ -296,6 +298,8 @@ class Awaiter:
         Raises:
             ForeignWaitError: It cannot be waited for here.
         """
+        if type(wait) is Sleep:
+            return _Timer(wait.duration)
         bridge = self.bridge
         if not isinstance(wait, Wait) and bridge is not None and bridge.is_awaitable(wait):
             return _Future(wait, bridge, is_part=False)

@@ -129,25 +129,21 @@ class Instants:
             self._latched = None
         return None
 
-    def next_instant(self, before: int) -> int:
-        """Messages arrive at instants of their own in the asynchronous mode."""
-        if not self._is_asynchronous:
-            return before
-        exchange = self._simulation.exchange
-        if exchange.sent != self._sent:
-            # Only what was sent or delivered changes which is next.
-            arrival = exchange.next_time
-            self._sent, self._arrival = exchange.sent, math.inf if arrival is None else arrival
-        return before if self._arrival >= before else max(int(self._arrival), self._simulation.clock.now + 1)
-
-    def wait(self, upcoming: int) -> int:
-        """Sleep where there is a pace to be kept."""
+    def await_next(self, upcoming: int) -> int:
+        """Messages arrive at instants of their own in the asynchronous mode; sleep where there is a pace to be kept."""
+        if self._is_asynchronous:
+            exchange = self._simulation.exchange
+            if exchange.sent != self._sent:
+                # Only what was sent or delivered changes which is next.
+                arrival = exchange.next_time
+                self._sent, self._arrival = exchange.sent, math.inf if arrival is None else arrival
+            if self._arrival < upcoming:
+                upcoming = max(int(self._arrival), self._simulation.clock.now + 1)
         return self._sleep(self._pacer, upcoming) if self._pacer else upcoming
 
     def pause(self) -> None:
         """Keep the control inputs: the world moves under what was requested when its step began."""
-        if self._latched is None:
-            self._latched = [(group.control_column, group.control_input) for group in self._simulation.groups]
+        self._latched = [(group.control_column, group.control_input) for group in self._simulation.groups]
 
     def step(self, upcoming: int) -> str | None:
         """Move the world, under what was requested when its step began."""

@@ -28,14 +28,11 @@ class Hooks(Protocol):
     def end(self, now: int, is_step: bool) -> str | None:
         """An instant ends, before the world moves; return why the run is over, if it is."""
 
-    def next_instant(self, before: int) -> int:
-        """The next instant that is not in the queue, in nanoseconds, if it is before another one; else that one."""
-
-    def wait(self, upcoming: int) -> int:
-        """Wait until it is time for an instant; return it, or an earlier one at which there is something to do."""
+    def await_next(self, upcoming: int) -> int:
+        """Wait until it is time for an instant [ns]; return it, or an earlier one at which there is something to do."""
 
     def pause(self) -> None:
-        """There is an instant before the next step: the world goes on to move as it would have, whatever comes."""
+        """There are instants before the next step: the world goes on to move as it would have, whatever comes."""
 
     def step(self, upcoming: int) -> str | None:
         """Move the world, before the clock; return why the run is over, if it is."""
@@ -119,9 +116,10 @@ class Kernel:
             upcoming = self.next_step
             if entries and entries[0][0] < upcoming:
                 upcoming = entries[0][0]
-            upcoming = hooks.wait(hooks.next_instant(upcoming))
+            upcoming = hooks.await_next(upcoming)
             if upcoming < self.next_step:
-                hooks.pause()
+                if is_step:
+                    hooks.pause()
                 queue.begin(upcoming)
                 continue
             over = hooks.step(upcoming)

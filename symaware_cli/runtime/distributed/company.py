@@ -131,7 +131,8 @@ class Company(ABC):
         simulation = self._simulation
         level = Level[notice.level] if notice.level in Level.__members__ else Level.INFO
         now, data, subject = simulation.clock.now, dict(notice.data), None if recorded else self
-        simulation.events.fire(Event(notice.name, notice.source, now, level, notice.text, data, subject))
+        agent = simulation.agent_of(notice.source)
+        simulation.events.fire(Event(notice.name, notice.source, now, level, notice.text, data, subject, agent))
 
     def _wait(self, deadline: float | None = None) -> Happening | None:
         """Wait for what happens next, with signals let through; None if a moment of the monotonic clock comes first."""
