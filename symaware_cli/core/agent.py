@@ -60,6 +60,7 @@ class AgentGroup:
         knowledge_changes: What changed in it.
         awareness: What each agent is aware of.
         initial_state: Where each starts, read-only; shape (n, nx).
+        present: Which of them are in the world, read-only; shape (n,). None for all of them.
         surroundings: What is shared with all other agents.
     """
 
@@ -80,6 +81,7 @@ class AgentGroup:
         self.awareness = GroupAwareness(np.array(initial_state, float), name, parts)
         self.awareness.parts["state"] = STATE.of(model.state)
         self.initial_state = self.awareness.state
+        self.present: NDArray[np.bool_] | None = None
         self.knowledge_changes = Changes()
         self.knowledge = tuple(
             KnowledgeDatabase(each, row, self.knowledge_changes)
@@ -91,6 +93,11 @@ class AgentGroup:
 
     def __len__(self) -> int:
         return len(self.ids)
+
+    @property
+    def rows(self) -> NDArray[np.intp]:
+        """The rows of those that are in the world, ascending."""
+        return np.arange(len(self)) if self.present is None else np.flatnonzero(self.present)
 
     @property
     def control_input(self) -> Array:

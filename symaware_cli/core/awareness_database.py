@@ -73,7 +73,7 @@ class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
     def perceived(self, id: str) -> AwarenessVector | None:
         """What perceptions, estimators and the inbox tell of another now, whatever the agent's own components wrote."""
         tracked, world = self._tracked(id), self.world
-        if tracked is not None or world is None or id not in world.roster:
+        if tracked is not None or world is None or id not in world:
             return tracked
         return AwarenessVector(id, world.motion(id))
 
@@ -111,7 +111,7 @@ class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
         """Whom the group's components tell of, in the roster's order."""
         world, tracks, roster = self.world, self._awareness.tracks, self._awareness.roster
         if world:
-            return world.roster.ids
+            return world.ids
         if tracks is None or roster is None:
             return ()
         return [

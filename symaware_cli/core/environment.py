@@ -59,7 +59,9 @@ class Environment(Plugin, ABC):
             it moves bodies by `Model.vehicle`; ``tilt``, if entities may have a roll and a pitch.
         proximity: Which agents are near each other, shared by all who ask about `snapshot().positions`.
         roster: Who is who.
+        is_open: Whether agents can enter and leave this world, by `admit` and `dismiss`.
         is_shared: Whether other processes can follow this world, by `capture` and `adopt`.
+        present: Which agents are in it, by index, read-only; shape (N,). None for all of them.
         time_step: Simulated time between two steps, in nanoseconds.
     """
 
@@ -67,10 +69,12 @@ class Environment(Plugin, ABC):
 
     folder: Path = Path()
     ground: float | None = None
+    is_open: ClassVar[bool] = False
     is_shared: ClassVar[bool] = False
     provides: ClassVar[Sequence[str]] = ()
     groups: Sequence[AgentGroup]
     obstacles: Mapping[str, Obstacle]
+    present: NDArray[np.bool_] | None = None
     proximity: Proximity
     roster: Roster
     time_step: int
@@ -111,6 +115,44 @@ class Environment(Plugin, ABC):
         self.roster = Roster({group.name: group.ids for group in self.groups}, models)
         for group in self.groups:
             group.awareness.roster = self.roster
+        self._count_present()
+
+    def _count_present(self) -> None:
+        """Look who is there, as the groups say."""
+        if all(group.present is None for group in self.groups):
+            return
+        here = [np.ones(len(group), bool) if group.present is None else group.present for group in self.groups]
+        present = np.concatenate(here)
+        present.flags.writeable = False
+        self.present = self.proximity.present = present
+
+    def admit(self, group: AgentGroup, rows: Sequence[int]) -> None:
+        """Let agents enter who were not there, in their initial states; `group.present` says so already.
+
+        Args:
+            group: Their group.
+            rows: Which agents of it.
+
+        Raises:
+            NotImplementedError: Nobody enters this world later than it begins.
+        """
+        raise NotImplementedError(f"nobody enters or leaves {type(self).__name__}")
+
+    def dismiss(self, group: AgentGroup, rows: Sequence[int]) -> None:
+        """Let agents leave for good; `group.present` says so already. Their states stay as they are.
+
+        Args:
+            group: Their group.
+            rows: Which agents of it.
+
+        Raises:
+            NotImplementedError: Nobody leaves this world.
+        """
+        raise NotImplementedError(f"nobody enters or leaves {type(self).__name__}")
+
+    def overlaps(self, id: str) -> Sequence[str]:
+        """The agents and obstacles that the body of an agent overlaps now, by name, as seen from above."""
+        return ()
 
     @property
     def scenery(self) -> Scenery:

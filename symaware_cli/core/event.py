@@ -18,7 +18,7 @@ TURNS = frozenset({"computing", "computed", "updating", "updated"})
 #: Events that recur with every step, turn or message: never part of ``*``, and not recorded as events.
 RECURRING = TURNS | {
     *("initialising", "initialised", "iterating", "iterated", "stepping", "stepped"),
-    *("sending", "sent", "received", "dropped", "traffic"),
+    *("sending", "sent", "received", "dropped", "traffic", "adding", "removing"),
 }
 
 

@@ -125,8 +125,11 @@ class BodiesInPlane:
             np.zeros(len(group)) if group.model.heading is None else state[:, group.model.heading]
             for group, state in zip(self._groups, snapshot.states, strict=True)
         ]
-        turned, owners = np.concatenate([np.empty(0), *headings]), self._owners
-        return self._shapes.placed(snapshot.positions[:, :2].take(owners, 0), turned.take(owners)), owners
+        turned, owners, shapes = np.concatenate([np.empty(0), *headings]), self._owners, self._shapes
+        if snapshot.present is not None:
+            here = np.flatnonzero(snapshot.present[owners])
+            owners, shapes = owners[here], shapes.take(here)
+        return shapes.placed(snapshot.positions[:, :2].take(owners, 0), turned.take(owners)), owners
 
 
 def rays_in_plane(

@@ -91,6 +91,11 @@ class Links:
         """How many each agent reaches; shape (count,)."""
         return np.diff(self.pointers)
 
+    def among(self, present: NDArray[np.bool_]) -> Links:
+        """The links that both begin and end at some agents, of which a flag for each, shape (count,), tells."""
+        kept = present[self.senders] & present[self.receivers]
+        return self if kept.all() else Links(self.count, self.senders[kept], self.receivers[kept])
+
     def parts(self) -> Indices:
         """A number for each agent: those of one number reach each other, if not at once then through others."""
         from scipy.sparse import csr_array

@@ -99,6 +99,8 @@ class Tracks:
         positions, everybody = snapshot.positions, np.arange(len(snapshot.positions))
         observers, others = np.repeat(np.arange(count), len(everybody)), np.tile(everybody, count)
         apart = observers + start != others
+        if snapshot.present is not None:
+            apart &= snapshot.present[others] & snapshot.present[observers + start]
         observers, others = observers[apart], others[apart]
         return cls.of(snapshot.time, count, observers, others, positions[others], snapshot.velocities[others])
 

@@ -111,10 +111,12 @@ class Snapshot:
     Attributes:
         time: The instant, in nanoseconds.
         roster: Who is who.
-        states: The states of each group, in the roster's order of groups; each of shape (n, nx).
+        states: The states of each group, in the roster's order of groups; each of shape (n, nx). Of agents that are not
+            there: those in which they will enter, or left.
+        present: Which agents are there, by index, read-only; shape (N,). None for all of them.
     """
 
-    __slots__ = ("_headings", "_inputs", "_models", "_positions", "_velocities", "roster", "states", "time")
+    __slots__ = ("_headings", "_inputs", "_models", "_positions", "_velocities", "present", "roster", "states", "time")
 
     def __init__(
         self,
@@ -124,6 +126,7 @@ class Snapshot:
         states: Sequence[Array],
         control_inputs: Sequence[Array],
         velocities: Array | None = None,
+        present: NDArray[np.bool_] | None = None,
     ) -> None:
         """Take the state of everything.
 
@@ -134,22 +137,48 @@ class Snapshot:
             states: The states of each group, read-only.
             control_inputs: The control inputs in force of each group.
             velocities: The velocities of all agents by index [m/s], read-only; by default what the models say.
+            present: See the class.
         """
         self.time = time
+        self.present = present
         self.roster = roster
         self.states = tuple(states)
         self._models = models
         self._inputs = tuple(control_inputs)
         self._headings: Array | None = None
         self._positions: Array | None = None
-        self._velocities = velocities
+        self._velocities = None if velocities is None else self._of_present(velocities)
+
+    def __contains__(self, id: object) -> bool:
+        return id in self.roster and (self.present is None or bool(self.present[self.roster.index(str(id))]))
+
+    @property
+    def ids(self) -> Sequence[str]:
+        """The ids of all who are there, in the roster's order."""
+        ids = self.roster.ids
+        return ids if self.present is None else [ids[index] for index in np.flatnonzero(self.present).tolist()]
+
+    def _of_present(self, values: Array) -> Array:
+        """Values by index, NaN for those who are not there."""
+        if self.present is None:
+            return values
+        values = values.copy()
+        values[~self.present] = np.nan
+        values.flags.writeable = False
+        return values
+
+    def _index(self, id: str) -> int:
+        if id not in self:
+            raise KeyError(id)
+        return self.roster.index(id)
 
     def state(self, id: str) -> Array:
         """The state of one agent, read-only; shape (nx,).
 
         Raises:
-            KeyError: There is no such agent.
+            KeyError: There is no such agent, or it is not there.
         """
+        self._index(id)
         group, row = self.roster.place(id)
         state: Array = self.states[group][row]
         return state
@@ -158,41 +187,43 @@ class Snapshot:
         """Position [m] and velocity [m/s] of one agent; shape (2d,).
 
         Raises:
-            KeyError: There is no such agent.
+            KeyError: There is no such agent, or it is not there.
         """
-        index = self.roster.index(id)
+        index = self._index(id)
         return np.concatenate([self.positions[index], self.velocities[index]])
 
     @property
     def positions(self) -> Array:
-        """The positions of all agents by index [m]; shape (N, d), read-only."""
+        """The positions of all agents by index [m], NaN where they are not there; shape (N, d), read-only."""
         if self._positions is None:
-            self._positions = _stacked(
-                [model.positions(state) for model, state in zip(self._models, self.states, strict=True)]
+            self._positions = self._of_present(
+                _stacked([model.positions(state) for model, state in zip(self._models, self.states, strict=True)])
             )
         return self._positions
 
     @property
     def velocities(self) -> Array:
-        """The velocities of all agents by index [m/s]; shape (N, d), read-only."""
+        """The velocities of all agents by index [m/s], NaN where they are not there; shape (N, d), read-only."""
         if self._velocities is None:
-            self._velocities = _stacked(
-                [
-                    model.velocity(state, control_input)
-                    for model, state, control_input in zip(self._models, self.states, self._inputs, strict=True)
-                ]
+            self._velocities = self._of_present(
+                _stacked(
+                    [
+                        model.velocity(state, control_input)
+                        for model, state, control_input in zip(self._models, self.states, self._inputs, strict=True)
+                    ]
+                )
             )
         return self._velocities
 
     @property
     def headings(self) -> Array:
-        """The headings of all agents by index [rad], 0 of those that have none; shape (N,), read-only."""
+        """The headings of all agents by index [rad], 0 without one, NaN where they are not there; shape (N,)."""
         if self._headings is None:
             headings = [
                 np.zeros(len(state)) if model.heading is None else state[:, model.heading]
                 for model, state in zip(self._models, self.states, strict=True)
             ]
-            self._headings = frozen(np.concatenate([np.empty(0), *headings]))
+            self._headings = self._of_present(frozen(np.concatenate([np.empty(0), *headings])))
         return self._headings
 
     @property

@@ -10,8 +10,11 @@ from symaware_cli.environments.touch import Pair, TouchLedger, pair
 
 #: What collides with what: the group of each kind of body, and the groups that it meets. Rays are of the first.
 RAY, GROUND, FIXED, LED, FREE, UPRIGHT, SLAB, FACED = (1 << number for number in range(8))
+#: What is not there meets nobody.
+NOWHERE = 0
 _MOVING = FREE | FACED | UPRIGHT
 MEETS = {
+    NOWHERE: 0,
     GROUND: RAY | FREE,
     SLAB: FACED,
     FIXED: RAY | _MOVING,

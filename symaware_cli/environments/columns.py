@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.core import AgentGroup, Contact, Environment, Obstacle, Snapshot
+from symaware_cli.environments.contact import ContactDetector
 
 Array = NDArray[np.float64]
 
@@ -15,6 +16,7 @@ Array = NDArray[np.float64]
 class ColumnEnvironment(Environment):
     """A world that holds the true states and the control inputs in force of each group in an array."""
 
+    is_open = True
     is_shared = True
 
     def initialise(self, groups: Sequence[AgentGroup], obstacles: Mapping[str, Obstacle], seed: int) -> None:
@@ -29,6 +31,22 @@ class ColumnEnvironment(Environment):
         self._velocities: Array | None = None
         self._snapshot: Snapshot | None = None
         self._contacts: Sequence[Contact] | None = None
+
+    def admit(self, group: AgentGroup, rows: Sequence[int]) -> None:
+        """Let agents enter who were not there, in their initial states."""
+        self._count_present()
+        self._snapshot = None
+
+    def dismiss(self, group: AgentGroup, rows: Sequence[int]) -> None:
+        """Let agents leave for good; their states stay as they are."""
+        self._count_present()
+        self._snapshot = None
+
+    def overlaps(self, id: str) -> Sequence[str]:
+        """The agents and obstacles that the body of an agent overlaps now, by name, as seen from above."""
+        detector = ContactDetector(self.groups, self.scenery, self.proximity)
+        touching = [(each.first, each.second) for each in detector.update(self.snapshot(), self.scenery)]
+        return sorted(other for pair in touching if id in pair for other in pair if other != id)
 
     def _apply_inputs(self) -> None:
         """Saturate the control inputs that the groups request, and hold them for a step."""
@@ -49,7 +67,13 @@ class ColumnEnvironment(Environment):
         """The whole world now; shared by all who ask within a step."""
         if self._snapshot is None:
             self._snapshot = Snapshot(
-                self._time, self.roster, self._models, self._states, self._applied, self._velocities
+                self._time,
+                self.roster,
+                self._models,
+                self._states,
+                self._applied,
+                self._velocities,
+                self.present,
             )
         return self._snapshot
 

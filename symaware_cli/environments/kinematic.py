@@ -79,6 +79,9 @@ class KinematicEnvironment(ColumnEnvironment):
             state = self._advance(model, self._states[number], self._applied[number])
             if noise:
                 state = state + noise.draw(self._time)
+            present = self.groups[number].present
+            if present is not None:
+                state = np.where(present[:, None], state, self._states[number])
             state.flags.writeable = False
             self._states[number] = state
         self._time += self.time_step

@@ -113,6 +113,8 @@ class PhysicsEnvironment(ColumnEnvironment):
         self._prepare()
         try:
             self._build()
+            for row in self._absent:
+                self._vanish(row)
             self._read()
             self._find_overlaps()
         except BaseException:
@@ -158,6 +160,38 @@ class PhysicsEnvironment(ColumnEnvironment):
         #: The velocities that bodies are to have, for each physics step or once for all.
         self._plan = np.zeros((1 if self._steady else self.parameters.substeps, count, width))
 
+    @property
+    def _absent(self) -> Sequence[int]:
+        """Which of those that have a drive are not there, ascending."""
+        return [] if self.present is None else np.flatnonzero(~self.present[self._driven]).tolist()
+
+    def admit(self, group: AgentGroup, rows: Sequence[int]) -> None:
+        """Let agents enter who were not there: their bodies meet others from now on."""
+        super().admit(group, rows)
+        velocities = np.zeros((len(group), self.dimensions))
+        velocities[:, : len(group.model.velocities)] = group.initial_state[:, list(group.model.velocities)]
+        for row in rows:
+            self._appear(self._part_of(group).start + row, velocities[row].tolist())
+        self._read_between_steps()
+
+    def dismiss(self, group: AgentGroup, rows: Sequence[int]) -> None:
+        """Let agents leave for good: their bodies meet nobody any more."""
+        super().dismiss(group, rows)
+        for row in rows:
+            self._vanish(self._part_of(group).start + row)
+        self._read_between_steps()
+
+    def _part_of(self, group: AgentGroup) -> slice:
+        return next(part for drive, _, part in self._parts if drive.group is group)
+
+    @abstractmethod
+    def _appear(self, row: int, velocity: Sequence[float]) -> None:
+        """Let what is driven be there, where it was when it was built, with a velocity [m/s]."""
+
+    @abstractmethod
+    def _vanish(self, row: int) -> None:
+        """Let what is driven stand still and meet nobody, nor any ray."""
+
     @abstractmethod
     def _build(self) -> None:
         """Make all bodies in the engine."""
@@ -198,6 +232,7 @@ class PhysicsEnvironment(ColumnEnvironment):
         """Advance by one time step: so many physics steps under the saturated control inputs."""
         self._apply_inputs()
         self._lay_out()
+        self._plan[:, self._absent] = 0.0
         settled = diverted = False
         at_once, substeps = not self._any_limits and self._retained == 1.0, self.parameters.substeps
         number = 0
@@ -231,6 +266,9 @@ class PhysicsEnvironment(ColumnEnvironment):
             turned = 0.0 if model.heading is None else float(change[model.heading])
             for row in rows:
                 self._displace(part.start + row, moved, turned, faster)
+        self._read_between_steps()
+
+    def _read_between_steps(self) -> None:
         contacts = self._contacts
         self._read()
         # What began or ended with the last step is no other for that.
@@ -281,7 +319,11 @@ class PhysicsEnvironment(ColumnEnvironment):
         self._velocity = driven.motion
         for drive, number, part in self._parts:
             moving = driven.motion[part]
-            self._states[number] = drive.state(driven.positions[part], driven.headings[part], moving)
+            state = drive.state(driven.positions[part], driven.headings[part], moving)
+            if drive.group.present is not None:
+                state = np.where(drive.group.present[:, None], state, self._states[number])
+                state.flags.writeable = False
+            self._states[number] = state
             start, dimensions = self.roster.starts[number], len(drive.group.model.position)
             velocities[start : start + len(moving), :dimensions] = moving[:, :dimensions]
         self._read_others(velocities)

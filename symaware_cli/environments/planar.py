@@ -148,7 +148,23 @@ class PymunkEnvironment(PhysicsEnvironment):
             self._discs.add(index)
         self._indices[body.id] = index
         self._named[self._touches.names[index]] = body
-        self._space.add(body, *shapes)
+        # Shapes that are not in the space change nothing for others, not even the order in which pairs are solved.
+        there = self.present is None or index >= len(self.roster) or self.present[index]
+        self._space.add(body, *(shapes if there else ()))
+
+    def _body(self, row: int) -> pymunk.Body:
+        return self._named[self.roster.ids[self._driven[row]]]
+
+    def _appear(self, row: int, velocity: Sequence[float]) -> None:
+        body = self._body(row)
+        body.velocity = velocity[0], velocity[1]
+        self._space.add(*body.shapes)
+
+    def _vanish(self, row: int) -> None:
+        body = self._body(row)
+        body.velocity, body.angular_velocity = (0.0, 0.0), 0.0
+        self._velocity[row] = 0.0
+        self._space.remove(*(shape for shape in body.shapes if shape.space is not None))
 
     def close(self) -> None:
         """Take the space apart."""
@@ -210,7 +226,7 @@ class PymunkEnvironment(PhysicsEnvironment):
         return driven, free
 
     def _displace(self, row: int, moved: Array, turned: float, faster: Array) -> None:
-        body = self._named[self.roster.ids[self._driven[row]]]
+        body = self._body(row)
         body.position += pymunk.Vec2d(*moved.tolist())
         body.angle += turned
         body.velocity += pymunk.Vec2d(*faster.tolist())

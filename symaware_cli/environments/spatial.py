@@ -44,6 +44,9 @@ _Component = Annotated[float, Field(ge=-1e9, le=1e9)]
 #: [kg] and [kg m^2]: what nothing moves or tilts, and the engine can still compute with.
 _IMMOVABLE = 1e9
 
+#: [m] How far below its place a body is kept that is not there.
+_BURIED = 1e4
+
 
 class PyBulletEnvironment(PhysicsEnvironment):
     """Rigid bodies in space that fall, push, rub and bounce off each other, by PyBullet.
@@ -123,6 +126,9 @@ class PyBulletEnvironment(PhysicsEnvironment):
             self._lay_ground(parameters.ground)
         self._vehicles: list[tuple[Vehicle, int]] = []
         self._agents = [-1] * len(self._driven)
+        #: As what each meets others, and where those stand that are not there.
+        self._kinds = [collision.NOWHERE] * len(self._driven)
+        self._entrances: dict[int, tuple[Sequence[float], Sequence[float]]] = {}
         #: The rows of those whom something can divert.
         self._row_of: dict[int, int] = {}
         self._headings = np.zeros(len(self._driven))
@@ -198,15 +204,34 @@ class PyBulletEnvironment(PhysicsEnvironment):
             if model.velocities:
                 self._velocity[row, : len(model.velocities)] = own[list(model.velocities)]
                 engine.resetBaseVelocity(body, self._velocity[row, :3].tolist(), (0, 0, 0), self._id)
-            self._agents[row], self._headings[row] = body, heading
+            self._agents[row], self._headings[row], self._kinds[row] = body, heading, kind
             if entity.shape:
                 self._row_of[body] = row
             self._heights[row], self._planar[row] = self._postures.pose(body)[0][2], planar
             self._inertia[row, -1] = inertia / self.step_time if turns else 0.0
 
+    def _appear(self, row: int, velocity: Sequence[float]) -> None:
+        body = self._agents[row]
+        engine.resetBasePositionAndOrientation(body, *self._entrances.pop(row), self._id)
+        engine.resetBaseVelocity(body, velocity, (0, 0, 0), self._id)
+        self._solids.meet(body, self._kinds[row])
+
+    def _vanish(self, row: int) -> None:
+        body = self._agents[row]
+        position, orientation = engine.getBasePositionAndOrientation(body, self._id)
+        self._entrances[row] = position, orientation
+        self._solids.meet(body, collision.NOWHERE)
+        # Cameras see whatever is near, whether it meets anybody or not.
+        buried = position[0], position[1], position[2] - _BURIED
+        engine.resetBasePositionAndOrientation(body, buried, orientation, self._id)
+        engine.resetBaseVelocity(body, (0, 0, 0), (0, 0, 0), self._id)
+        self._velocity[row] = 0.0
+
     def _add_vehicles(self, group: AgentGroup, number: int) -> None:
         vehicle = group.model.vehicle()
         assert vehicle is not None
+        if group.present is not None:
+            raise WorldError("the vehicles of this world neither enter nor leave", "agents", group.name, "present")
         if vehicle.needs_ground and self.ground is None:
             where = ("environment", "with", "ground")
             raise WorldError(f"the vehicles of `{group.name}` drive on the ground, and there is none", *where)

@@ -129,6 +129,8 @@ class Bodies:
         if below == np.inf:
             # Nobody is nearer than whoever is nearest once discs take the place of all bodies.
             below = float(np.nextafter(proximity.nearest(positions) * (1 + 1e-12), np.inf))
+            if below == np.inf:
+                return None
         pairs = proximity.pairs(positions, max(0.0, below + 2.0 * self._largest))
         if self._alike:
             gap = pairs.least - 2.0 * self._largest

@@ -42,6 +42,7 @@ class Proximity:
     """Finds the pairs within a distance of each other among bodies that move a little each time."""
 
     def __init__(self) -> None:
+        self._present: NDArray[np.bool_] | None = None
         self._built_at: Array = np.empty((0, 0))
         self._cut = -np.inf
         self._first: Indices = np.empty(0, np.intp)
@@ -50,6 +51,16 @@ class Proximity:
         self._before: Array | None = None  # what was seen before that
         self._directed: tuple[Indices, Indices, Indices] | None = None
         self._pairs = Pairs(self._first, self._second, np.empty(0))
+
+    @property
+    def present(self) -> NDArray[np.bool_] | None:
+        """Which bodies count, not to be changed in place; shape (n,). None for all of them."""
+        return self._present
+
+    @present.setter
+    def present(self, present: NDArray[np.bool_] | None) -> None:
+        self._present = present
+        self._built_at, self._seen, self._before = np.empty((0, 0)), None, None
 
     def pairs(self, positions: Array, reach: float) -> Pairs:
         """Return at least all pairs whose distance is at most ``reach``.
@@ -117,7 +128,7 @@ class Proximity:
             return True
         if reach > self._cut:
             return False
-        moved = np.abs(positions - self._built_at).max() * np.sqrt(positions.shape[1])
+        moved = self._greatest(np.abs(positions - self._built_at)) * np.sqrt(positions.shape[1])
         return bool(reach + 2 * moved <= self._cut)
 
     def _build(self, positions: Array, reach: float) -> None:
@@ -126,14 +137,27 @@ class Proximity:
         if count <= _ALL_PAIRS:
             self._first, self._second = np.triu_indices(count, 1)
             self._cut = np.inf
+            if self._present is not None:
+                both = self._present[self._first] & self._present[self._second]
+                self._first, self._second = self._first[both], self._second[both]
         else:
             from scipy.spatial import cKDTree
 
             self._cut = reach + self._margin(positions, reach)
-            found = cKDTree(positions).query_pairs(self._cut, output_type="ndarray")
+            found = cKDTree(self._of_present(positions)).query_pairs(self._cut, output_type="ndarray")
+            if self._present is not None:
+                found = np.flatnonzero(self._present)[found]
             order = np.lexsort((found[:, 1], found[:, 0]))
             self._first, self._second = found[order, 0], found[order, 1]
         self._built_at = positions
+
+    def _of_present(self, positions: Array) -> Array:
+        return positions if self._present is None else positions[self._present]
+
+    def _greatest(self, values: Array) -> float:
+        """The greatest number in the rows of those that count."""
+        values = self._of_present(values)
+        return float(values.max(initial=0.0))
 
     def _margin(self, positions: Array, reach: float) -> float:
         """Choose how much wider than asked the list of candidates is [m].
@@ -145,6 +169,9 @@ class Proximity:
         earlier = self._before if positions is self._seen else self._seen
         if earlier is None or earlier.shape != positions.shape:
             return least
+        positions, earlier = self._of_present(positions), self._of_present(earlier)
+        if not len(positions):
+            return least
         step = float(np.abs(positions - earlier).max())
         room = float(np.prod(positions.max(axis=0) - positions.min(axis=0)))
         crowded = (8.0 * room / (np.pi * len(positions))) ** (1.0 / positions.shape[1])
@@ -152,10 +179,11 @@ class Proximity:
 
     def nearest(self, positions: Array) -> float:
         """The least distance between any two bodies [m]; infinite where there are fewer than two."""
-        if len(positions) < 2:
-            return float("inf")
         if len(positions) <= _ALL_PAIRS:
             return self.pairs(positions, 0.0).least
+        positions = self._of_present(positions)
+        if len(positions) < 2:
+            return float("inf")
         from scipy.spatial import cKDTree
 
         distances: Array = np.asarray(cKDTree(positions).query(positions, k=2)[0])

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from symaware_cli.core import Delivery, Links, Message, MessageBatch
 from symaware_cli.core.message import EVERYBODY, Indices, Times, copied
-from symaware_cli.network.channel.channel import QUEUE_FULL, TOO_OLD, Fates
+from symaware_cli.network.channel.channel import ABSENT, QUEUE_FULL, TOO_OLD, Fates
 from symaware_cli.network.disturbance import Disturbance
 from symaware_cli.network.inbox import Inboxes
 from symaware_cli.network.neighbours import Neighbours
@@ -77,6 +77,7 @@ class MemoryExchange:
         self._sent_by = np.zeros(len(self._ids), np.int64)
         self._time_step = time_step
         self._muted: NDArray[np.bool_] | None = None
+        self._present: NDArray[np.bool_] | None = None
         self._outbox = Outbox()
         self._outlet: Callable[[MessageBatch], Any] | None = None
         self._check: Callable[[Mapping[str, Any]], Any] = lambda payload: None
@@ -98,6 +99,22 @@ class MemoryExchange:
     @network.setter
     def network(self, network: Network | None) -> None:
         self._passage.network = network
+        if network is not None:
+            network.present = self._present
+
+    @property
+    def present(self) -> NDArray[np.bool_] | None:
+        """Who is there, by index, not to be changed in place; shape (n,). None for everybody.
+
+        There are no links to those who are not, and what arrives for them is dropped. Links change with the next step.
+        """
+        return self._present
+
+    @present.setter
+    def present(self, present: NDArray[np.bool_] | None) -> None:
+        self._present = present
+        if self.network is not None:
+            self.network.present = present
 
     def disturb(self, disturbances: Sequence[Disturbance]) -> None:
         """Let something happen to messages from now on, besides."""
@@ -138,7 +155,14 @@ class MemoryExchange:
         network = self.network
         if network is not None and network.links is not None:
             return network.links.of_sender(sender)
-        return np.delete(np.arange(len(self._ids)), sender)
+        everybody = self._everybody
+        others: Indices = everybody[everybody != sender]
+        return others
+
+    @property
+    def _everybody(self) -> Indices:
+        """All who are there."""
+        return np.arange(len(self._ids)) if self._present is None else np.flatnonzero(self._present)
 
     def _known(self, id: str) -> int:
         rank = self._rank.get(id)
@@ -265,7 +289,7 @@ class MemoryExchange:
         network = self.network
         if network is not None and network.links is not None:
             return network.reached(batch.senders)
-        everybody = np.arange(len(self._ids))
+        everybody = self._everybody
         rows = np.repeat(np.arange(len(batch.senders)), len(everybody))
         receivers = np.tile(everybody, len(batch.senders))
         others = batch.senders.take(rows) != receivers
@@ -321,6 +345,8 @@ class MemoryExchange:
             self.renew_links()
         self._advance()
         for delivery, reason, sizes in self._under_way.take(now):
+            if self._present is not None:
+                reason = np.where((reason == 0) & ~self._present[delivery.receivers], np.uint8(ABSENT), reason)
             late = reason != 0
             arriving = delivery
             if late.any():

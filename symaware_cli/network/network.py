@@ -122,6 +122,7 @@ class Network:
         self._channels = [Channel(self._base)]
         self._numbers: dict[tuple[int, ...], int] = {(): 0}
         self.connected = connected
+        self.present: NDArray[np.bool_] | None = None
         self.links: Links | None = None
         self.on_failure: Callable[[Stretch, BaseException], NoReturn] | None = None
         self._present: Stretch | None = None
@@ -143,7 +144,8 @@ class Network:
             if stretch is not self._present:
                 self._present = stretch
                 stretch.topology.begin(now)
-            return links_of(stretch.topology, now, len(self._roster))
+            links = links_of(stretch.topology, now, len(self._roster))
+            return links if self.present is None else links.among(self.present)
         except BaseException as error:
             if self.on_failure is None:
                 raise
@@ -163,10 +165,15 @@ class Network:
             ended = np.setdiff1d(before.keys, links.keys, assume_unique=True)
             if not len(begun) and not len(ended):
                 return None
-        parts = len(np.unique(links.parts()[topology.members])) if self.connected else None
+        parts = len(np.unique(links.parts()[self._members(topology)])) if self.connected else None
         was_whole, self._is_whole = self._is_whole, parts is None or parts <= 1
         breaks = was_whole and not self._is_whole
         return Change(len(links), self._named(begun), self._named(ended), parts, breaks, topology.changes)
+
+    def _members(self, topology: Topology) -> Indices:
+        """Those who take part in a topology and are there, as indices in the roster."""
+        members = np.asarray(topology.members, np.intp)
+        return members if self.present is None else members[self.present[members]]
 
     def _named(self, keys: NDArray[np.int64]) -> list[tuple[str, str]]:
         ids = self._roster.ids

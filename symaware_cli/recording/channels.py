@@ -15,6 +15,7 @@ from symaware_cli.recording import symaware_v1_pb2 as v1
 from symaware_cli.recording import wire
 from symaware_cli.recording.fields import PART_MESSAGES, columns_metadata, part_metadata
 from symaware_cli.recording.others import OthersChannel
+from symaware_cli.recording.rows import RecordedRows
 from symaware_cli.recording.sensing import SensorChannels
 from symaware_cli.recording.shared import POSE, SHARED, shared_metadata
 from symaware_cli.recording.text import as_json
@@ -54,16 +55,20 @@ class EntityChannels:
 class PostureChannels:
     """The channels of what else is true of bodies in space: how they are turned, and how their joints stand."""
 
-    def __init__(self, writer: LogWriter, environment: Environment, name: str) -> None:
+    def __init__(
+        self, writer: LogWriter, environment: Environment, name: str, rows: RecordedRows | None = None
+    ) -> None:
         """Open them, as far as there is something to say that `EntityChannels` does not.
 
         Args:
             writer: The log.
             environment: The world, initialised.
             name: The group or the obstacle.
+            rows: Which rows of a group are recorded; None for an obstacle.
         """
         self._writer = writer
         self._name = name
+        self._rows = rows
         self._sources: list[tuple[int, Callable[[str], NDArray[np.float64] | None]]] = []
         self._last: dict[int, NDArray[np.float64]] = {}
         if name not in environment.obstacles and environment.body_poses(name) is not None:
@@ -85,7 +90,7 @@ class PostureChannels:
             values, last = read(self._name), self._last.get(channel)
             if values is not None:
                 self._last[channel] = values
-                _record_changes(self._writer, channel, now, values, last)
+                _record_changes(self._writer, channel, now, values, last, self._rows.now if self._rows else None)
 
 
 class GroupChannels:
@@ -108,7 +113,8 @@ class GroupChannels:
             omit: Which kinds to leave out; `applied` for the control inputs that the world applied.
             own: The rows that are recorded, ascending; None for all. The others run in another process.
         """
-        self._own = None if own is None or len(own) == len(group) else list(own)
+        self._rows = RecordedRows(group, own)
+        self._there = RecordedRows(group)
         self._writer = writer
         self._environment = environment
         self._group = group
@@ -131,13 +137,15 @@ class GroupChannels:
             "knowledge": (f"/agents/{group.name}/knowledge", "Knowledge", {}),
         }
         self._channels = {kind: writer.channel(*topic) for kind, topic in topics.items() if kind not in self._omit}
-        self._postures = PostureChannels(writer, environment, group.name) if "world" in self._channels else None
+        self._postures = (
+            PostureChannels(writer, environment, group.name, self._there) if "world" in self._channels else None
+        )
         self._others = (
-            OthersChannel(writer, self._channels["awareness"], group, environment.roster, self._own)
+            OthersChannel(writer, self._channels["awareness"], group, environment.roster, self._rows)
             if "awareness" in self._channels
             else None
         )
-        self._sensors = SensorChannels(writer, group, self._own) if "sensors" not in self._omit else None
+        self._sensors = SensorChannels(writer, group, self._rows) if "sensors" not in self._omit else None
         #: The columns of the parts of awareness, which are read only where their channel is open.
         self._parts = [
             (self._channels[name], column) for name, column in awareness.columns.items() if name in self._channels
@@ -150,19 +158,19 @@ class GroupChannels:
             now: Simulated time in nanoseconds.
             steps: How many steps the world has made.
         """
-        writer, channels, awareness = self._writer, self._channels, self._group.awareness
+        channels, awareness = self._channels, self._group.awareness
         updates = 0
         if "world" in channels:
             truth = self._environment.state(self._group)
             if truth is not self._last_truth:
                 self._last_truth = truth
-                writer.add(channels["world"], now, wire.encode_rows(truth))
+                self._record_all(now, channels["world"], truth)
                 if self._postures:
                     self._postures.record(now)
         if "applied" in channels and steps > self._told_steps:
             # What moved everybody in the last step: the world alone knows.
             self._told_steps = steps
-            writer.add(channels["applied"], now, wire.encode_rows(self._environment.applied_input(self._group)))
+            self._record_all(now, channels["applied"], self._environment.applied_input(self._group))
         for channel, column in self._parts:
             if isinstance(column, Column):
                 updates += self._record_column(now, channel, column)
@@ -178,12 +186,20 @@ class GroupChannels:
             updates += self._sensors.record(now)
         return updates
 
+    def _record_all(self, now: int, channel: int, values: NDArray[np.float64]) -> None:
+        """Record the values of all who are in the world."""
+        rows = self._there.now
+        if rows is None:
+            self._writer.add(channel, now, wire.encode_rows(values))
+        elif rows:
+            self._writer.add(channel, now, wire.encode_rows(values[rows], rows))
+
     def _changes(self, column: Column | SeriesColumn) -> Sequence[int] | None:
         """The rows of a column that changed and are recorded; None for all of them."""
-        rows = column.take_changes()
-        if self._own is None:
+        rows, own = column.take_changes(), self._rows.now
+        if own is None:
             return rows
-        return list(self._own) if rows is None else sorted({*rows} & {*self._own})
+        return own if rows is None else sorted({*rows} & {*own})
 
     def _record_column(self, now: int, channel: int, column: Column) -> int:
         rows = self._changes(column)
@@ -216,10 +232,10 @@ class GroupChannels:
         changed = self._group.knowledge_changes.rows
         if not changed:
             return 0
-        rows = sorted(changed)
+        rows, own = sorted(changed), self._rows.now
         changed.clear()
-        if self._own is not None:
-            rows = [row for row in rows if row in self._own]
+        if own is not None:
+            rows = [row for row in rows if row in own]
             if not rows:
                 return 0
         record = v1.Knowledge(
@@ -233,9 +249,18 @@ class GroupChannels:
 
 
 def _record_changes(
-    writer: LogWriter, channel: int, now: int, values: NDArray[np.float64], last: NDArray[np.float64] | None
+    writer: LogWriter,
+    channel: int,
+    now: int,
+    values: NDArray[np.float64],
+    last: NDArray[np.float64] | None,
+    own: Sequence[int] | None = None,
 ) -> None:
-    """Record the rows that are not as they were."""
+    """Record the rows that are not as they were; where only some of them count, all of these."""
+    if own is not None:
+        if own:
+            writer.add(channel, now, wire.encode_rows(values[list(own)], own))
+        return
     rows = None if last is None else (values != last).any(axis=1).nonzero()[0]
     if rows is None or len(rows) == len(values):
         writer.add(channel, now, wire.encode_rows(values))

@@ -6,6 +6,8 @@ import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from symaware_cli.core import AgentGroup, Environment
 from symaware_cli.recording.schema import FORMAT
 from symaware_cli.recording.text import read_json
@@ -81,6 +83,7 @@ def manifest(
                 },
                 "entity": group.entity.model_dump(mode="json"),
                 "components": uses[group.name]["components"],
+                **_absent(group),
             }
             for group in sorted(groups, key=lambda group: group.name)
         },
@@ -90,6 +93,12 @@ def manifest(
     if part is not None:
         content["part"] = dict(part)
     return json.dumps(content, indent=1).encode()
+
+
+def _absent(group: AgentGroup) -> dict[str, list[str]]:
+    """Who is not in the world at the beginning, of a group whose agents enter or leave."""
+    present = group.present
+    return {} if present is None else {"absent": [group.ids[row] for row in np.flatnonzero(~present).tolist()]}
 
 
 def _entity(environment: Environment, name: str) -> dict[str, Any]:

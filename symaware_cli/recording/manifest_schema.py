@@ -58,6 +58,7 @@ class _Group(_Entry):
     model: _Model = _Model()
     entity: _Body = _Body()
     components: dict[str, str] = {}
+    absent: list[Name] = []
 
 
 class _Part(_Entry):

@@ -9,15 +9,14 @@ import numpy as np
 from symaware_cli.core import AgentGroup, AwarenessDatabase, Roster, Snapshot, Tracks
 from symaware_cli.core.time import SECOND
 from symaware_cli.recording import wire
+from symaware_cli.recording.rows import RecordedRows
 from symaware_cli.recording.writer import LogWriter
 
 
 class OthersChannel:
     """`/agents/<group>/awareness`."""
 
-    def __init__(
-        self, writer: LogWriter, channel: int, group: AgentGroup, roster: Roster, own: Sequence[int] | None
-    ) -> None:
+    def __init__(self, writer: LogWriter, channel: int, group: AgentGroup, roster: Roster, rows: RecordedRows) -> None:
         """Begin with nothing recorded.
 
         Args:
@@ -25,22 +24,24 @@ class OthersChannel:
             channel: The channel, opened.
             group: Whose beliefs.
             roster: Who there is.
-            own: The rows that are recorded, ascending; None for all.
+            rows: Which rows are recorded.
         """
         self._writer = writer
         self._channel = channel
         self._group = group
         self._roster = roster
-        self._own = own
+        self._rows = rows
         self._last_tracks: Tracks | None = None
         self._last_world: Snapshot | None = None
 
     def record(self, now: int) -> int:
         """Record what changed and return how many rows of the group that were."""
-        awareness = self._group.awareness
+        awareness, own = self._group.awareness, self._rows.now
+        if own is not None and not own:
+            return 0
         changed, tracks, world = awareness.others_changed, awareness.tracks, awareness.world
         if not changed and tracks is not None:
-            return self._record_tracks(now, tracks)
+            return self._record_tracks(now, tracks, own)
         if not changed and world is not None and world.time == now:
             self._last_world = world
             self._writer.add(self._channel, now, wire.WHOLE_WORLD)
@@ -51,8 +52,8 @@ class OthersChannel:
         self._last_world = world
         if changed:
             awareness.others_changed = set()
-        if self._own is not None:
-            changed = changed & {*self._own}
+        if own is not None:
+            changed = changed & {*own}
         if not changed:
             return 0
         databases = [agent.awareness_database for agent in self._group.agents]
@@ -61,14 +62,14 @@ class OthersChannel:
             return len(self._group)
         return self._record_databases(now, sorted(changed), databases)
 
-    def _record_tracks(self, now: int, tracks: Tracks) -> int:
+    def _record_tracks(self, now: int, tracks: Tracks, own: list[int] | None) -> int:
         """Record what the group's perception believes of others, for all agents at once."""
         if tracks is self._last_tracks:
             return 0
         self._last_tracks = tracks
         lengths = np.diff(tracks.pointers)
-        if self._own is not None:
-            lengths, tracks = lengths[self._own], tracks.select(np.isin(tracks.observers, self._own))
+        if own is not None:
+            lengths, tracks = lengths[own], tracks.select(np.isin(tracks.observers, own))
         values = np.concatenate([tracks.positions, tracks.velocities], axis=1)
         ages = tracks.ages + (now - tracks.time) / SECOND
         encoded = wire.encode_awareness(
@@ -78,7 +79,7 @@ class OthersChannel:
             values,
             covariances=() if tracks.covariances is None else tracks.covariances,
             ages=ages if ages.any() else (),
-            rows=self._own,
+            rows=own,
         )
         self._writer.add(self._channel, now, encoded)
         return len(lengths)

@@ -33,7 +33,16 @@ from symaware_cli.recording.sensing import (
     scans,
     sensors,
 )
-from symaware_cli.recording.series import Prediction, Series, group_series, place_of, present_values, row_series
+from symaware_cli.recording.series import (
+    Prediction,
+    Series,
+    cut,
+    gaps,
+    group_series,
+    place_of,
+    present_values,
+    row_series,
+)
 from symaware_cli.recording.shared import SHARED, SharedChannel, entities_of, shared
 
 __all__ = ["FIELDS", "Log", "LogMessage", "open_log"]
@@ -83,6 +92,28 @@ class Log(McapFile):
     def agents(self) -> Mapping[str, tuple[str, ...]]:
         """The ids of the agents in each group, in the order of rows."""
         return {name: tuple(group.get("agents", ())) for name, group in self.manifest.get("groups", {}).items()}
+
+    @cached_property
+    def presence(self) -> Mapping[str, tuple[tuple[int, int | None], ...]]:
+        """From when until when each agent was in the world, ns, None for until the end; by id.
+
+        Whoever never entered has no such span; most are there all the time.
+        """
+        groups = self.manifest.get("groups", {})
+        absent = {id for group in groups.values() for id in group.get("absent", ())}
+        spans: dict[str, list[tuple[int, int | None]]] = {
+            id: [] if id in absent else [(0, None)] for ids in self.agents.values() for id in ids
+        }
+        if any("absent" in group for group in groups.values()):
+            for event in self.events():
+                own = spans.get(event.source.removeprefix("agents."))
+                if own is None:
+                    continue
+                if event.name == "added":
+                    own.append((event.time, None))
+                elif event.name == "removed" and own:
+                    own[-1] = own[-1][0], event.time
+        return {id: tuple(own) for id, own in spans.items()}
 
     @cached_property
     def outcome(self) -> dict[str, Any] | None:
@@ -157,8 +188,9 @@ class Log(McapFile):
 
         Returns:
             For a group every instant at which any of its agents was recorded, (k, n, columns), where the others keep
-            their value (NaN before the first); for an agent or an entity the instants at which it was recorded,
-            (k, columns). Of entities only those that move were recorded.
+            their value (NaN before the first, and while they are not in the world); for an agent or an entity the
+            instants at which it was recorded, (k, columns), with NaN at the one at which it left the world. Of entities
+            only those that move were recorded.
 
         Raises:
             LogError: There is no such name or field.
@@ -174,6 +206,9 @@ class Log(McapFile):
         columns, units = (_split(info.metadata.get(key, "")) for key in ("columns", "units"))
         if not len(times):
             values = np.empty((*values.shape[:-1], len(columns)))
+        elif group in self.agents and "absent" in self.manifest["groups"][group]:
+            spans = [self.presence[id] for id in self.agents[group]]
+            times, values = gaps(times, values, spans) if row is None else cut(times, values, spans[row])
         return Series(times, values, columns, units)
 
     def series_topic(self, owner: str, field: str) -> str:

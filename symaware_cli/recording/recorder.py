@@ -39,6 +39,9 @@ _STAGES = {
 #: The last event of a run.
 ENDINGS = frozenset({"failed", "finished", "interrupted"})
 
+#: Tell from when until when agents are in the world.
+MEMBERSHIP = frozenset({"added", "removed"})
+
 #: What `Recorder` can be told to leave out, beside the parts of awareness by their names.
 KINDS = ("control", "knowledge", "awareness", "sensors", "world")
 
@@ -134,8 +137,8 @@ class Recorder:
             self._record_timing(now, steps, monotonic)
 
     def event(self, event: Event) -> None:
-        """Record an event, if it is among those that are wanted; how a run ends is told in any case."""
-        if self._kinds == "none" and event.name not in ENDINGS:
+        """Record an event that is wanted; who enters and leaves, and how a run ends, is told in any case."""
+        if self._kinds == "none" and event.name not in ENDINGS | MEMBERSHIP:
             return
         self._write_recurring(event.time)
         data = as_json(event.data) if event.data else ""

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from symaware_cli.core import AgentGroup, Frame, Measurement, Reading, Scan
 from symaware_cli.recording import png, wire
 from symaware_cli.recording import symaware_v1_pb2 as v1
+from symaware_cli.recording.rows import RecordedRows
 from symaware_cli.recording.writer import LogWriter
 
 Array = NDArray[np.float64]
@@ -39,32 +40,34 @@ def sensors(topics: Iterable[str], group: str, word: str) -> dict[str, str]:
 class SensorChannels:
     """The channels of the sensors of a group, opened when there is something to write."""
 
-    def __init__(self, writer: LogWriter, group: AgentGroup, own: Sequence[int] | None = None) -> None:
+    def __init__(self, writer: LogWriter, group: AgentGroup, rows: RecordedRows) -> None:
         """Begin with none.
 
         Args:
             writer: The log.
             group: The group.
-            own: The rows that are recorded, ascending; None for all.
+            rows: Which rows are recorded.
         """
         self._writer = writer
         self._group = group
-        self._own = own
+        self._rows = rows
         self._channels: dict[str, int] = {}
         self._last: dict[str, Reading] = {}
 
     def record(self, now: int) -> int:
         """Record the readings that are new and return how many rows they have."""
-        updates = 0
+        updates, own = 0, self._rows.now
+        if own is not None and not own:
+            return 0
         for name, reading in self._group.awareness.readings.items():
             if reading is self._last.get(name):
                 continue
             self._last[name] = reading
             if name not in self._channels:
                 self._channels[name] = self._open(name, reading)
-            for content in _contents(reading, self._own):
+            for content in _contents(reading, own):
                 self._writer.add(self._channels[name], now, content)
-            updates += len(self._group if self._own is None else self._own)
+            updates += len(self._group if own is None else own)
         return updates
 
     def _open(self, name: str, reading: Reading) -> int:

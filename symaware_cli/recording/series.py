@@ -1,6 +1,6 @@
 """Series of values over simulated time, put together from the messages of one channel."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -152,6 +152,41 @@ def row_series(
     columns = max((len(frame) for frame in frames), default=0)
     frames = [_widen(frame[None], 1, columns)[0] for frame in frames]
     return np.array(times, np.int64), np.array(frames) if frames else np.empty((0, columns))
+
+
+Spans = Sequence[tuple[int, int | None]]
+
+
+def gaps(
+    times: NDArray[np.int64], values: NDArray[np.float64], spans: Sequence[Spans]
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Leave nothing of rows while their agents were not in the world.
+
+    Args:
+        times: (k,) ns.
+        values: (k, n, columns).
+        spans: From when until when each was there, ns; None for until the end.
+
+    Returns:
+        The times, and those at which somebody left, and the values, NaN where somebody was not there.
+    """
+    ends = [end for own in spans for _, end in own if end is not None and end >= times[0]]
+    every = np.union1d(times, np.array(ends, np.int64))
+    values = values[np.searchsorted(times, every, side="right") - 1]
+    for row, own in enumerate(spans):
+        here = np.zeros(len(every), bool)
+        for start, end in own:
+            here |= (every >= start) & (end is None or every < end)
+        values[~here, row] = np.nan
+    return every, values
+
+
+def cut(
+    times: NDArray[np.int64], values: NDArray[np.float64], spans: Spans
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Let the series of a row, (k,) and (k, columns), end with NaN where its agent left the world; see `gaps`."""
+    every, cut_off = gaps(times, values[:, None], [spans])
+    return every, cut_off[:, 0]
 
 
 def place_of(row: int, rows: NDArray[np.uint32] | None) -> int | None:

@@ -16,6 +16,7 @@ from symaware_cli.runtime.expression import EvaluationError, Expression
 from symaware_cli.runtime.failure import RunError
 from symaware_cli.runtime.interruption import Interruption
 from symaware_cli.runtime.kernel import Kernel
+from symaware_cli.runtime.membership import Membership
 from symaware_cli.runtime.motion import Motion
 from symaware_cli.runtime.pacer import Pacer
 from symaware_cli.runtime.scope import WorldScope
@@ -45,6 +46,7 @@ class Instants:
         kernel: Kernel,
         motion: Motion,
         observer: Observer,
+        membership: Membership,
         interruption: Interruption,
         *,
         is_asynchronous: bool,
@@ -62,6 +64,7 @@ class Instants:
             kernel: Whose hooks these are.
             motion: What the world does.
             observer: Watches the run for what the summary tells.
+            membership: Lets agents enter and leave.
             interruption: Holds signals back.
             is_asynchronous: Whether there may be instants between the steps.
             until: The run ends with the first step after whose turns this holds.
@@ -76,6 +79,7 @@ class Instants:
         self._kernel = kernel
         self._motion = motion
         self._observer = observer
+        self._membership = membership
         self._world = WorldScope(simulation, observer)
         self._interruption = interruption
         self._is_asynchronous = is_asynchronous
@@ -92,10 +96,12 @@ class Instants:
         self._latched: list[tuple[Column, Array]] | None = None
 
     def begin(self, now: int, is_step: bool) -> None:
-        """Deliver the messages that are due."""
+        """Let agents leave and enter, and deliver the messages that are due."""
         simulation = self._simulation
         if "iterating" in simulation.events.wanted:
             simulation.announce("iterating", "run")
+        if is_step and self._membership.is_open:
+            self._membership.look(now)
         if is_step or self._arrival <= now:
             simulation.exchange.deliver(now)
             self._sent = -1

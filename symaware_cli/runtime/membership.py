@@ -1,30 +1,203 @@
-"""Membership: which agents take part in a run, and what becomes of those who do not any more."""
+"""Membership: which agents take part in a run: they enter, leave, fail, are stopped and begin anew."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from functools import partial
+from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 
-from symaware_cli.core import AgentGroup, Level, Model
-from symaware_cli.core.column import Array, is_finite
+from symaware_cli.core import AgentGroup, Event, Level, Model, TimeSeries
+from symaware_cli.core.column import Array, Column, SeriesColumn, is_finite
+from symaware_cli.runtime.expression import EvaluationError, Expression, Lookup
+from symaware_cli.runtime.failure import RunError, describe
+from symaware_cli.runtime.presence import Moment, Span
+from symaware_cli.runtime.scope import AgentScope, WorldScope
 from symaware_cli.runtime.simulation import Simulation
-from symaware_cli.runtime.timing import Coast
+from symaware_cli.runtime.summary import Observer
+from symaware_cli.runtime.switchboard import Switchboard
+from symaware_cli.runtime.timing import Coast, Trigger
+from symaware_cli.runtime.trigger import concerned
 
 if TYPE_CHECKING:
     from symaware_cli.runtime.scheduler import TurnScheduler
 
 
 class Membership:
-    """Takes agents out of a run and lets them come back."""
+    """Takes agents out of a run and lets them come back; lets them enter the world and leave it.
 
-    def __init__(self, simulation: Simulation, schedulers: Sequence[TurnScheduler]) -> None:
+    An agent that failed or was stopped stays in the world as a body that coasts. One that is not in the world takes no
+    part either, and is nowhere.
+
+    Attributes:
+        is_open: Whether agents enter or leave at all.
+        waiting: The agents that are still to enter, by group and row, each with when it is in the world.
+        leaving: Those in the world that are to leave.
+    """
+
+    def __init__(
+        self,
+        simulation: Simulation,
+        schedulers: Sequence[TurnScheduler],
+        presence: Mapping[str, Sequence[Span]],
+        observer: Observer,
+        switchboard: Switchboard,
+    ) -> None:
+        """Prepare.
+
+        Args:
+            simulation: What runs.
+            schedulers: The turns of each slot.
+            presence: When the agents of groups are in the world, in the order of their rows; of all others: always.
+            observer: Knows of contacts, goals and risks, for conditions on which agents enter.
+            switchboard: Connects events with what they bring about.
+        """
         self._simulation = simulation
         self._schedulers = schedulers
-        #: How many reasons there are against each agent that takes no part: faults, and failures, which stay.
+        self._groups = {group.name: group for group in simulation.groups}
+        self._look_up = WorldScope(simulation, observer).look_up
+        self._scopes = {name: AgentScope(self._groups[name]) for name in presence}
+        #: How many reasons there are against each agent that takes no part: absence, faults, and failures, which stay.
         self._reasons: Counter[tuple[str, int]] = Counter()
+        #: Whose event has come since the last step, of those that wait for one.
+        self._called: set[tuple[str, int]] = set()
+        self.is_open = bool(presence)
+        self.waiting: dict[tuple[str, int], Span] = {}
+        self.leaving: dict[tuple[str, int], Span] = {}
+        for name in sorted(presence):
+            for row, span in enumerate(presence[name]):
+                (self.waiting if span.is_late else self.leaving)[name, row] = span
+            self._listen(self._groups[name], presence[name], switchboard)
+
+    def _listen(self, group: AgentGroup, spans: Sequence[Span], switchboard: Switchboard) -> None:
+        """Take note of the events with which agents of a group enter or leave."""
+        rows = {id: row for row, id in enumerate(group.ids)}
+        for way, moments in (("begin", [each.begin for each in spans]), ("end", [each.end for each in spans])):
+            for trigger in dict.fromkeys(each for each in moments if isinstance(each, Trigger)):
+                whose = frozenset(row for row, each in enumerate(moments) if each == trigger)
+                call = partial(self._on_event, trigger, group.name, rows, way, whose)
+                switchboard.connect(trigger.event, trigger.source, call)
+
+    def _on_event(
+        self, trigger: Trigger, group: str, rows: Mapping[str, int], way: str, whose: Collection[int], event: Event
+    ) -> None:
+        concerns = self.waiting if way == "begin" else self.leaving
+        for row in concerned(event, trigger, group, rows):
+            if row in whose and (group, row) in concerns:
+                self._called.add((group, row))
+
+    def begin(self) -> None:
+        """Keep those out of the run who are still to enter."""
+        for name, row in self.waiting:
+            self._hold(self._groups[name], row)
+
+    def look(self, now: int) -> None:
+        """Let agents leave and enter at a step of the world.
+
+        Raises:
+            RunError: A condition has no value, or the world does not let them.
+        """
+        gone = sorted(
+            each
+            for each, span in self.leaving.items()
+            if self._has_come(each, span.end, "until", partial(self._scopes[each[0]].look_up, each[1]), now)
+        )
+        come = sorted(
+            each for each, span in self.waiting.items() if self._has_come(each, span.begin, "from", self._look_up, now)
+        )
+        self._called.clear()
+        for name, group in self._groups.items():
+            leaving, entering = ([row for own, row in each if own == name] for each in (gone, come))
+            if leaving:
+                self._leave(group, leaving)
+            if entering:
+                self._enter(group, entering)
+
+    def _has_come(self, agent: tuple[str, int], moment: Moment | None, key: str, look_up: Lookup, now: int) -> bool:
+        """Whether it is time for an agent to enter or leave."""
+        if moment is None:
+            return False
+        if isinstance(moment, Trigger):
+            return agent in self._called
+        if not isinstance(moment, Expression):
+            return now >= moment
+        try:
+            return moment.holds(look_up)
+        except EvaluationError as error:
+            id = self._groups[agent[0]].ids[agent[1]]
+            raise RunError(f"agents.{id}.present.{key}", "symaware", now, str(error), error) from error
+
+    def _enter(self, group: AgentGroup, rows: Sequence[int]) -> None:
+        """Let agents into the world."""
+        for row in rows:
+            self._simulation.announce("adding", f"agents.{group.ids[row]}")
+            self.leaving[group.name, row] = self.waiting.pop((group.name, row))
+        self._move(group, rows, present=True)
+        # What they believe, want and know is news.
+        for column in (*group.awareness.columns.values(), group.control_column):
+            if isinstance(column, Column):
+                column.mark(rows)
+        group.knowledge_changes.rows.update(rows)
+        for row in rows:
+            if self._is_free(group, row):
+                self._simulation.exchange.inboxes.reopen(group.ids[row])
+                for scheduler in self._of(group):
+                    scheduler.release(row)
+                    scheduler.enter(row)
+        for row in rows:
+            overlapped = self._simulation.environment.overlaps(group.ids[row])
+            said = f"; its body overlaps {', '.join(overlapped)}" if overlapped else ""
+            level = Level.WARNING if overlapped else Level.INFO
+            self._simulation.announce("added", f"agents.{group.ids[row]}", f"enters{said}", level=level)
+
+    def _leave(self, group: AgentGroup, rows: Sequence[int]) -> None:
+        """Let agents leave the world, for good."""
+        for row in rows:
+            self._simulation.announce("removing", f"agents.{group.ids[row]}")
+            del self.leaving[group.name, row]
+            self._hold(group, row)
+            for column in group.awareness.columns.values():
+                if isinstance(column, SeriesColumn):
+                    column.set_row(row, TimeSeries())
+        self._move(group, rows, present=False)
+        for row in rows:
+            self._simulation.announce("removed", f"agents.{group.ids[row]}", "leaves")
+
+    def _move(self, group: AgentGroup, rows: Sequence[int], *, present: bool) -> None:
+        """Say who is in the world, to all who need to know."""
+        simulation, environment = self._simulation, self._simulation.environment
+        flags = np.ones(len(group), bool) if group.present is None else group.present.copy()
+        flags[list(rows)] = present
+        flags.flags.writeable = False
+        group.present = flags
+        try:
+            (environment.admit if present else environment.dismiss)(group, rows)
+        except BaseException as error:
+            self._blame(error)
+        simulation.exchange.present = environment.present
+
+    def _blame(self, error: BaseException) -> NoReturn:
+        use, now = self._simulation.environment_use, self._simulation.clock.now
+        raise RunError("environment", use, now, describe(error), error) from error
+
+    def _of(self, group: AgentGroup) -> list[TurnScheduler]:
+        return [scheduler for scheduler in self._schedulers if scheduler.slot.group is group]
+
+    def _hold(self, group: AgentGroup, row: int) -> bool:
+        """Take an agent out of the run, for one reason; return whether it is the first.
+
+        Its components take no further turns. What has arrived for it and was not read is thrown away, and what still
+        arrives is not kept.
+        """
+        self._reasons[group.name, row] += 1
+        if self._reasons[group.name, row] > 1:
+            return False
+        for scheduler in self._of(group):
+            scheduler.hold(row)
+        self._simulation.exchange.inboxes.close(group.ids[row])
+        return True
 
     def retire(self, group: AgentGroup, rows: Iterable[int], coast: Coast, reason: str) -> None:
         """Take agents out of the run: their components take no further turns, and the world moves them on.
@@ -39,29 +212,22 @@ class Membership:
             reason: Why, in one sentence.
         """
         for row in rows:
-            self._reasons[group.name, row] += 1
-            if self._reasons[group.name, row] > 1:
-                continue
-            if coast == "safe":
+            if coast == "safe" and not self._reasons[group.name, row]:
                 one = slice(row, row + 1)
                 safe = safe_input(group.model, group.control_input[one], group.awareness.state[one])
                 group.control_column.set_row(row, safe)
-            for scheduler in self._schedulers:
-                if scheduler.slot.group is group:
-                    scheduler.hold(row)
-            self._simulation.exchange.inboxes.close(group.ids[row])
-            self._simulation.announce("terminated", f"agents.{group.ids[row]}", reason, level=Level.WARNING)
+            if self._hold(group, row):
+                self._simulation.announce("terminated", f"agents.{group.ids[row]}", reason, level=Level.WARNING)
 
     def revive(self, group: AgentGroup, rows: Iterable[int]) -> None:
         """There is a reason less against some agents; those without any begin anew, as do their components."""
         rows = [row for row in rows if self._is_free(group, row)]
         for row in rows:
             self._simulation.exchange.inboxes.reopen(group.ids[row])
-        for scheduler in self._schedulers:
-            if scheduler.slot.group is group:
-                for row in rows:
-                    scheduler.release(row)
-                scheduler.begin_anew(rows)
+        for scheduler in self._of(group):
+            for row in rows:
+                scheduler.release(row)
+            scheduler.begin_anew(rows)
 
     def _is_free(self, group: AgentGroup, row: int) -> bool:
         """Take a reason away, and tell whether it was the last."""

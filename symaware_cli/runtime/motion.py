@@ -40,11 +40,13 @@ class Motion:
             interruption.shield()
 
     def push(self, group: AgentGroup, rows: Sequence[int], change: Array) -> None:
-        """Change the true states of agents.
+        """Change the true states of agents, of those that are there.
 
         Raises:
             RunError: The world does not let it.
         """
+        if group.present is not None:
+            rows = [row for row in rows if group.present[row]]
         try:
             self._environment.push(group, rows, change)
         except BaseException as error:

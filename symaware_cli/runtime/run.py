@@ -136,7 +136,7 @@ class Run:
 
             self._bridge = AsyncioBridge()
         self.schedulers: list[TurnScheduler] = []
-        self.membership = Membership(simulation, self.schedulers)
+        self.membership = Membership(simulation, self.schedulers, terms.presence, self._observer, switchboard)
         awaiter = Awaiter(switchboard, simulation.exchange, self._bridge) if is_asynchronous else None
         self.schedulers += [
             TurnScheduler(
@@ -161,6 +161,7 @@ class Run:
             self.kernel,
             self._motion,
             self._observer,
+            self.membership,
             self._interruption,
             is_asynchronous=is_asynchronous,
             until=terms.until,
@@ -249,6 +250,7 @@ class Run:
             self._observer,
             self.recorder,
             status=self.status or "interrupted",
+            agents=self.simulation.agent_count - len(self.membership.waiting),
             turns=sum(each.turns for each in self.schedulers),
             overruns=sum(each.overruns for each in self.schedulers),
             failures=sum(each.failures for each in self.schedulers),
@@ -381,6 +383,7 @@ class Run:
             )
             self._waited = time.monotonic() - began
         self.kernel.has_begun = True
+        self.membership.begin()
         for scheduler in self.schedulers:
             scheduler.begin()
         self._faults.begin()

@@ -308,14 +308,29 @@ class TurnScheduler:
             RunError: It cannot.
         """
         component, tried = self.slot.components[row], self._guard.tries[row]
-        self._give_up(row)
-        if self._timing.in_process:
-            self._workers.restart(self.slot, row)
-        self.slot.initialise_one(row, self._simulation.clock.now)
+        self._renew(row)
         tries = f", for the {_ordinal(tried)} of {self._timing.tries} times" if tried else ""
         self._simulation.announce("restarted", component.path, f"begins anew{tries}", level=Level.WARNING)
         if self._timing.period == 0:
             self._wait_for_step(row)
+
+    def enter(self, agent: int) -> None:
+        """Let the component of an agent that enters take up its work; one of the whole group goes on.
+
+        Raises:
+            RunError: It cannot.
+        """
+        if self._is_group:
+            return
+        self._renew(agent)
+        if self._timing.period == 0:
+            self._wait_for_step(agent)
+
+    def _renew(self, row: int) -> None:
+        self._give_up(row)
+        if self._timing.in_process:
+            self._workers.restart(self.slot, row)
+        self.slot.initialise_one(row, self._simulation.clock.now)
 
     def hold(self, agent: int) -> None:
         """Let an agent take no part until it is released as often as it was held."""

@@ -34,7 +34,7 @@ AGENT_NAMES: Mapping[str, str] = {
 
 #: What `run.until` may refer to.
 WORLD_NAMES: Mapping[str, str] = {
-    "agents": "how many agents there are",
+    "agents": "how many agents are in the world now",
     "contacts": "how many contacts began so far",
     "goals_reached": "for each agent with a goal, whether it reached it: all(goals_reached)",
     "highest_risk": "the greatest risk that an agent sees now; 0 if none was estimated",
@@ -102,6 +102,7 @@ class AgentScope:
             others = tracks.positions[tracks.pointers[row] : tracks.pointers[row + 1]]
         elif world is not None:
             others = np.delete(world.positions, world.roster.start(group.name) + row, 0)
+            others = others if world.present is None else others[np.isfinite(others).all(axis=1)]
         else:
             return np.inf
         own = np.zeros(others.shape[1])
@@ -135,11 +136,12 @@ class WorldScope:
             return _ByName(self._rows, simulation, partial(_part_of, name))
         match name:
             case "agents":
-                return simulation.agent_count
+                return sum(len(group.rows) for group in simulation.groups)
             case "contacts":
                 return self._observer.contacts
             case "goals_reached":
-                return np.array([id in self._observer.goals for id in self._with_goal], bool)
+                world = simulation.environment.snapshot()
+                return np.array([id in self._observer.goals for id in self._with_goal if id in world], bool)
             case "highest_risk":
                 peak = self._observer.peak()
                 return 0.0 if peak is None else peak[0]
@@ -169,11 +171,11 @@ class _ByName:
         if name in self._rows:
             group, row = self._rows[name]
             one: Array = self._pick(group)[row]
-            return one
+            return one if group.present is None or group.present[row] else np.full_like(one, np.nan)
         for group in self._simulation.groups:
             if group.name == name:
                 every: Array = self._pick(group)
-                return every
+                return every if group.present is None else every[group.present]
         raise KeyError(f"there is no agent or group `{name}`")
 
 

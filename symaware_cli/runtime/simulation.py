@@ -167,6 +167,7 @@ class Simulation:
             seed=seed,
             time_step=environment.time_step,
         )
+        self.exchange.present = environment.present
         for slot in self.slots:
             if slot.kinds is not None:
                 columns = isinstance(slot.components[0], GroupComponent)
@@ -178,7 +179,7 @@ class Simulation:
 
     @property
     def agent_count(self) -> int:
-        """How many agents there are."""
+        """How many agents there are, whether they are in the world at present or not."""
         return len(self.environment.roster)
 
     def initialise(self) -> None:

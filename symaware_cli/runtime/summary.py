@@ -199,6 +199,7 @@ def summarise(
     recorder: Recorder | None,
     *,
     status: str,
+    agents: int,
     turns: int,
     overruns: int,
     failures: int,
@@ -215,6 +216,7 @@ def summarise(
         observer: Who watched it.
         recorder: Who wrote it down, if somebody did.
         status: See `Summary`.
+        agents: How many were ever in the world.
         turns: See there, as for the next two.
         overruns: See there.
         failures: See there.
@@ -228,7 +230,7 @@ def summarise(
         name=simulation.name,
         seed=simulation.seed,
         status=status,
-        agents=simulation.agent_count,
+        agents=agents,
         steps=steps,
         simulated_time=seconds(simulation.clock.now),
         wall_time=wall_time,

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
 from symaware_cli.runtime.expression import Expression
 
 if TYPE_CHECKING:
     from symaware_cli.runtime.faults import Fault
+    from symaware_cli.runtime.presence import Span
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,6 +24,7 @@ class Terms:
         turn_limit: Wall time that a turn may take before its component counts as failed [s]; None for any.
         timeout: Wall time after which the run is ended [s]; None for never.
         faults: What is to go wrong.
+        presence: When the agents of some groups are in the world, in the order of their rows; all others are always.
         workers: How many processes compute what is to compute in a process of its own; None for one for each core.
         may_exit: Whether the process may be ended where the run heeds neither a second signal nor its time-out.
     """
@@ -33,5 +35,6 @@ class Terms:
     turn_limit: float | None = None
     timeout: float | None = None
     faults: Sequence[Fault] = ()
+    presence: Mapping[str, Sequence[Span]] = field(default_factory=dict)
     workers: int | None = None
     may_exit: bool = True

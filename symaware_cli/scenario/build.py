@@ -29,6 +29,7 @@ from symaware_cli.core import (
 from symaware_cli.core.conformity import faults_of
 from symaware_cli.runtime.failure import RunError
 from symaware_cli.runtime.faults import Fault
+from symaware_cli.runtime.presence import Span
 from symaware_cli.runtime.simulation import Simulation, Slot
 from symaware_cli.runtime.terms import Terms
 from symaware_cli.scenario.assets import assets, check_assets
@@ -40,6 +41,7 @@ from symaware_cli.scenario.document import Scenario
 from symaware_cli.scenario.faults import FaultBuilder
 from symaware_cli.scenario.making import Workshop, mapping, topologies, words
 from symaware_cli.scenario.parts import check_omitted, declared_parts, name_columns
+from symaware_cli.scenario.presence import PresenceBuilder
 from symaware_cli.scenario.problem import Problem, ScenarioError, dotted, nearest, quoted
 from symaware_cli.scenario.requirement import check_requirements
 from symaware_cli.scenario.resolved import resolved
@@ -188,9 +190,12 @@ class _Builder:
         check.triggers(slots)
         run, until = document.run, check.until(document.run, groups)
         faults: Sequence[Fault | None] = ()
+        presence: Mapping[str, Sequence[Span]] = {}
         if len(groups) == len(document.agents):
             builder = FaultBuilder(self._composition, self._report, check, environment, groups, slots, document.faults)
             faults = [builder.build(name, use) for name, use in document.faults.items()]
+            members = PresenceBuilder(self._report, check, environment, document.environment.use, slots)
+            presence = members.build(groups, document.agents)
         return Terms(
             mode=run.mode,
             until=until,
@@ -198,6 +203,7 @@ class _Builder:
             turn_limit=run.turn_limit,
             workers=run.workers,
             faults=tuple(fault for fault in faults if fault is not None),
+            presence=presence,
         )
 
     def _is_news(self, problem: Problem) -> bool:

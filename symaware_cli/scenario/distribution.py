@@ -48,6 +48,9 @@ def company(built: Built, place: Place) -> Company:
             raise DistributionError(
                 f"`run.until` looks at `{min(names)}`, which the process knows that runs the agent, and not the host"
             )
+    if built.terms.presence:
+        groups = ", ".join(f"`agents.{name}.present`" for name in sorted(built.terms.presence))
+        raise DistributionError(f"agents enter and leave only where one process makes the whole run: {groups}")
     agents = _chosen(built, place)
     key = None if place.key is None else _key(place.key)
     if key is None and not is_loopback(host):

@@ -41,6 +41,7 @@ class Use(Part):
 
 
 Seconds = Annotated[float, Field(ge=0, le=1e9)]
+Condition = Annotated[str, Field(max_length=500)]
 
 
 class Trigger(Part):
@@ -171,6 +172,25 @@ class Run(Part):
     )
 
 
+_MOMENT = "a time [s], a condition, or an event: {event: ..., of: ...}"
+
+
+class Presence(Part):
+    """When an agent is in the world; before and afterwards it is nowhere."""
+
+    from_: Seconds | Condition | Trigger | None = Field(
+        None,
+        alias="from",
+        description=f"When it enters, in its initial state: {_MOMENT}. Conditions are about the world, as `run.until`. "
+        "If left out, it is there from the beginning.",
+    )
+    until: Seconds | Condition | Trigger | None = Field(
+        None,
+        description=f"When it leaves, for good: {_MOMENT}. Conditions are about the agent, as those of components: "
+        "`position[0] > 10`. If left out, it stays.",
+    )
+
+
 class Agents(Part):
     """A group: agents that share body, model and components."""
 
@@ -184,6 +204,11 @@ class Agents(Part):
     model: ModelUse = Field(description="The dynamics of each agent.")
     state: PerAgent = Field(
         None, description=f"Initial state, in the model's order and units; zeros if left out. {_PER_AGENT}"
+    )
+    present: Presence | list[Presence] | None = Field(
+        None,
+        description="When each agent is in the world: one for all agents, or a list with one for each; always if left "
+        "out.",
     )
     knowledge: dict[Name, PerAgent] = Field(
         default_factory=dict,

@@ -28,7 +28,10 @@ FAULT_EVENTS = frozenset({"fault", "fault-over"})
 COMPONENT_EVENTS = TURNS | FAULT_EVENTS | {"failed", "initialised", "initialising", "overrun", "restarted"}
 
 #: What is fired of an agent, with its id as the source.
-AGENT_EVENTS = FAULT_EVENTS | frozenset({"dropped", "received", "restarted", "sending", "sent", "terminated"})
+AGENT_EVENTS = FAULT_EVENTS | {
+    *("added", "adding", "removed", "removing"),
+    *("dropped", "received", "restarted", "sending", "sent", "terminated"),
+}
 
 #: What the world and the run fire.
 ENVIRONMENT_EVENTS = frozenset({"contact", "stepped", "stepping"})

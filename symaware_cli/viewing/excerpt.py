@@ -32,7 +32,7 @@ class Frames:
 
     Attributes:
         times: (k,) simulated time [ns]; none if nothing was recorded.
-        values: (k, n, columns); NaN before the first value of a row.
+        values: (k, n, columns); NaN before the first value of a row, and of an agent that has left.
         before: (n, columns) what was known before the first instant; NaN if nothing.
     """
 
@@ -97,13 +97,15 @@ class Excerpt:
 class Gathering:
     """Puts messages together to excerpts."""
 
-    def __init__(self, counts: Mapping[str, int]) -> None:
+    def __init__(self, counts: Mapping[str, int], places: Mapping[str, tuple[str, int]] | None = None) -> None:
         """Begin with nothing.
 
         Args:
             counts: How many rows the group or entity of each topic has, where that is known.
+            places: The group and the row of each agent, by id; without, nobody leaves.
         """
         self._counts = counts
+        self._places = places or {}
         self._tables: dict[str, _Table] = {}
         self._series: dict[str, _Series] = {}
         self._entries: defaultdict[str, list[tuple[int, Any]]] = defaultdict(list)
@@ -157,9 +159,20 @@ class Gathering:
                     series.take(time, content)
             case _:
                 self._entries[topic].append((time, content))
+                self.note(time, content)
         self._size += size
         self._start = time if self._start is None else self._start
         self.end = time
+
+    def note(self, time: int, content: Any) -> None:
+        """Forget what is known of an agent, if this says that it has left the world."""
+        if getattr(content, "name", None) != "removed":
+            return
+        group, row = self._places.get(content.source.removeprefix("agents."), (None, 0))
+        tables: Iterable[tuple[str, _Table | _Series]] = (*self._tables.items(), *self._series.items())
+        for topic, known in tables:
+            if topic.split("/")[2] == group:
+                known.forget(time, row)
 
     def drain(self) -> Excerpt:
         """Hand out what was taken in since the last time."""
@@ -222,6 +235,11 @@ class _Table:
             self._frames.append(frame)
         self._last = frame
 
+    def forget(self, time: int, row: int) -> None:
+        values = self._last.copy()
+        values[row] = np.nan
+        self.take(time, None, values)
+
     def drain(self) -> Frames:
         values = np.stack(self._frames) if self._frames else np.empty((0, *self._before.shape))
         frames = Frames(np.array(self._times, np.int64), values, self._before)
@@ -260,6 +278,11 @@ class _Series:
             self.times.append(time)
             self._lengths.append(lengths)
             self._values.append(values)
+
+    def forget(self, time: int, row: int) -> None:
+        rows = np.array([row], np.uint32)
+        nothing = np.empty((0, self._columns))
+        self.take(time, wire.SeriesRows(rows, np.zeros(1, np.uint32), np.empty(0, np.int64), nothing))
 
     def _merged(self, message: wire.SeriesRows) -> tuple[NDArray[np.int64], Array]:
         """The series of all rows, those that the message leaves out as they were."""

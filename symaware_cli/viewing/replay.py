@@ -90,7 +90,7 @@ class Replay:
             for root, fields in (("world", _TRUTHS), ("agents", ("control", *troupe.parts)))
             for field in fields
         }
-        return Gathering(counts)
+        return Gathering(counts, self._cast.place)
 
     def draw(
         self,
@@ -110,7 +110,10 @@ class Replay:
         """
         gathering = self.gathering()
         for message in earlier:
-            gathering.take(message.channel.topic, start, message.decode())
+            if message.channel.topic == "/events":
+                gathering.note(start, message.decode())  # what happened is over
+            else:
+                gathering.take(message.channel.topic, start, message.decode())
         for excerpt in gathering.excerpts(messages):
             self.draw_excerpt(excerpt)
             if on_progress:
@@ -154,7 +157,7 @@ In the tab of an agent, rings stand where it believes others to be, fainter the 
         self._stage.static("about", rr.TextDocument(text, media_type="text/markdown"))
 
 
-_TRUTHS = ("state", "pose", "joints")
+_TRUTHS = ("state", "control", "pose", "joints")
 
 
 def content_of(log: Log, cast: Cast, start: int | None = None, end: int | None = None) -> Content:

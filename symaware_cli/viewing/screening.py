@@ -128,7 +128,7 @@ class Screening:
             self.log.messages(start=self.start, end=self.end),
             on_progress,
             start=self.start or 0,
-            earlier=self.log.messages([*held, "/contacts"], end=self.start or 0),
+            earlier=self.log.messages([*held, "/contacts", "/events"], end=self.start or 0),
         )
 
     def _replay(self, recording: rr.RecordingStream) -> Replay:

@@ -16,6 +16,7 @@ from simulating import STEP, simulation
 from symaware_cli import open_log
 from symaware_cli.recording import png
 from symaware_cli.recording.error import UnknownNameError
+from symaware_cli.recording.rows import RecordedRows
 from symaware_cli.recording.sensing import SensorChannels
 from symaware_cli.recording.writer import LogWriter
 from symaware_cli.viewing.cast import cast_of
@@ -115,7 +116,7 @@ def test_where_agents_run_apart_each_part_of_the_log_has_its_own(tmp_path):
         (group,) = ready.groups
         manifest = {"format": 1, "groups": {"robot": {"agents": list(group.ids)}}, "entities": {}, "roster": []}
         writer.attach("manifest.json", "application/json", json.dumps(manifest).encode())
-        assert SensorChannels(writer, group, [1]).record(0) == 4
+        assert SensorChannels(writer, group, RecordedRows(group, [1])).record(0) == 4
         writer.finish({})
     log = open_log(tmp_path / "part.mcap")
     (scan,) = log.scans()

@@ -119,6 +119,8 @@ class Follow(Steering):
                 variance = tracks.covariances[rows, first, first] + tracks.covariances[rows, first + 1, first + 1]
                 least[who] = np.maximum(least[who], _SIGNIFICANT * np.sqrt(variance))
         elif world is not None:
+            if world.present is not None and not world.present[self._leader]:
+                return aware, led, speed, least
             aware[:] = True
             led[:] = world.positions[self._leader, :dimensions]
             speed[:] = world.velocities[self._leader, :dimensions]

@@ -17,8 +17,8 @@ from symaware_cli.network.channel.ledger import FOREVER, Ledger
 from symaware_cli.network.channel.parameters import Bursts, ChannelParameters
 
 #: Why messages are dropped, by the number that stands for it in `Fates.reason`; the first is none.
-REASONS = ("", "loss", "queue-full", "too-old", "no-link")
-LOSS, QUEUE_FULL, TOO_OLD, NO_LINK = 1, 2, 3, 4
+REASONS = ("", "loss", "queue-full", "too-old", "no-link", "absent")
+LOSS, QUEUE_FULL, TOO_OLD, NO_LINK, ABSENT = 1, 2, 3, 4, 5
 
 _DELAY, _JITTER, _LOSS, _STATE = range(4)
 _REPEATED, _AGAIN, _AGAIN_JITTER, _START = range(4)

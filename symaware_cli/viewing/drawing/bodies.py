@@ -32,6 +32,7 @@ class Bodies(Drawing):
     def __init__(self, cast: Cast, detail: Detail, stage: Stage) -> None:
         super().__init__(cast, detail, stage)
         self._risk: dict[str, Array] = {}
+        self._shown: set[str] = set()
 
     def begin(self) -> None:
         """Put up sizes and labels, which do not change."""
@@ -89,6 +90,10 @@ class Bodies(Drawing):
         for troupe in self.cast.troupes.values():
             frames = excerpt.frames.get(troupe.whereabouts)
             times = frames.times if frames else np.empty(0, np.int64)
+            if troupe.name not in self._shown:
+                self._shown.add(troupe.name)
+                if not len(times) or times[0] > excerpt.start:
+                    self._hide(troupe, excerpt.start)
             shares = self._shares(troupe, times, excerpt.strips.get(f"/agents/{troupe.name}/risk"))
             if frames and len(times):
                 positions, orientations = self.postures(troupe, times, excerpt)
@@ -96,6 +101,11 @@ class Bodies(Drawing):
                 headings = troupe.headings(frames.values)
                 if headings is not None and troupe.radius and not troupe.figure and self.detail.minds:
                     self._draw_headings(troupe, times, positions, headings)
+
+    def _hide(self, troupe: Troupe, time: int) -> None:
+        """Put bodies nowhere that are not there yet: what has a size and no place would be shown at the origin."""
+        nowhere = np.full((1, len(troupe.agents), 7), np.nan)
+        self._draw(troupe, np.array([time]), nowhere[..., :3], nowhere[..., 3:], troupe.colours[None])
 
     def _draw(
         self, troupe: Troupe, times: NDArray[np.int64], positions: Array, orientations: Array, colours: Colours

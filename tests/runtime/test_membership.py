@@ -1,0 +1,139 @@
+"""Agents that enter and leave: an absent one neither moves, senses, collides, communicates nor counts."""
+
+import numpy as np
+import pytest
+import yaml
+
+import symaware_cli as sa
+from symaware_cli import open_log
+from symaware_cli.scenario.build import build
+from symaware_cli.scenario.execution import execute
+
+DRIVING = {
+    "see": {"use": "perception.range", "with": {"range": 9.0}},
+    "steer": {"use": "control.go-to-goal", "with": {"speed": 1.0}},
+}
+
+
+def group(present=None, *, state=(0.0, 0.0), goal=(5.0, 0.0), components=DRIVING, radius=0.2, **more):
+    content = {
+        "entity": {"shape": {"circle": {"radius": radius}}},
+        "model": {"use": "single-integrator"},
+        "state": list(state),
+        "knowledge": {"goal": list(goal)},
+        "components": components,
+        **more,
+    }
+    return content if present is None else content | {"present": present}
+
+
+def scenario(tmp_path, agents, *, world="kinematic", duration=3.0, entities=None, **more):
+    run = {"duration": duration, **more.pop("run", {})}
+    document = {
+        "symaware": 1,
+        "name": "open",
+        "seed": 3,
+        "run": run,
+        "environment": {"use": world, "with": {"time_step": 0.1}, "entities": entities or {}},
+        "agents": agents,
+        **more,
+    }
+    path = tmp_path / "open.yaml"
+    path.write_text(yaml.safe_dump(document, sort_keys=False))
+    return path
+
+
+def recorded(tmp_path, agents, name="open", **options):
+    path = scenario(tmp_path, agents, **options)
+    summary = execute(build(path), tmp_path / f"{name}.mcap")
+    assert summary.status == "finished", summary.failure
+    return summary, open_log(tmp_path / f"{name}.mcap")
+
+
+def told(log, *names):
+    return [(each.name, each.source, each.time / 1e9) for each in log.events() if each.name in names]
+
+
+WORLDS = ("kinematic", "pymunk", "pybullet")
+
+
+@pytest.mark.parametrize("mode", ["synchronous", "asynchronous"])
+def test_an_agent_enters_at_a_time_in_its_initial_state_and_leaves_on_a_condition_about_itself(tmp_path, mode):
+    agents = {"car": group({"from": 1.0, "until": "position[0] > 0.95"})}
+    _, log = recorded(tmp_path, agents, run={"mode": mode})
+    assert told(log, "added", "removed") == [("added", "agents.car", 1.0), ("removed", "agents.car", 2.1)]
+    assert log.presence == {"car": ((1_000_000_000, 2_100_000_000),)}
+    truth = log.series("car", "world")
+    assert truth.seconds[0] == 1.0
+    assert truth.values[0].tolist() == [0.0, 0.0]
+    assert truth.values[-2, 0] == pytest.approx(1.0)
+    assert np.isnan(truth.values[-1]).all()
+
+
+def test_agents_enter_and_leave_with_events_of_others_and_of_their_own(tmp_path):
+    agents = {
+        "first": group({"until": {"event": "goal-reached"}}, goal=(0.5, 0.0)),
+        "second": group({"from": {"event": "removed", "of": "agents.first"}}, state=(0.0, 3.0)),
+    }
+    _, log = recorded(tmp_path, agents)
+    (reached, removed, added) = told(log, "goal-reached", "removed", "added")[:3]
+    assert [each[:2] for each in (removed, added)] == [("removed", "agents.first"), ("added", "agents.second")]
+    assert reached[2] < removed[2] < added[2]
+
+
+def test_a_condition_on_which_somebody_enters_is_about_the_world(tmp_path):
+    agents = {"a": group(), "b": group({"from": 'position["a"][0] > 0.45'}, state=(0.0, 3.0))}
+    _, log = recorded(tmp_path, agents)
+    assert told(log, "added") == [("added", "agents.b", 0.5)]
+
+
+def test_each_of_a_group_has_its_time_and_messages_tell_of_those_who_are_there(tmp_path):
+    present = [{}, {"from": 1.0}, {"from": 1.0, "until": 2.0}]
+    agents = {"car": group(present, state=[[0.0, 0.0], [0.0, 2.0], [0.0, 4.0]], count=3)}
+    _, log = recorded(tmp_path, agents)
+    rows = {message.time / 1e9: message.decode().rows for message in log.messages("/world/car/state")}
+    assert rows[0.9].tolist() == [0]
+    assert rows[1.0] is None
+    assert rows[2.0].tolist() == [0, 1]
+    values = log.series("car", "world")
+    there = np.isfinite(values.values[:, :, 0])
+    assert there[values.seconds == 0.5].tolist() == [[True, False, False]]
+    assert there[values.seconds == 1.5].tolist() == [[True, True, True]]
+    assert there[values.seconds == 2.5].tolist() == [[True, True, False]]
+
+
+@pytest.mark.parametrize("world", WORLDS)
+def test_an_absent_agent_changes_not_one_bit_for_others(tmp_path, world):
+    components = {
+        "see": {"use": "perception.range", "with": {"range": 9.0, "position_noise": 0.05, "self_noise": 0.02}},
+        "scan": {"use": "perception.lidar", "with": {"rays": 8, "noise": 0.01}},
+        "believe": {"use": "uncertainty.gaussian"},
+        "fear": {"use": "risk.time-to-collision"},
+        "tell": {"use": "communication.state"},
+        "hear": {"use": "communication.inbox"},
+        "steer": {"use": "control.velocity-obstacle", "with": {"speed": 1.0}},
+    }
+    present = {
+        "car": group(state=[[0.0, 0.0], [4.0, 0.3]], goal=[[4.0, 0.0], [0.0, 0.3]], count=2, components=components),
+    }
+    absent = {"zebra": group({"from": 50.0}, state=(2.0, 0.0), goal=(2.0, 4.0), components=components)}
+    for name, agents in (("without", present), ("with", present | absent)):
+        recorded(tmp_path, agents, name, world=world)
+    said = [contents(open_log(tmp_path / f"{name}.mcap")) for name in ("without", "with")]
+    assert said[0].keys() <= said[1].keys()
+    assert all("zebra" in topic for topic in said[1].keys() - said[0].keys())
+    for topic, messages in said[0].items():
+        assert messages == said[1][topic], topic
+
+
+def contents(log):
+    """What was said on each channel, and when; the first event says how many agents there are."""
+    topics = [topic for topic in log.channels if topic not in ("/timing", "/events")]
+    return {topic: [(each.time, each.data) for each in log.messages(topic)] for topic in topics}
+
+
+def test_a_state_of_an_open_world_is_refused_by_name(tmp_path):
+    with sa.load(scenario(tmp_path, {"car": group({"from": 1.0})})).start() as simulation:
+        simulation.step()
+        with pytest.raises(sa.StateError, match=r"agents\.car\.present"):
+            simulation.capture()
