@@ -19,6 +19,7 @@ _COMPONENTS = {
     "python": "sense: {use: benchmark.perception}, steer: {use: benchmark.controller}",
     # The original framework's way: each perception fills a dictionary of everybody, and each controller reads it.
     "dictionary": "sense: {use: benchmark.dictionary-perception}, steer: {use: benchmark.aware-controller}",
+    "own-dictionary": "sense: {use: benchmark.own-dictionary-perception}, steer: {use: benchmark.aware-controller}",
     # The same work as IR-SIM's `dash`: unicycles with limits that never arrive; in Python, and as it ships.
     "dash": "sense: {use: benchmark.perception}, steer: {use: benchmark.dash}",
     "stock-dash": "sense: {use: perception.omniscient}, steer: {use: control.go-to-goal}",

@@ -15,11 +15,17 @@ class Perception(PerceptionSystem):
 
 
 class DictionaryPerception(PerceptionSystem):
-    """Perceives everybody, as a dictionary of its own: the paper's way."""
+    """Perceives everybody by id: the paper's way. The mapping is backed by the world's arrays."""
 
     def _compute(self):
-        world = self.environment.snapshot()
-        return {id: world.state(id) for id in world.roster.ids}
+        return self.environment.snapshot().states_by_id
+
+
+class OwnDictionaryPerception(PerceptionSystem):
+    """Perceives everybody, as a dictionary that each agent fills anew."""
+
+    def _compute(self):
+        return dict(self.environment.snapshot().states_by_id)
 
 
 class ToGoal(Controller):

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from symaware_cli.core.column import Column, SeriesColumn, frozen
-from symaware_cli.core.motion import as_motion
+from symaware_cli.core.others import SharedBeliefs
 from symaware_cli.core.part import PARTS, Part, PartColumn
 from symaware_cli.core.reading import Reading
 from symaware_cli.core.series import TimeSeries
 from symaware_cli.core.tracks import Tracks
-
-if TYPE_CHECKING:
-    from symaware_cli.core.world import Roster, Snapshot
 
 Array = NDArray[np.float64]
 
@@ -153,37 +150,16 @@ class Observation:
         return own and self.tracks.repeats(other.tracks)
 
 
-class GroupAwareness:
+class GroupAwareness(SharedBeliefs):
     """The awareness that the agents of a group have: of themselves as columns, of others sparsely.
 
     Attributes:
-        parts: What parts it has, by name.
         columns: The column of each part, by name: a row of numbers for each agent, or a series for each.
-        world: What all agents of the group know of everybody, where they perceive everything; one shared
-            read-only snapshot, never a copy for each pair.
         observation: What perception measured last, for those who estimate.
-        seen: What each agent believes of the others it perceives or perceived, as perception or an estimator wrote it.
-        told: What each agent believes of others by what they say.
         readings: What further sensors measured last, by the name of the component, for those who use it.
-        roster: Who the indices in `tracks` stand for; set when the world is.
-        others_changed: The rows whose own components wrote about others since the last record.
     """
 
-    __slots__ = (
-        "_joined",
-        "_joined_of",
-        "_name",
-        "columns",
-        "observation",
-        "others_changed",
-        "parts",
-        "readings",
-        "roster",
-        "seen",
-        "state_column",
-        "told",
-        "world",
-    )
+    __slots__ = ("columns", "observation", "readings", "state_column")
 
     def __init__(self, state: Array, name: str = "", parts: Iterable[Part] = ()) -> None:
         """Begin with a belief of each state, and nothing else.
@@ -196,53 +172,14 @@ class GroupAwareness:
         Raises:
             ValueError: A vector has no columns.
         """
-        self.parts = {part.name: part for part in (*PARTS, *parts)}
+        super().__init__(len(state), name, (*PARTS, *parts))
         self.state_column = Column(state)
         self.columns: dict[str, PartColumn] = {
             part.name: self.state_column if part.name == "state" else part.column(len(state))
             for part in self.parts.values()
         }
-        self.world: Snapshot | None = None
         self.observation: Observation | None = None
-        self.seen: Tracks | None = None
-        self.told: Tracks | None = None
         self.readings: dict[str, Reading] = {}
-        self.roster: Roster | None = None
-        self.others_changed: set[int] = set()
-        self._name = name
-        self._joined: Tracks | None = None
-        self._joined_of: tuple[Tracks | None, Tracks | None, Snapshot | None] = (None, None, None)
-
-    @property
-    def tracks(self) -> Tracks | None:
-        """What each agent believes of others: what is seen wins over what was told, unless that is more recent.
-
-        None where nobody believes anything, or where all that counts is the `world`.
-        """
-        if self.told is None:
-            return self.seen
-        known = (self.seen, self.told, self.world)
-        if any(one is not other for one, other in zip(known, self._joined_of, strict=True)):
-            self._joined, self._joined_of = self._join(self.seen, self.told, self.world), known
-        return self._joined
-
-    def _join(self, seen: Tracks | None, told: Tracks, world: Snapshot | None) -> Tracks | None:
-        if seen is None and world is not None:
-            if told.instants.max(initial=world.time) <= world.time:
-                return None
-            seen = self.everybody(world)
-        return told if seen is None else seen.updated(told)
-
-    def motion(self, id: str, state: ArrayLike, *, is_state: bool = False) -> Array:
-        """Bring what somebody says of another agent into the layout of all beliefs of others; see `as_motion`."""
-        roster = self.roster
-        if roster is None:
-            return frozen(state)
-        return as_motion(id, state, roster.model(id), roster.dimensions, is_state=is_state)
-
-    def everybody(self, world: Snapshot) -> Tracks:
-        """Write out a snapshot that all agents share: a row for each of them and each other."""
-        return Tracks.of_everybody(world, world.roster.start(self._name), len(self.state))
 
     def __getitem__(self, name: str) -> Any:
         """A part of all agents: the read-only array of a vector, shape (n, k); the column of a series, to be `set`."""

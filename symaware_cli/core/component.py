@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from symaware_cli.core.agent import Agent, AgentGroup, Surroundings
-from symaware_cli.core.awareness import AwarenessVector
 from symaware_cli.core.awareness_database import AwarenessDatabase
 from symaware_cli.core.chance import AgentChance, GroupChance, Turn
 from symaware_cli.core.event import Event, Level, Subscriber, Subscription
@@ -398,7 +397,8 @@ class PerceptionSystem(Component):
     """Perceives states in the environment.
 
     `_compute` returns the perceived states by id, each as the model of that agent has it (or its position and velocity,
-    or its position alone), or a `Snapshot` for one who perceives everything.
+    or its position alone), or a `Snapshot` for one who perceives everything. Of everybody, `Snapshot.states_by_id` has
+    the states without a copy.
     """
 
     sees_world = True
@@ -420,20 +420,11 @@ class PerceptionSystem(Component):
 
     def _update(self, value: Mapping[str, ArrayLike] | Snapshot) -> None:
         agent = self._agent
-        database = agent.awareness_database
         if isinstance(value, Snapshot):
-            database.world = value
+            agent.awareness_database.world = value
             agent.self_awareness.state = value.state(agent.id)
-            return
-        for id, state in value.items():
-            if id == agent.id:
-                agent.self_awareness.state = state
-                continue
-            known, motion = database.others.get(id), agent.group.awareness.motion(id, state, is_state=True)
-            if known is None:
-                database[id] = AwarenessVector(id, motion)
-            else:
-                database[id] = known.replaced(state=motion)
+        else:
+            agent.awareness_database.set_states(value)
 
 
 class UncertaintyEstimator(Component):

@@ -19,21 +19,27 @@ def motion_quantities(dimensions: int) -> tuple[Quantity, ...]:
     return (*(Quantity(axis, "m") for axis in axes), *(Quantity(f"v{axis}", "m/s") for axis in axes))
 
 
-def motion_of(model: Model, state: ArrayLike, dimensions: int) -> Array:
-    """Pick position and velocity out of a state of a model.
+def motions_of(model: Model, states: Array, dimensions: int) -> Array:
+    """Pick positions and velocities out of states of a model.
 
     Args:
-        model: Whose state it is.
-        state: Shape (nx,).
+        model: Whose states they are.
+        states: Shape (n, nx).
         dimensions: Of the world; who moves in the plane stands at height 0.
 
     Returns:
-        Shape (2 dimensions,); the velocity is NaN where it is no part of the state.
+        Shape (n, 2 dimensions); velocities are NaN where they are no part of the state.
     """
-    values, size = real(state), len(model.position)
-    motion = np.zeros(2 * dimensions)
-    motion[:size] = values[list(model.position)]
-    motion[dimensions : dimensions + size] = values[list(model.velocities)] if model.velocities else np.nan
+    size = len(model.position)
+    motions = np.zeros((len(states), 2 * dimensions))
+    motions[:, :size] = states[:, list(model.position)]
+    motions[:, dimensions : dimensions + size] = states[:, list(model.velocities)] if model.velocities else np.nan
+    return motions
+
+
+def motion_of(model: Model, state: ArrayLike, dimensions: int) -> Array:
+    """Pick position and velocity out of one state of a model, shape (nx,); see `motions_of`."""
+    motion: Array = motions_of(model, real(state)[None], dimensions)[0]
     return motion
 
 

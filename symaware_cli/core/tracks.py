@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -32,7 +33,7 @@ class Tracks:
         ages: Time from when the other was last seen, or said where it was, until that instant [s]; shape (m,).
     """
 
-    __slots__ = ("ages", "covariances", "others", "pointers", "positions", "time", "velocities")
+    __slots__ = ("_motions", "ages", "covariances", "others", "pointers", "positions", "time", "velocities")
 
     def __init__(
         self,
@@ -51,6 +52,14 @@ class Tracks:
         self.velocities = frozen(velocities)
         self.covariances = None if covariances is None else frozen(covariances)
         self.ages = frozen(np.zeros(len(others)) if ages is None else ages)
+        self._motions: Array | None = None
+
+    @property
+    def motions(self) -> Array:
+        """Positions, then velocities, read-only; shape (m, 2d)."""
+        if self._motions is None:
+            self._motions = frozen(np.concatenate([self.positions, self.velocities], axis=1))
+        return self._motions
 
     def repeats(self, other: Tracks) -> bool:
         """Whether these are the same tracks as others, of the same instant; NaN equals NaN."""
@@ -103,6 +112,26 @@ class Tracks:
             apart &= snapshot.present[others] & snapshot.present[observers + start]
         observers, others = observers[apart], others[apart]
         return cls.of(snapshot.time, count, observers, others, positions[others], snapshot.velocities[others])
+
+    @classmethod
+    def joined(cls, time: int, parts: Sequence[Tracks]) -> Tracks:
+        """Put the tracks of some agents, each of its own and of the same instant, one after another."""
+        covariances = None
+        if any(each.covariances is not None for each in parts):
+            # Zeros stand for nothing said.
+            size = 2 * parts[0].positions.shape[1]
+            covariances = np.concatenate(
+                [np.zeros((len(each), size, size)) if each.covariances is None else each.covariances for each in parts]
+            )
+        return cls(
+            time,
+            np.cumsum([0, *(len(each) for each in parts)]),
+            np.concatenate([each.others for each in parts]),
+            np.concatenate([each.positions for each in parts]),
+            np.concatenate([each.velocities for each in parts]),
+            covariances=covariances,
+            ages=np.concatenate([each.ages for each in parts]),
+        )
 
     @property
     def observers(self) -> NDArray[np.intp]:

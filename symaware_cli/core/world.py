@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import fnmatch
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from symaware_cli.core.chance import Numbers, agent_numbers
 from symaware_cli.core.column import frozen
 from symaware_cli.core.model import Model
+from symaware_cli.core.motion import motions_of
 
 Array = NDArray[np.float64]
 
@@ -25,11 +27,23 @@ class Roster:
     Attributes:
         groups: The names of the groups, sorted.
         ids: The ids of all agents, by index.
+        indices: The index of each agent, by id; not to be changed.
         starts: The index of each group's first agent.
         dimensions: In how many dimensions they move, at most.
     """
 
-    __slots__ = ("_models", "_numbers", "_places", "counts", "dimensions", "groups", "ids", "starts")
+    __slots__ = (
+        "_models",
+        "_numbers",
+        "_places",
+        "_tables",
+        "counts",
+        "dimensions",
+        "groups",
+        "ids",
+        "indices",
+        "starts",
+    )
 
     def __init__(self, members: Mapping[str, Sequence[str]], models: Mapping[str, Model] | None = None) -> None:
         """Put them in order.
@@ -43,8 +57,10 @@ class Roster:
         self.groups = tuple(sorted(members))
         self.counts = tuple(len(members[group]) for group in self.groups)
         self.ids = tuple(id for group in self.groups for id in members[group])
+        self.indices = {id: index for index, id in enumerate(self.ids)}
         self.starts = tuple(int(start) for start in np.cumsum([0, *self.counts])[:-1])
         self._numbers: Numbers | None = None
+        self._tables: dict[tuple[str, ...], _Table] = {}
         self._places = {
             id: (number, row) for number, group in enumerate(self.groups) for row, id in enumerate(members[group])
         }
@@ -75,8 +91,27 @@ class Roster:
         Raises:
             KeyError: There is no such agent.
         """
-        group, row = self._places[id]
-        return self.starts[group] + row
+        return self.indices[id]
+
+    def motions(self, states: Mapping[str, ArrayLike]) -> tuple[dict[str, int], Array, dict[str, Array]] | None:
+        """Bring what somebody says of many agents at once into the layout of all beliefs of others.
+
+        Args:
+            states: For each the state of its model, its motion or its position.
+
+        Returns:
+            The row of each by id, their motions, shape (k, 2d), and the rows by id; None unless all are agents, and
+            those of each model are told of in arrays of the same shape.
+        """
+        ids = tuple(states)
+        table = self._tables.get(ids)
+        if table is None:
+            if not self._places.keys() >= states.keys():
+                return None
+            self._tables.clear()  # whoever perceives some agents now and others then gains nothing by it
+            table = self._tables[ids] = _Table(self, ids)
+        motions = table.motions(list(states.values()), self.dimensions)
+        return None if motions is None else (table.places, motions, dict(zip(ids, motions, strict=True)))
 
     def matching(self, pattern: str) -> list[int]:
         """The indices of those whom an id, the name of a group or a pattern means, ascending.
@@ -105,6 +140,45 @@ class Roster:
         return len(self.ids)
 
 
+class _Table:
+    """How the states of certain agents become rows of motions.
+
+    Attributes:
+        places: The row of each by id.
+    """
+
+    __slots__ = ("_models", "places")
+
+    def __init__(self, roster: Roster, ids: Sequence[str]) -> None:
+        self.places = {id: row for row, id in enumerate(ids)}
+        rows: dict[str, list[int]] = {}
+        for row, id in enumerate(ids):
+            rows.setdefault(roster.groups[roster.place(id)[0]], []).append(row)
+        self._models = [(roster.model(ids[chosen[0]]), chosen) for chosen in rows.values()]
+
+    def motions(self, states: Sequence[ArrayLike], dimensions: int) -> Array | None:
+        """Their motions, read-only; shape (k, 2d). None if those of a group are not arrays of one shape that fits."""
+        motions = np.empty((len(states), 2 * dimensions))
+        for model, rows in self._models:
+            chosen = [states[row] for row in rows]
+            first = chosen[0]
+            if not isinstance(first, np.ndarray) or first.ndim != 1 or first.dtype != float:
+                return None
+            if {(type(each), getattr(each, "shape", ())) for each in chosen} != {(type(first), first.shape)}:
+                return None
+            values = np.concatenate(chosen).reshape(len(chosen), -1)
+            if values.dtype != float:
+                return None
+            if model is not None and values.shape[1] == len(model.state):
+                motions[rows] = motions_of(model, values, dimensions)
+            elif values.shape[1] == 2 * dimensions:
+                motions[rows] = values
+            else:
+                return None
+        motions.flags.writeable = False
+        return motions
+
+
 class Snapshot:
     """Where everybody is at one instant; read-only, and never changed by a later step.
 
@@ -116,7 +190,19 @@ class Snapshot:
         present: Which agents are there, by index, read-only; shape (N,). None for all of them.
     """
 
-    __slots__ = ("_headings", "_inputs", "_models", "_positions", "_velocities", "present", "roster", "states", "time")
+    __slots__ = (
+        "_by_id",
+        "_headings",
+        "_inputs",
+        "_models",
+        "_motions",
+        "_positions",
+        "_velocities",
+        "present",
+        "roster",
+        "states",
+        "time",
+    )
 
     def __init__(
         self,
@@ -145,7 +231,9 @@ class Snapshot:
         self.states = tuple(states)
         self._models = models
         self._inputs = tuple(control_inputs)
+        self._by_id: StatesById | None = None
         self._headings: Array | None = None
+        self._motions: dict[str, Array] | None = None
         self._positions: Array | None = None
         self._velocities = None if velocities is None else self._of_present(velocities)
 
@@ -183,14 +271,37 @@ class Snapshot:
         state: Array = self.states[group][row]
         return state
 
+    def __getstate__(self) -> Any:
+        """What another process needs of it: nothing that can be made again."""
+        made = {"_by_id", "_motions"}
+        return None, {name: None if name in made else getattr(self, name) for name in self.__slots__}
+
+    @property
+    def states_by_id(self) -> StatesById:
+        """The states of everybody as one mapping, which is shared by all who ask."""
+        if self._by_id is None:
+            self._by_id = StatesById(self, self._models)
+        return self._by_id
+
     def motion(self, id: str) -> Array:
-        """Position [m] and velocity [m/s] of one agent; shape (2d,).
+        """Position [m] and velocity [m/s] of one agent, read-only; shape (2d,).
 
         Raises:
             KeyError: There is no such agent, or it is not there.
         """
-        index = self._index(id)
-        return np.concatenate([self.positions[index], self.velocities[index]])
+        self._index(id)
+        return self.motions[id]
+
+    @property
+    def motions(self) -> dict[str, Array]:
+        """Position [m] and velocity [m/s] of each who is there by id, read-only, shape (2d,); not to be changed."""
+        if self._motions is None:
+            motions = frozen(np.concatenate([self.positions, self.velocities], axis=1))
+            if self.present is not None:
+                motions = motions[self.present]
+                motions.flags.writeable = False
+            self._motions = dict(zip(self.ids, motions, strict=True))
+        return self._motions
 
     @property
     def positions(self) -> Array:
@@ -234,6 +345,55 @@ class Snapshot:
             for model, state, control_input in zip(self._models, self.states, self._inputs, strict=True)
         ]
         return np.concatenate([np.empty(0), *rates])
+
+
+class StatesById(Mapping[str, Array]):
+    """The states of all who are there at one instant, by id in the roster's order: a mapping backed by shared arrays.
+
+    A perception may return it; then what it writes is a reference, however many agents there are.
+
+    Attributes:
+        snapshot: Whose states.
+    """
+
+    __slots__ = ("_models", "_motions", "_rows", "snapshot")
+
+    def __init__(self, snapshot: Snapshot, models: Sequence[Model]) -> None:
+        self.snapshot = snapshot
+        self._models = models
+        self._motions: Array | None = None
+        self._rows: dict[str, Array] | None = None
+
+    @property
+    def motions(self) -> Array:
+        """What the states of all agents, by index, tell of their motion, NaN where they do not; shape (N, 2d)."""
+        if self._motions is None:
+            dimensions = self.snapshot.roster.dimensions
+            self._motions = frozen(
+                np.concatenate(
+                    [
+                        motions_of(model, states, dimensions)
+                        for model, states in zip(self._models, self.snapshot.states, strict=True)
+                    ]
+                )
+            )
+        return self._motions
+
+    @property
+    def rows(self) -> dict[str, Array]:
+        """The rows of `motions` by id, read-only; not to be changed."""
+        if self._rows is None:
+            self._rows = dict(zip(self.snapshot.roster.ids, self.motions, strict=True))
+        return self._rows
+
+    def __getitem__(self, id: str) -> Array:
+        return self.snapshot.state(id)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.snapshot.ids)
+
+    def __len__(self) -> int:
+        return len(self.snapshot.ids)
 
 
 def _stacked(parts: Sequence[Array]) -> Array:

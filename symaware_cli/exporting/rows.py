@@ -139,8 +139,10 @@ def lay_out_awareness(message: wire.Awareness, count: int, *, width: int, covari
     The numbers are the age, the values, and the covariance row by row. Who knows the whole world has no row.
     """
     columns = 1 + width + (width * width if covariances else 0)
+    nobody = np.empty(0, np.int64)
+    if not message.tells_states:
+        return Piece(nobody, nobody, np.empty((0, columns)), nobody)
     if message.world:
-        nobody = np.empty(0, np.int64)
         return Piece(_present(message.rows, count), nobody, np.empty((0, columns)), nobody)
     lengths = message.lengths.astype(np.int64)
     if len(lengths) == 1:

@@ -1,6 +1,6 @@
 """What an agent believed of another, put together from the messages about its awareness."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from symaware_cli.core.motion import motion_quantities
 from symaware_cli.recording import wire
-from symaware_cli.recording.series import Series, place_of
+from symaware_cli.recording.series import Prediction, Series, place_of
 
 Array = NDArray[np.float64]
 
@@ -21,10 +21,12 @@ class Beliefs(Series):
     Attributes:
         covariances: (k, columns, columns) of the values; NaN where nothing was said of how sure they are.
         ages: (k,) time since the other was last seen, s; NaN while nothing was known of it.
+        series: By part, such as ``intent``, what was known of the other's, at each instant at which that was recorded.
     """
 
     covariances: Array
     ages: Array
+    series: Mapping[str, Sequence[Prediction]]
 
 
 class _Belief(NamedTuple):
@@ -58,7 +60,18 @@ def beliefs(
         ValueError: A message does not fit together.
     """
     known: dict[int, _Belief] = {}
+    series: dict[str, list[Prediction]] = {}
     for time, message in entries:
+        for told in message.series:
+            place = place_of(row, told.rows)
+            if place is not None:
+                found = [(times, values) for whose, who, times, values in told if (whose, who) == (place, other)]
+                times, values = found[-1] if found else (np.empty(0, np.int64), np.empty((0, 0)))
+                before = series.setdefault(told.part, [])
+                if found or (before and len(before[-1].times)):
+                    before.append(Prediction(time, times.copy(), values.copy()))
+        if not message.tells_states:
+            continue
         if message.world:
             known[time] = _Belief(truth(time), None, 0.0)
             continue
@@ -75,7 +88,9 @@ def beliefs(
             covariances[number, :size, :size] = belief.covariance
     names, units = zip(*motion_quantities(columns // 2), strict=True) if columns in (4, 6) else ((), ())
     ages = np.array([belief.age for belief in known.values()], float)
-    return Beliefs(np.array(list(known), np.int64), values, names, units, covariances=covariances, ages=ages)
+    return Beliefs(
+        np.array(list(known), np.int64), values, names, units, covariances=covariances, ages=ages, series=series
+    )
 
 
 def _belief(message: wire.Awareness, place: int, count: int, other: int) -> _Belief:

@@ -58,8 +58,24 @@ def _series(message: wire.SeriesRows, channel: ChannelInfo) -> None:
     _require_rows(message.rows, count, channel)
 
 
+def _others_series(message: wire.OthersSeries, channel: ChannelInfo) -> None:
+    known, points, columns = (each.astype(np.int64) for each in (message.lengths, message.points, message.columns))
+    if not known.sum() == len(message.entities) == len(points) == len(columns):
+        raise ValueError(
+            f"{len(message.entities)} others, where {known.sum()} were announced, with {len(points)} series"
+        )
+    # As Python's whole numbers, which do not overflow.
+    numbers = sum(count * width for count, width in zip(points.tolist(), columns.tolist(), strict=True))
+    if len(message.times) != points.sum() or len(message.values) != numbers:
+        raise ValueError(f"{len(message.values)} numbers at {len(message.times)} times, where {numbers} were announced")
+    _require_rows(message.rows, len(known), channel)
+    _require_roster(message.entities, channel)
+
+
 def _awareness(message: wire.Awareness, channel: ChannelInfo) -> None:
-    if message.world:
+    for part in message.series:
+        _others_series(part, channel)
+    if message.world or (message.series and not message.tells_states):
         return
     lengths, sizes, known = message.lengths.astype(np.int64), message.columns.astype(np.int64), len(message.entities)
     if len(lengths) == 1:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from symaware_cli.core import AgentGroup, AwarenessDatabase, Roster, Snapshot, Tracks
 from symaware_cli.core.time import SECOND
@@ -12,9 +14,12 @@ from symaware_cli.recording import wire
 from symaware_cli.recording.rows import RecordedRows
 from symaware_cli.recording.writer import LogWriter
 
+#: No row changed, and nothing is to be said.
+_NOTHING = (0, b"")
+
 
 class OthersChannel:
-    """`/agents/<group>/awareness`."""
+    """`/agents/<group>/awareness`: of whom anything changed, all that it believes of a part."""
 
     def __init__(self, writer: LogWriter, channel: int, group: AgentGroup, roster: Roster, rows: RecordedRows) -> None:
         """Begin with nothing recorded.
@@ -31,72 +36,99 @@ class OthersChannel:
         self._group = group
         self._roster = roster
         self._rows = rows
-        self._last_tracks: Tracks | None = None
-        self._last_world: Snapshot | None = None
+        self._last: Tracks | Snapshot | None = None
+        #: For each part, of which rows it was said last that they hold a series.
+        self._said: defaultdict[str, set[int]] = defaultdict(set)
 
     def record(self, now: int) -> int:
         """Record what changed and return how many rows of the group that were."""
-        awareness, own = self._group.awareness, self._rows.now
+        own = self._rows.now
         if own is not None and not own:
             return 0
-        changed, tracks, world = awareness.others_changed, awareness.tracks, awareness.world
-        if not changed and tracks is not None:
-            return self._record_tracks(now, tracks, own)
-        if not changed and world is not None and world.time == now:
-            self._last_world = world
-            self._writer.add(self._channel, now, wire.WHOLE_WORLD)
-            return len(self._group)
-        if not changed and world is not self._last_world:
-            # The world as it was: /world at this instant does not tell it.
-            changed = set(range(len(self._group)))
-        self._last_world = world
-        if changed:
-            awareness.others_changed = set()
-        if own is not None:
-            changed = changed & {*own}
-        if not changed:
-            return 0
-        databases = [agent.awareness_database for agent in self._group.agents]
-        if all(each.world is not None and each.world.time == now and not each.others for each in databases):
-            self._writer.add(self._channel, now, wire.WHOLE_WORLD)
-            return len(self._group)
-        return self._record_databases(now, sorted(changed), databases)
+        rows, content = self._states(now, own)
+        for part, changes in sorted(self._group.awareness.others_changed.items()):
+            if changes:
+                changed, series = self._series(part, own)
+                rows, content = rows + changed, content + series
+        if content:
+            self._writer.add(self._channel, now, content)
+        return rows
 
-    def _record_tracks(self, now: int, tracks: Tracks, own: list[int] | None) -> int:
-        """Record what the group's perception believes of others, for all agents at once."""
-        if tracks is self._last_tracks:
-            return 0
-        self._last_tracks = tracks
+    def _states(self, now: int, own: list[int] | None) -> tuple[int, bytes]:
+        """Of how many rows something changed in where others are believed to be, and that, encoded."""
+        awareness, count = self._group.awareness, len(self._group)
+        tracks, world, changed = awareness.tracks, awareness.world, self._take_changes("state", own)
+        shared = world if tracks is None else tracks
+        fresh = shared is not None and shared is not self._last
+        self._last = shared
+        if not awareness.holders:
+            if tracks is not None:
+                return self._of_tracks(now, tracks, own) if fresh else _NOTHING
+            if world is not None and world.time == now:
+                return count, wire.WHOLE_WORLD
+        rows = _recorded(range(count), own) if fresh else changed
+        if not rows:
+            return _NOTHING
+        databases = [agent.awareness_database for agent in self._group.agents]
+        if tracks is None and all(
+            each.world is not None and each.world.time == now and not each.others.places for each in databases
+        ):
+            return count, wire.WHOLE_WORLD
+        return self._of_rows(now, rows, databases)
+
+    def _take_changes(self, part: str, own: list[int] | None) -> list[int]:
+        """The rows that hold something else by themselves than at the last record, ascending."""
+        changed = self._group.awareness.others_changed[part]
+        rows = _recorded(sorted(changed), own)
+        changed.clear()
+        return rows
+
+    def _of_tracks(self, now: int, tracks: Tracks, own: list[int] | None) -> tuple[int, bytes]:
+        """What components of the group believe of others, for all agents at once."""
         lengths = np.diff(tracks.pointers)
         if own is not None:
             lengths, tracks = lengths[own], tracks.select(np.isin(tracks.observers, own))
-        values = np.concatenate([tracks.positions, tracks.velocities], axis=1)
-        ages = tracks.ages + (now - tracks.time) / SECOND
-        encoded = wire.encode_awareness(
-            lengths,
-            tracks.others,
-            [values.shape[1]],
-            values,
-            covariances=() if tracks.covariances is None else tracks.covariances,
-            ages=ages if ages.any() else (),
-            rows=own,
-        )
-        self._writer.add(self._channel, now, encoded)
-        return len(lengths)
+        return len(lengths), _encoded(lengths, tracks, tracks.ages + (now - tracks.time) / SECOND, own)
 
-    def _record_databases(self, now: int, rows: Sequence[int], databases: Sequence[AwarenessDatabase]) -> int:
-        """Record what the components of single agents know of others."""
-        roster = self._roster
-        lengths, entities, columns, values = [], [], [], [np.empty(0)]
-        for row in rows:
-            database = databases[row]
-            others = [id for id in database if id != self._group.ids[row] and id in roster]
-            lengths.append(len(others))
-            for id in others:
-                state = database[id].state
-                entities.append(roster.index(id))
-                columns.append(len(state))
-                values.append(state)
-        encoded = wire.encode_awareness(lengths, entities, columns, np.concatenate(values), rows)
-        self._writer.add(self._channel, now, encoded)
-        return len(rows)
+    def _of_rows(self, now: int, rows: Sequence[int], databases: Sequence[AwarenessDatabase]) -> tuple[int, bytes]:
+        """What some agents believe, of whom some hold something by themselves."""
+        tracks = Tracks.joined(now, [databases[row].tracks(now) for row in rows])
+        return len(rows), _encoded(np.diff(tracks.pointers), tracks, tracks.ages, rows)
+
+    def _series(self, part: str, own: list[int] | None) -> tuple[int, bytes]:
+        """Of how many rows a part that they hold of others changed, such as an intent, and all of theirs."""
+        changed, said = self._take_changes(part, own), self._said[part]
+        known = {row: self._group.agents[row].awareness_database.held_part(part) for row in changed}
+        # Nothing after nothing need not be said.
+        rows = [row for row in changed if known[row] or row in said]
+        if not rows:
+            return _NOTHING
+        said.difference_update(rows)
+        said.update(row for row in rows if known[row])
+        ids, series = [id for row in rows for id in known[row]], [each for row in rows for each in known[row].values()]
+        return len(rows), wire.encode_others_series(
+            part,
+            [len(known[row]) for row in rows],
+            [self._roster.index(id) for id in ids],
+            [each.values.shape[1] for each in series],
+            [len(each) for each in series],
+            np.concatenate([np.empty(0, np.int64), *(each.times for each in series)]),
+            np.concatenate([np.empty(0), *(each.values.ravel() for each in series)]),
+            rows,
+        )
+
+
+def _recorded(rows: Sequence[int], own: list[int] | None) -> list[int]:
+    return list(rows) if own is None else sorted({*rows} & {*own})
+
+
+def _encoded(lengths: NDArray[np.intp], tracks: Tracks, ages: NDArray[np.float64], rows: Sequence[int] | None) -> bytes:
+    return wire.encode_awareness(
+        lengths,
+        tracks.others,
+        [tracks.motions.shape[1]],
+        tracks.motions,
+        covariances=() if tracks.covariances is None else tracks.covariances,
+        ages=ages if ages.any() else (),
+        rows=rows,
+    )

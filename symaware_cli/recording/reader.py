@@ -274,7 +274,8 @@ class Log(McapFile):
             other: Whom they are about.
 
         Returns:
-            Every instant at which the agent's awareness was recorded, with covariances and ages, (k, columns).
+            Every instant at which the agent's awareness was recorded, with covariances and ages, (k, columns); and what
+            it knew of the other's intent, uncertainty and risk.
 
         Raises:
             LogError: There is no such agent, or nothing was recorded of its awareness.

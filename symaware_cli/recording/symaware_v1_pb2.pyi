@@ -32,7 +32,7 @@ class SeriesRows(_message.Message):
     def __init__(self, columns: _Optional[int] = ..., rows: _Optional[_Iterable[int]] = ..., lengths: _Optional[_Iterable[int]] = ..., times: _Optional[_Iterable[int]] = ..., values: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class Awareness(_message.Message):
-    __slots__ = ("world", "rows", "lengths", "entities", "columns", "values", "covariances", "ages")
+    __slots__ = ("world", "rows", "lengths", "entities", "columns", "values", "covariances", "ages", "series")
     WORLD_FIELD_NUMBER: _ClassVar[int]
     ROWS_FIELD_NUMBER: _ClassVar[int]
     LENGTHS_FIELD_NUMBER: _ClassVar[int]
@@ -41,6 +41,7 @@ class Awareness(_message.Message):
     VALUES_FIELD_NUMBER: _ClassVar[int]
     COVARIANCES_FIELD_NUMBER: _ClassVar[int]
     AGES_FIELD_NUMBER: _ClassVar[int]
+    SERIES_FIELD_NUMBER: _ClassVar[int]
     world: bool
     rows: _containers.RepeatedScalarFieldContainer[int]
     lengths: _containers.RepeatedScalarFieldContainer[int]
@@ -49,7 +50,28 @@ class Awareness(_message.Message):
     values: _containers.RepeatedScalarFieldContainer[float]
     covariances: _containers.RepeatedScalarFieldContainer[float]
     ages: _containers.RepeatedScalarFieldContainer[float]
-    def __init__(self, world: _Optional[bool] = ..., rows: _Optional[_Iterable[int]] = ..., lengths: _Optional[_Iterable[int]] = ..., entities: _Optional[_Iterable[int]] = ..., columns: _Optional[_Iterable[int]] = ..., values: _Optional[_Iterable[float]] = ..., covariances: _Optional[_Iterable[float]] = ..., ages: _Optional[_Iterable[float]] = ...) -> None: ...
+    series: _containers.RepeatedCompositeFieldContainer[OthersSeries]
+    def __init__(self, world: _Optional[bool] = ..., rows: _Optional[_Iterable[int]] = ..., lengths: _Optional[_Iterable[int]] = ..., entities: _Optional[_Iterable[int]] = ..., columns: _Optional[_Iterable[int]] = ..., values: _Optional[_Iterable[float]] = ..., covariances: _Optional[_Iterable[float]] = ..., ages: _Optional[_Iterable[float]] = ..., series: _Optional[_Iterable[_Union[OthersSeries, _Mapping]]] = ...) -> None: ...
+
+class OthersSeries(_message.Message):
+    __slots__ = ("part", "rows", "lengths", "entities", "columns", "points", "times", "values")
+    PART_FIELD_NUMBER: _ClassVar[int]
+    ROWS_FIELD_NUMBER: _ClassVar[int]
+    LENGTHS_FIELD_NUMBER: _ClassVar[int]
+    ENTITIES_FIELD_NUMBER: _ClassVar[int]
+    COLUMNS_FIELD_NUMBER: _ClassVar[int]
+    POINTS_FIELD_NUMBER: _ClassVar[int]
+    TIMES_FIELD_NUMBER: _ClassVar[int]
+    VALUES_FIELD_NUMBER: _ClassVar[int]
+    part: str
+    rows: _containers.RepeatedScalarFieldContainer[int]
+    lengths: _containers.RepeatedScalarFieldContainer[int]
+    entities: _containers.RepeatedScalarFieldContainer[int]
+    columns: _containers.RepeatedScalarFieldContainer[int]
+    points: _containers.RepeatedScalarFieldContainer[int]
+    times: _containers.RepeatedScalarFieldContainer[int]
+    values: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, part: _Optional[str] = ..., rows: _Optional[_Iterable[int]] = ..., lengths: _Optional[_Iterable[int]] = ..., entities: _Optional[_Iterable[int]] = ..., columns: _Optional[_Iterable[int]] = ..., points: _Optional[_Iterable[int]] = ..., times: _Optional[_Iterable[int]] = ..., values: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class Knowledge(_message.Message):
     __slots__ = ("rows", "values")

@@ -75,6 +75,41 @@ class SeriesRows:
 
 
 @dataclass(frozen=True, slots=True)
+class OthersSeries:
+    """The intents, uncertainties or risks that rows hold of others: all of them, for each row that is there.
+
+    Attributes:
+        part: Which part of awareness.
+        rows: (m,) indices, or None for all.
+        lengths: (m,) others of whom each row holds a series.
+        entities: (sum,) indices in the roster, one row's after another.
+        columns: (sum,) numbers per point of each series.
+        points: (sum,) points of each series.
+        times: ns; series after series.
+        values: flat, series after series.
+    """
+
+    part: str
+    rows: NDArray[np.uint32] | None
+    lengths: NDArray[np.uint32]
+    entities: NDArray[np.uint32]
+    columns: NDArray[np.uint32]
+    points: NDArray[np.uint32]
+    times: NDArray[np.int64]
+    values: NDArray[np.float64]
+
+    def __iter__(self) -> Iterator[tuple[int, int, NDArray[np.int64], NDArray[np.float64]]]:
+        """Yield for each series the place of its row, whom it is about, its times (k,) and values (k, columns)."""
+        places = np.repeat(np.arange(len(self.lengths)), self.lengths).tolist()
+        columns, points = self.columns.tolist(), self.points.tolist()
+        point = number = 0
+        for place, other, width, count in zip(places, self.entities.tolist(), columns, points, strict=True):
+            values = self.values[number : number + width * count].reshape(count, width)
+            yield place, other, self.times[point : point + count], values
+            point, number = point + count, number + width * count
+
+
+@dataclass(frozen=True, slots=True)
 class Awareness:
     """What each row knows of others.
 
@@ -87,6 +122,7 @@ class Awareness:
         values: flat, entity after entity.
         covariances: flat, a matrix of columns x columns for each entity, or empty.
         ages: (sum,) s since each was last seen, or empty.
+        series: What they know of other parts of awareness than the state.
     """
 
     world: bool
@@ -97,6 +133,12 @@ class Awareness:
     values: NDArray[np.float64]
     covariances: NDArray[np.float64]
     ages: NDArray[np.float64]
+    series: tuple[OthersSeries, ...] = ()
+
+    @property
+    def tells_states(self) -> bool:
+        """Whether it says anything of where others are."""
+        return self.world or len(self.lengths) > 0
 
 
 def encode_rows(values: ArrayLike, rows: ArrayLike | None = None) -> bytes:
@@ -201,6 +243,41 @@ def encode_awareness(
     )
 
 
+def encode_others_series(
+    part: str,
+    lengths: ArrayLike,
+    entities: ArrayLike,
+    columns: ArrayLike,
+    points: ArrayLike,
+    times: ArrayLike,
+    values: ArrayLike,
+    rows: ArrayLike | None = None,
+) -> bytes:
+    """Encode what an `Awareness` message says of a part that is a series, behind the rest of it; see `OthersSeries`.
+
+    Raises:
+        ValueError: The shapes do not fit.
+    """
+    known, sizes, counts = np.size(entities), np.asarray(columns, np.int64), np.asarray(points, np.int64)
+    if np.sum(lengths) != known or len(sizes) != known or len(counts) != known:
+        raise ValueError(f"{np.sum(lengths)} series are announced, {known} named, {len(counts)} of a length")
+    if np.size(times) != counts.sum() or np.size(values) != (sizes * counts).sum():
+        raise ValueError(f"{(sizes * counts).sum()} numbers were announced, {np.size(values)} given")
+    content = b"".join(
+        (
+            _text(1, part),
+            _rows(2, rows, np.size(lengths)),
+            _packed(3, lengths, _INDEX),
+            _packed(4, entities, _INDEX),
+            _packed(5, sizes, _INDEX),
+            _packed(6, counts, _INDEX),
+            _packed(7, times, _TIME),
+            _packed(8, values, _FLOAT),
+        )
+    )
+    return bytes((9 << 3 | _BYTES,)) + _varint(len(content)) + content
+
+
 def encode_message_columns(
     senders: ArrayLike,
     receivers: ArrayLike,
@@ -260,16 +337,30 @@ def decode_series(data: bytes) -> SeriesRows:
 
 def decode_awareness(data: bytes) -> Awareness:
     """Decode an `Awareness` message."""
-    fields = _fields(data)
+    fields = _fields(data, several=9)
     if fields is None:
         message = v1.Awareness.FromString(data)
         fields = {1: message.world, 2: message.rows, 3: message.lengths}
         fields |= {4: message.entities, 5: message.columns, 6: message.values}
         fields |= {7: message.covariances, 8: message.ages}
+        fields[9] = [each.SerializeToString() for each in message.series]
     lengths, entities, columns = (_array(fields, number, _INDEX) for number in (3, 4, 5))
     values, covariances, ages = (_array(fields, number, _FLOAT) for number in (6, 7, 8))
+    series = tuple(_others_series(each) for each in fields.get(9, ()))
     world = bool(fields.get(1, 0))
-    return Awareness(world, _indices(fields, 2), lengths, entities, columns, values, covariances, ages)
+    return Awareness(world, _indices(fields, 2), lengths, entities, columns, values, covariances, ages, series)
+
+
+def _others_series(data: bytes | memoryview) -> OthersSeries:
+    fields = _fields(data, first=_BYTES)
+    if fields is None:
+        message = v1.OthersSeries.FromString(bytes(data))
+        fields = {1: message.part.encode(), 2: message.rows, 3: message.lengths, 4: message.entities}
+        fields |= {5: message.columns, 6: message.points, 7: message.times, 8: message.values}
+    lengths, entities, columns, points = (_array(fields, number, _INDEX) for number in (3, 4, 5, 6))
+    part = bytes(fields.get(1, b"")).decode()
+    times, values = _array(fields, 7, _TIME), _array(fields, 8, _FLOAT)
+    return OthersSeries(part, _indices(fields, 2), lengths, entities, columns, points, times, values)
 
 
 def _table(values: ArrayLike) -> NDArray[Any]:
@@ -295,6 +386,11 @@ def _count(field: int, number: int) -> bytes:
     return bytes((field << 3 | _VARINT,)) + _varint(number) if number else b""
 
 
+def _text(field: int, text: str) -> bytes:
+    data = text.encode()
+    return bytes((field << 3 | _BYTES,)) + _varint(len(data)) + data
+
+
 def _packed(field: int, values: ArrayLike, dtype: np.dtype[Any]) -> bytes:
     """A packed field of fixed width; absent if it is empty."""
     data = np.asarray(values, dtype).tobytes()
@@ -309,8 +405,13 @@ def _rows(field: int, rows: ArrayLike | None, count: int) -> bytes:
     return _packed(field, rows, _INDEX)
 
 
-def _fields(data: bytes) -> dict[int, Any] | None:
+def _fields(data: bytes | memoryview, first: int = _VARINT, several: int = 0) -> dict[int, Any] | None:
     """Split a message: field number -> integer, or a view of the bytes of a packed field.
+
+    Args:
+        data: The message.
+        first: How the first field is laid out; every other one is packed.
+        several: A field that may come several times, whose value is a list; 0 for none.
 
     None if it is not laid out as above (a field comes twice, is not packed, or has a type unknown here).
     """
@@ -329,15 +430,18 @@ def _fields(data: bytes) -> dict[int, Any] | None:
                     break
                 shift += 7
             field, kind = tag >> 3, tag & 7
-            # In all of these messages the first field is a number, and every other one is packed.
-            if tag >= 0x80 or field in fields or kind != (_VARINT if field == 1 else _BYTES):
+            if tag >= 0x80 or (field in fields and field != several) or kind != (first if field == 1 else _BYTES):
                 return None
             if kind == _VARINT:
                 fields[field] = number
             elif position + number > end:
                 return None
             else:
-                fields[field] = view[position : position + number]
+                content = view[position : position + number]
+                if field == several:
+                    fields.setdefault(field, []).append(content)
+                else:
+                    fields[field] = content
                 position += number
     except IndexError:
         return None

@@ -176,6 +176,7 @@ class Simulation:
         surroundings = Surroundings(seed, environment, self.exchange, self.clock, self.events)
         for group in self.groups:
             group.surroundings = surroundings
+            group.awareness.clock = self.clock
 
     @property
     def agent_count(self) -> int:

@@ -256,7 +256,7 @@ def group_data(group: AgentGroup, *, sees_world: bool = False) -> dict[str, Any]
         data["truth"] = environment.snapshot().time, dict(environment.capture()), tuple(environment.contacts())
     if "agents" in vars(group):
         databases = [each.awareness_database for each in group.agents]
-        data["others"] = [(each._others, each._world, each.told) for each in databases]
+        data["others"] = [each.held for each in databases]
     return data
 
 
@@ -276,9 +276,8 @@ def _take_group_data(group: AgentGroup, data: Mapping[str, Any]) -> None:
     awareness.seen, awareness.told, awareness.readings = data["seen"], data["told"], data["readings"]
     for own, known in zip(group.knowledge, data["knowledge"], strict=True):
         own.replace(known)
-    for agent, (others, world, told) in zip(group.agents, data.get("others", ()), strict=False):
-        database = agent.awareness_database
-        database._others, database._world, database.told = others, world, told
+    for agent, held in zip(group.agents, data.get("others", ()), strict=False):
+        agent.awareness_database.held = held
 
 
 def _take_column_data(column: Column | SeriesColumn, content: Any) -> None:
@@ -303,6 +302,7 @@ class Replica:
         for group in groups.values():
             group.awareness.roster = self._world.roster
             group.surroundings = self.surroundings
+            group.awareness.clock = self.surroundings.clock
         self.codec = Codec(self.group, self.surroundings, list(groups.values()))
         self._is_group = issubclass(part.kind, GroupComponent)
         if not self._is_group:

@@ -90,7 +90,8 @@ class Inbox(GroupCommunicationReceiver):
         self._heard: dict[tuple[int, str], tuple[int, int]] = {}
         group.awareness.told = None
         for agent in vars(group).get("agents", ()):
-            agent.awareness_database.told.clear()
+            for id in list(agent.awareness_database.told):
+                agent.awareness_database.forget(id)
 
     @property
     def kept(self) -> Kept:
@@ -179,8 +180,6 @@ class Inbox(GroupCommunicationReceiver):
         if vector.id == agent.id or heard.get(key, sent) > sent:
             return
         heard[key] = sent
-        if "position" not in message.payload:
-            self._group.awareness.others_changed.add(agent.row)  # no track tells of it
         # Its uncertainty is that of then, and says when that was.
         uncertainty = vector.uncertainty
         if not len(uncertainty):
@@ -188,7 +187,8 @@ class Inbox(GroupCommunicationReceiver):
         payload, state = message.payload, self._group.awareness.motion(vector.id, vector.state, is_state=True)
         if vector.id == message.sender and "position" in payload:
             state = np.concatenate(self._in_space([payload["position"], payload["velocity"]]))
-        agent.awareness_database.told[vector.id] = vector.replaced(state=state, uncertainty=uncertainty)
+        told = vector.replaced(state=state, uncertainty=uncertainty)
+        agent.awareness_database.hear(told, message.sent_time, alone="position" not in payload)
 
     def _learn_from(self, delivery: Delivery, keys: NDArray[np.int64], names: Sequence[str]) -> None:
         """Take over what senders tell of what they know."""
@@ -216,7 +216,7 @@ class Inbox(GroupCommunicationReceiver):
         for (row, id), (sent, _) in list(self._heard.items()):
             if self.computed_at - sent > memory:
                 del self._heard[row, id]
-                self._group.agents[row].awareness_database.told.pop(id, None)
+                self._group.agents[row].awareness_database.forget(id)
         if not len(kept.keys):
             return
         recent = self.computed_at - kept.sent <= memory

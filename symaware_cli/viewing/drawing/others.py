@@ -77,8 +77,9 @@ class Others(Drawing):
                         columns = path_columns(troupe, part, strips)
                         fading(self.stage, f"as/{agent}/{part.name}", troupe, strips, [row], columns)
             entries = excerpt.entries.get(f"/agents/{group}/awareness")
-            if entries:
-                beliefs = self._readings[group].read(entries, len(troupe.agents), [row for _, row in agents])
+            states = [(time, each) for time, each in entries or () if each.tells_states]
+            if states:
+                beliefs = self._readings[group].read(states, len(troupe.agents), [row for _, row in agents])
                 for agent, row in agents:
                     self._draw(agent, row, beliefs)
 

@@ -15,7 +15,6 @@ from symaware_cli import (
     Agent,
     AgentGroup,
     AwarenessDatabase,
-    AwarenessVector,
     CommunicationReceiver,
     CommunicationSender,
     KnowledgeDatabase,
@@ -118,17 +117,15 @@ class Intent(CommunicationReceiver):
                     self._hear(message)
         database = self.agent.awareness_database
         for id in [id for id in database if id != self.agent.id]:
-            known, world = database.others.get(id), database.world
+            world = database.world
             if world is not None and id in world.roster:
                 motion, pose = world.motion(id), as_pose(world.state(id), f"what is perceived of `{id}`")
             else:
-                motion = (database.perceived(id) or database[id]).state
+                perceived = database.perceived(id)
+                motion = database[id].state if perceived is None else perceived
                 pose = _course_of(motion)
-            intent = self._intent(id, pose)
-            if known is None:
-                database[id] = AwarenessVector(id, motion, intent)
-            else:
-                database[id] = AwarenessVector(id, motion, intent, known.uncertainty, known.risk)
+            database[id].state = motion
+            database[id].intent = self._intent(id, pose)
 
     def _hear(self, message: Message) -> None:
         """Make a flight plan of what was told, unless nothing is new."""

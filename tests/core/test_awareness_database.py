@@ -1,0 +1,138 @@
+"""The awareness database: what one agent holds of others, looked up when it is asked."""
+
+import pickle
+
+import numpy as np
+import pytest
+from simulating import Team, execute, simulation
+
+from symaware_cli import AwarenessVector, Component, PerceptionSystem, TimeSeries
+from symaware_cli.components.perception import OmniscientPerception, SelfPerception
+from symaware_cli.core.tracks import Tracks
+from symaware_cli.models.integrator import DoubleIntegrator
+
+
+@pytest.fixture
+def ready():
+    """Three agents of one group in a world."""
+    return simulation({"robot": Team(count=3)})
+
+
+def tracks(time, position):
+    """The first agent believes the second to be somewhere."""
+    pointers, others = np.array([0, 1, 1, 1]), np.array([1])
+    return Tracks(time, pointers, others, np.array([position]), np.zeros((1, 2)), np.eye(4)[None])
+
+
+def test_a_view_tells_what_is_believed_now_and_not_what_was_when_it_was_asked_for(ready):
+    group = ready.groups[0]
+    database = group.agents[0].awareness_database
+    group.awareness.seen = tracks(0, [1.0, 2.0])
+    view = database["robot.1"]
+    assert view.state.tolist() == [1.0, 2.0, 0.0, 0.0]
+    assert np.array_equal(view.uncertainty.values, np.eye(4).reshape(1, 16))
+    group.awareness.seen = tracks(5, [3.0, 4.0])
+    assert view.state.tolist() == [3.0, 4.0, 0.0, 0.0]
+    group.awareness.seen = None
+    with pytest.raises(KeyError):
+        view.state  # noqa: B018
+
+
+def test_one_part_of_what_is_believed_of_another_can_be_written_alone(ready):
+    group = ready.groups[0]
+    database, plan = group.agents[0].awareness_database, TimeSeries({1.0: [9.0, 9.0]})
+    group.awareness.seen = tracks(0, [1.0, 2.0])
+    database["robot.1"].intent = plan
+    group.awareness.seen = tracks(5, [3.0, 4.0])
+    assert database["robot.1"].state.tolist() == [3.0, 4.0, 0.0, 0.0]
+    assert database["robot.1"].intent == plan
+    database["robot.1"].state = [5.0, 6.0]
+    assert np.array_equal(database["robot.1"].state, [5.0, 6.0, np.nan, np.nan], equal_nan=True)
+    assert not len(database["robot.1"].uncertainty)
+    assert "robot.1" not in group.agents[1].awareness_database.others
+
+
+def test_a_perception_that_returns_all_states_hands_over_one_table():
+    class Sees(PerceptionSystem):
+        def _compute(self):
+            return self.environment.snapshot().states_by_id
+
+    ready = simulation({"car": Team({"see": Sees}, model=DoubleIntegrator()), "robot": Team({"see": Sees}, count=2)})
+    execute(ready, 2)
+    car, one, _ = (agent for group in ready.groups for agent in group.agents)
+    assert [id for id, _ in one.awareness_database.items()] == ["robot.0", "car", "robot.1"]
+    assert np.array_equal(car.awareness_database["robot.1"].state, [1.0, 0.0, np.nan, np.nan], equal_nan=True)
+    shared = one.awareness_database.others.rows
+    assert shared is car.awareness_database.others.rows is not None
+    one.awareness_database["robot.1"] = AwarenessVector("robot.1", [7.0, 7.0, 0.0, 0.0])
+    assert car.awareness_database["robot.1"].state[0] == 1.0
+    assert one.awareness_database["robot.1"].state.tolist() == [7.0, 7.0, 0.0, 0.0]
+    del one.awareness_database["robot.1"]
+    assert list(one.awareness_database) == ["robot.0", "car"]
+
+
+@pytest.mark.parametrize("whole", [True, False])
+def test_a_dictionary_of_states_is_taken_over_whole_or_one_by_one_with_the_same_outcome(ready, whole):
+    agent = ready.groups[0].agents[1]
+    states = {"robot.0": np.array([1.0, 2.0]), "robot.1": np.array([3.0, 4.0]), "robot.2": np.array([5.0, 6.0])}
+    agent.awareness_database.set_states(states if whole else {**states, "robot.0": [1, 2]})
+    assert agent.self_state.tolist() == [3.0, 4.0]
+    assert list(agent.awareness_database) == ["robot.1", "robot.0", "robot.2"]
+    for id in ("robot.0", "robot.2"):
+        expected = [*states[id], np.nan, np.nan]
+        assert np.array_equal(agent.awareness_database[id].state, expected, equal_nan=True)
+    states["robot.0"][:] = 9.0
+    assert agent.awareness_database["robot.0"].state[0] == 1.0
+
+
+def test_views_are_kept_and_what_is_asked_for_everybody_makes_none(ready):
+    group = ready.groups[0]
+    group.awareness.world = ready.environment.snapshot()
+    database = group.agents[0].awareness_database
+    first = dict(database.items())
+    ready.environment.step()
+    group.awareness.world = ready.environment.snapshot()
+    assert all(view is first[id] for id, view in database.items())
+
+
+def test_a_view_is_copied_and_sent_as_a_value(ready):
+    group = ready.groups[0]
+    group.awareness.seen = tracks(0, [1.0, 2.0])
+    copy = pickle.loads(pickle.dumps(group.agents[0].awareness_database["robot.1"]))
+    group.awareness.seen = tracks(5, [3.0, 4.0])
+    assert type(copy) is AwarenessVector
+    assert copy.state.tolist() == [1.0, 2.0, 0.0, 0.0]
+
+
+class Guesses(Component):
+    """Writes where another goes and how risky that is, while it is perceived by others."""
+
+    def _compute(self):
+        return TimeSeries({1.0: [4.0, 5.0]})
+
+    def _update(self, value):
+        for id, vector in self._agent.awareness_database.items():
+            if id != self._agent.id:
+                vector.intent = value
+
+
+def test_what_components_of_agents_and_of_the_group_tell_stand_together():
+    ready = simulation({"robot": Team({"see": OmniscientPerception, "guess": Guesses}, count=2)})
+    execute(ready, 3)
+    vector = ready.groups[0].agents[0].awareness_database["robot.1"]
+    assert vector.state.tolist() == [1.0, 0.0, 0.0, 0.0]
+    assert vector.intent == TimeSeries({1.0: [4.0, 5.0]})
+
+
+def test_in_columns_it_is_what_the_views_tell():
+    ready = simulation({"robot": Team({"see": SelfPerception}, count=3)})
+    execute(ready, 1)
+    group = ready.groups[0]
+    group.awareness.seen = tracks(0, [1.0, 2.0])
+    database = group.agents[0].awareness_database
+    database["robot.2"] = AwarenessVector("robot.2", [7.0, 8.0, 9.0, 10.0])
+    columns = database.tracks(ready.clock.now)
+    assert columns.others.tolist() == [1, 2]
+    for id, motion in zip(("robot.1", "robot.2"), columns.motions, strict=True):
+        assert database[id].state.tolist() == motion.tolist()
+    assert np.array_equal(columns.covariances, [np.eye(4), np.zeros((4, 4))])
