@@ -6,16 +6,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from symaware_cli.core import PARTS
 from symaware_cli.recording.error import UnknownNameError
+from symaware_cli.recording.names import TABLES
 from symaware_cli.recording.reader import Log
-
-FIELDS = (
-    *(part.name for part in PARTS),
-    *("world", "control", "awareness", "knowledge"),
-    *("scan", "image", "measurement", "events", "recurring", "messages", "contacts", "timing"),
-)
-"""What there are tables of, beside those of who takes part and of further parts of awareness."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,7 +16,7 @@ class Selection:
     """What of a log is wanted.
 
     Attributes:
-        fields: Of `FIELDS`, or parts of awareness; None for all.
+        fields: Of `TABLES`, or parts of awareness; None for all.
         agents: Ids of agents and names of entities that are wanted; None for all.
         start: The first simulated time [ns]; None for the beginning.
         end: The first simulated time not wanted any more [ns]; None for the end.
@@ -62,7 +55,7 @@ def select(
 
     Args:
         log: The log.
-        fields: Of `FIELDS`, or parts of awareness; None for all.
+        fields: Of `TABLES`, or parts of awareness; None for all.
         agents: Agents, groups and entities; None for all.
         start: The first simulated time [ns].
         end: The first simulated time not wanted any more [ns].
@@ -71,7 +64,7 @@ def select(
         UnknownNameError: There is no such field or nobody of that name.
     """
     wanted = None if fields is None else frozenset(fields)
-    known = list(dict.fromkeys([*FIELDS, *(name for group in log.agents for name in log.parts(group))]))
+    known = list(dict.fromkeys([*TABLES, *(name for group in log.agents for name in log.parts(group))]))
     for field in sorted(wanted or ()):
         if field not in known:
             raise UnknownNameError(f"there is no field `{field}`, only {', '.join(known)}", field, known)

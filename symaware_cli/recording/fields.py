@@ -1,4 +1,4 @@
-"""The fields of `Log.series`, and where each stands in a log; the parts of awareness among them."""
+"""What a log says of the parts of awareness, and how they are found in it again."""
 
 from __future__ import annotations
 
@@ -9,18 +9,6 @@ from typing import get_args
 from symaware_cli.core import PARTS, Part, Quantity
 from symaware_cli.core.part import Drawn
 from symaware_cli.recording.index import ChannelInfo
-
-TOPICS = {
-    "world": "/world/{}/state",
-    "pose": "/world/{}/pose",
-    "joints": "/world/{}/joints",
-    "control": "/world/{}/control",
-    "control_requested": "/agents/{}/control",
-} | {part.name: f"/agents/{{}}/{part.name}" for part in PARTS}
-"""The topic of each field of `Log.series` that every log may have; further parts of awareness stand beside them."""
-
-FIELDS = tuple(TOPICS)
-"""The fields of `Log.series`, beside further parts of awareness and the sensors that measure numbers."""
 
 PART_MESSAGES = {"vector": "Rows", "series": "SeriesRows"}
 """The message on the channel of a part, by its kind."""

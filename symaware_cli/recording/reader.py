@@ -14,12 +14,13 @@ from symaware_cli.core import PARTS, Part
 from symaware_cli.recording import journal
 from symaware_cli.recording.beliefs import Beliefs, beliefs
 from symaware_cli.recording.error import LogError, UnknownNameError
-from symaware_cli.recording.fields import FIELDS, PART_MESSAGES, TOPICS, part_of, parts_of
+from symaware_cli.recording.fields import PART_MESSAGES, part_of, parts_of
 from symaware_cli.recording.index import ChannelInfo
 from symaware_cli.recording.journal import Communication, LoggedContact, LoggedEvent, LoggedKnowledge
 from symaware_cli.recording.manifest import read_manifest
 from symaware_cli.recording.mcap_file import McapFile
 from symaware_cli.recording.message import LogMessage
+from symaware_cli.recording.names import FIELDS, TOPICS
 from symaware_cli.recording.recovery import Damage
 from symaware_cli.recording.schema import FORMAT, MANIFEST, OUTCOME, PROFILE, RECOVERY, TIMING
 from symaware_cli.recording.sensing import (

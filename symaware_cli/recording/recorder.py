@@ -14,6 +14,7 @@ from symaware_cli.network.traffic import Traffic
 from symaware_cli.recording import symaware_v1_pb2 as v1
 from symaware_cli.recording import wire
 from symaware_cli.recording.channels import EntityChannels, GroupChannels, PostureChannels
+from symaware_cli.recording.names import KINDS
 from symaware_cli.recording.text import as_json
 from symaware_cli.recording.writer import LogWriter, PaceFigures
 
@@ -41,9 +42,6 @@ ENDINGS = frozenset({"failed", "finished", "interrupted"})
 
 #: Tell from when until when agents are in the world.
 MEMBERSHIP = frozenset({"added", "removed"})
-
-#: What `Recorder` can be told to leave out, beside the parts of awareness by their names.
-KINDS = ("control", "knowledge", "awareness", "sensors", "world")
 
 
 class Recorder:

@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,12 +15,15 @@ from numpy.typing import NDArray
 from symaware_cli.core import AgentGroup
 from symaware_cli.core.chance import GroupChance, agent_numbers
 from symaware_cli.network.disturbance import Disturbance
-from symaware_cli.runtime.membership import Membership
-from symaware_cli.runtime.motion import Motion
-from symaware_cli.runtime.scheduler import TurnScheduler
 from symaware_cli.runtime.simulation import Simulation, Slot
 from symaware_cli.runtime.timing import Duration, Trigger
 from symaware_cli.runtime.turn import Turns
+
+if TYPE_CHECKING:
+    # Whoever validates a scenario need not import what runs it.
+    from symaware_cli.runtime.membership import Membership
+    from symaware_cli.runtime.motion import Motion
+    from symaware_cli.runtime.scheduler import TurnScheduler
 
 Array = NDArray[np.float64]
 

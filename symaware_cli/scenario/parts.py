@@ -7,9 +7,7 @@ from typing import Any
 
 from symaware_cli.core import PARTS, AgentGroup, Part, Quantity
 from symaware_cli.core.component import BaseComponent
-from symaware_cli.exporting.selection import FIELDS as TABLES
-from symaware_cli.recording.fields import FIELDS
-from symaware_cli.recording.recorder import KINDS
+from symaware_cli.recording.names import FIELDS, KINDS, TABLES
 from symaware_cli.runtime.expression import FUNCTIONS
 from symaware_cli.runtime.scope import AGENT_NAMES
 from symaware_cli.scenario.problem import dotted, nearest, quoted

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 
 from symaware_cli.components.sensor import Sensor
 from symaware_cli.core import AgentGroup, Environment
-from symaware_cli.recording.fields import FIELDS
+from symaware_cli.recording.names import FIELDS
 from symaware_cli.runtime.simulation import Slot
 from symaware_cli.scenario.document import Scenario
 from symaware_cli.scenario.problem import nearest, quoted

@@ -118,7 +118,7 @@ def test_events_that_recur_are_recorded_in_columns_if_one_asks_for_all(mode, tmp
     assert [(time, name) for time, name, source in found if source == "agents.a.0.idle"] == [
         (time, name) for time in range(3) for name in ("computing", "computed", "updating", "updated")
     ]
-    assert {name for _, name, _ in found} == RECURRING - {"dropped", "traffic"}
+    assert {name for _, name, _ in found} == RECURRING - {"dropped", "traffic", "adding", "removing"}
     assert [message.time // STEP for message in log.messages(["/events/recurring"])] == [0, 1, 2, 3]
     assert [event.name for event in log.events()] == ["started", "finished"]
 
