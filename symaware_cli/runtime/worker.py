@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from typing import Any, BinaryIO
 
 import numpy as np
+from numpy.typing import NDArray
 
 from symaware_cli.core import (
     AgentGroup,
@@ -251,8 +252,9 @@ def group_data(group: AgentGroup, *, sees_world: bool = False) -> dict[str, Any]
         "readings": dict(awareness.readings),
         "knowledge": [dict(each) for each in group.knowledge],
     }
+    environment = group.surroundings.environment
+    data["present"] = {each.name: each.present for each in environment.groups if each.present is not None}
     if sees_world:
-        environment = group.surroundings.environment
         data["truth"] = environment.snapshot().time, dict(environment.capture()), tuple(environment.contacts())
     if "agents" in vars(group):
         databases = [each.awareness_database for each in group.agents]
@@ -291,7 +293,7 @@ class Replica:
     """The components of one slot, as they are in a worker."""
 
     def __init__(self, part: Part) -> None:
-        groups = {arguments[0]: AgentGroup(*arguments) for arguments in part.groups}
+        self._groups = groups = {arguments[0]: AgentGroup(*arguments) for arguments in part.groups}
         self.group = groups[part.group]
         self._fired: list[Event] = []
         events = EventBus()
@@ -314,11 +316,24 @@ class Replica:
         """Compute for some rows, with the data of now."""
         if data is not None:
             content = self.codec.decode(data)
+            self._take_presence(content["present"])
             if "truth" in content:
                 self._world.adopt(*content["truth"])
             _take_group_data(self.group, content)
         self.surroundings.clock.now = now
         return [self._compute_one(*each) for each in rows]
+
+    def _take_presence(self, present: Mapping[str, NDArray[np.bool_]]) -> None:
+        """Let agents enter and leave the world here as they did there; all are in one that has just been made."""
+        for name, flags in present.items():
+            group = self._groups[name]
+            before = np.ones(len(group), bool) if group.present is None else group.present
+            flags.flags.writeable = False
+            group.present = flags
+            if self._part.world is not None:
+                for move, rows in ((self._world.dismiss, before & ~flags), (self._world.admit, flags & ~before)):
+                    if rows.any():
+                        move(group, np.flatnonzero(rows).tolist())
 
     def _compute_one(self, row: int, turn: Turn, attributes: bytes | None) -> Outcome:
         try:

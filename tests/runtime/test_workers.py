@@ -278,6 +278,57 @@ def test_what_looks_at_the_world_gives_the_same_bytes_in_workers(use, environmen
     assert len(logs[0]) > 8
 
 
+@pytest.mark.parametrize("environment", ["kinematic", "pymunk", "pybullet"])
+@pytest.mark.parametrize("use", sorted(LOOKING))
+def test_who_enters_and_leaves_does_so_in_workers_too(use, environment, ran):
+    """Those who are there see one enter late and one leave, in front of them; so does one who enters itself."""
+    logs = []
+    for where in ("here", "process"):
+        components = {
+            "see": {"use": "perception.range", "with": {"range": 9.0, "self_noise": 0.02}},
+            "belief": {"use": "uncertainty.gaussian"},
+            "steer": {"use": "control.go-to-goal"},
+        }
+        for name, component in LOOKING[use].items():
+            components[name] = {**component, "run_in": where, "period": 0.1}
+        robot = {
+            "count": 3,
+            "model": {"use": "unicycle"},
+            "entity": {"shape": {"circle": {"radius": 0.3}}},
+            "state": [[0, 0, 0], [4, 0.5, 3], [2, -3, 1.5]],
+            "knowledge": {"goal": [[4, 0], [0, 0], [2, 3]]},
+            "components": components,
+            "present": [{}, {"until": 0.7}, {"from": 0.3}],
+        }
+        other = {
+            "count": 2,
+            "model": {"use": "single-integrator"},
+            "state": [[2, 0.2], [1, -0.4]],
+            "entity": {"shape": {"circle": {"radius": 0.3}}},
+            "present": [{"from": 0.5}, {"until": 0.4}],
+        }
+        content = document(mode="synchronous", duration=1.0)
+        content["environment"] = {"use": environment, "with": {"time_step": 0.1}}
+        content["agents"] = {"robot": robot, "alone": other}
+        summary, log = ran(content, where)
+        assert summary.status == "finished", summary.failure
+        logs.append(channels(log))
+    assert logs[0] == logs[1]
+
+
+@pytest.mark.parametrize("mode", ["synchronous", "asynchronous"])
+def test_what_lives_on_awareness_alone_knows_of_who_enters_and_leaves(mode, ran):
+    logs = []
+    for where in ("here", "process"):
+        content = document(mode, think={"run_in": where, "latency": 0.03})
+        content["agents"]["robot"]["components"]["steer"]["run_in"] = where
+        content["agents"]["robot"]["present"] = [{}, {"from": 0.3}, {"until": 0.45}, {"from": 0.2, "until": 0.6}, {}]
+        summary, log = ran(content, where)
+        assert summary.status == "finished", summary.failure
+        logs.append(channels(log))
+    assert logs[0] == logs[1]
+
+
 def test_who_looks_at_a_world_that_cannot_be_followed_stays_at_home(doubles, tmp_path):
     content = document()
     content["environment"] = {"use": "doubles.lonely-world"}
