@@ -6,6 +6,7 @@ import yaml
 
 import symaware_cli as sa
 from symaware_cli import open_log
+from symaware_cli.recording.digest import digest
 from symaware_cli.scenario.build import build
 from symaware_cli.scenario.execution import execute
 
@@ -137,3 +138,42 @@ def test_a_state_of_an_open_world_is_refused_by_name(tmp_path):
         simulation.step()
         with pytest.raises(sa.StateError, match=r"agents\.car\.present"):
             simulation.capture()
+
+
+@pytest.mark.parametrize("world", WORLDS)
+def test_a_contact_ends_when_one_of_the_two_leaves(tmp_path, world):
+    agents = {
+        "one": group(state=(0.0, 0.0), components={}),
+        "other": group({"until": 1.0}, state=(0.3, 0.0), components={}),
+    }
+    _, log = recorded(tmp_path, agents, world=world)
+    began, *_, ended = [each for each in log.contacts() if {each.a, each.b} == {"one", "other"}]
+    assert (began.stage, ended.stage) == ("BEGIN", "END")
+    assert 1_000_000_000 <= ended.time <= 1_100_000_000
+
+
+def test_a_message_that_arrives_for_one_who_has_left_is_dropped_as_absent(tmp_path):
+    talk = {"tell": {"use": "communication.state"}, "hear": {"use": "communication.inbox"}}
+    components = {"see": {"use": "perception.self"}, **talk}
+    agents = {
+        "one": group(components=components),
+        "other": group({"until": 1.0}, state=(0.0, 3.0), components=components),
+    }
+    _, log = recorded(tmp_path, agents, topology={"use": "complete", "channel": {"delay": 0.25}})
+    absent = [each for each in log.communications() if each.reason == "absent"]
+    assert absent
+    assert {(each.sender, each.receiver) for each in absent} == {("one", "other")}
+    # What was sent at 0.7 s arrives at 0.95 s, and would be read with the step at which the other leaves.
+    assert [each.sent_time for each in absent] == [700_000_000, 800_000_000, 900_000_000]
+
+
+def test_the_order_of_groups_in_the_file_changes_no_byte_where_they_enter_and_leave(tmp_path):
+    agents = {
+        "first": group({"until": 1.5}),
+        "second": group({"from": 0.5, "until": 1.5}, state=(5.0, 0.1), goal=(0.0, 0.0)),
+        "third": group({"from": {"event": "removed", "of": "agents.first"}}, state=(2.0, 3.0)),
+    }
+    for name, order in (("forth", agents), ("back", dict(reversed(agents.items())))):
+        recorded(tmp_path, order, name)
+    forth, back = (digest(open_log(tmp_path / f"{name}.mcap")).channels for name in ("forth", "back"))
+    assert forth == back
