@@ -213,7 +213,7 @@ class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
         """This agent holds something else by itself."""
         awareness = self._awareness
         if "state" in parts:
-            awareness.holders[self._row] = self
+            awareness.holders.add(self._row)
         for part in parts:
             awareness.others_changed.setdefault(part, set()).add(self._row)
         self._version = None

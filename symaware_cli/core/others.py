@@ -14,7 +14,6 @@ from symaware_cli.core.part import Part
 from symaware_cli.core.tracks import Tracks
 
 if TYPE_CHECKING:
-    from symaware_cli.core.awareness_database import AwarenessDatabase
     from symaware_cli.core.time import Clock
     from symaware_cli.core.world import Roster, Snapshot
 
@@ -35,7 +34,7 @@ class SharedBeliefs:
     Attributes:
         roster: Who the indices in `tracks` stand for; set when the world is.
         clock: Simulated time; set when the world is.
-        holders: The databases of those agents that hold by themselves where others are, by row.
+        holders: The rows of those agents that hold by themselves where others are.
         others_changed: For each part, the rows that hold something else by themselves than at the last record.
         parts: What parts awareness has, by name.
         version: Another object whenever something is written for the whole group.
@@ -69,7 +68,7 @@ class SharedBeliefs:
         self.version = Version()
         self.roster: Roster | None = None
         self.clock: Clock | None = None
-        self.holders: dict[int, AwarenessDatabase] = {}
+        self.holders: set[int] = set()
         self.others_changed: dict[str, set[int]] = {"state": set()}
 
     @property
