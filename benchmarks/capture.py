@@ -2,9 +2,10 @@
 
     python benchmarks/capture.py [--pairs 50] [--seed 1] [--further 10] [--table docs/capture.md]
 
-Each pair of a scenario and an instant is drawn by the seed. What must be equal are the messages of the log after the
-instant, sequence numbers included: of a run that went on, was put back and went on again, and of one in a fresh
-process that was given the bytes of the state. A component or a world that cannot be put away exactly has to say so.
+Each scenario has its turn, in an order that is drawn by the seed as the instants are. What must be equal are the
+messages of the log after the instant, sequence numbers included: of a run that went on, was put back and went on again,
+and of one in a fresh process that was given the bytes of the state. A component or a world that cannot be put away
+exactly has to say so.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import sys
 import tempfile
 from collections import defaultdict
 from contextlib import suppress
+from itertools import cycle, islice
 from pathlib import Path
 from typing import Any
 
@@ -125,9 +127,10 @@ def main() -> None:
         return
     draw, drawn = random.Random(asked.seed), defaultdict(set)
     steps = scenarios()
-    while sum(map(len, drawn.values())) < asked.pairs:
-        path = draw.choice([*steps])
-        drawn[path].add(draw.randint(1, min(MOST_STEPS, steps[path] - asked.further - 1)))
+    order = draw.sample([*steps], len(steps))
+    for path in islice(cycle(order), asked.pairs):
+        instants = range(1, min(MOST_STEPS, steps[path] - asked.further - 1) + 1)
+        drawn[path].add(draw.choice([each for each in instants if each not in drawn[path]]))
     lines = [
         "| scenario | step | messages after it, in the process | in a fresh one | bytes |",
         "|---|---|---|---|---|",

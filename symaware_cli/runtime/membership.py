@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, ClassVar, NoReturn
 
 import numpy as np
 
@@ -33,9 +33,12 @@ class Membership:
 
     Attributes:
         is_open: Whether agents enter or leave at all.
-        waiting: The agents that are still to enter, by group and row, each with when it is in the world.
-        leaving: Those in the world that are to leave.
+        waiting: The agents that are still to enter, by group and row.
+        leaving: Those in the world that may leave.
     """
+
+    #: When the agents are in the world, as the scenario says.
+    uncaptured: ClassVar[Collection[str]] = ("_spans",)
 
     def __init__(
         self,
@@ -64,11 +67,10 @@ class Membership:
         #: Whose event has come since the last step, of those that wait for one.
         self._called: set[tuple[str, int]] = set()
         self.is_open = bool(presence)
-        self.waiting: dict[tuple[str, int], Span] = {}
-        self.leaving: dict[tuple[str, int], Span] = {}
+        self._spans = {(name, row): span for name in sorted(presence) for row, span in enumerate(presence[name])}
+        self.waiting = {agent for agent, span in self._spans.items() if span.is_late}
+        self.leaving = self._spans.keys() - self.waiting
         for name in sorted(presence):
-            for row, span in enumerate(presence[name]):
-                (self.waiting if span.is_late else self.leaving)[name, row] = span
             self._listen(self._groups[name], presence[name], switchboard)
 
     def _listen(self, group: AgentGroup, spans: Sequence[Span], switchboard: Switchboard) -> None:
@@ -90,7 +92,7 @@ class Membership:
 
     def begin(self) -> None:
         """Keep those out of the run who are still to enter."""
-        for name, row in self.waiting:
+        for name, row in sorted(self.waiting):
             self._hold(self._groups[name], row)
 
     def look(self, now: int) -> None:
@@ -99,14 +101,15 @@ class Membership:
         Raises:
             RunError: A condition has no value, or the world does not let them.
         """
-        gone = sorted(
+        spans = self._spans
+        gone = [
             each
-            for each, span in self.leaving.items()
-            if self._has_come(each, span.end, "until", partial(self._scopes[each[0]].look_up, each[1]), now)
-        )
-        come = sorted(
-            each for each, span in self.waiting.items() if self._has_come(each, span.begin, "from", self._look_up, now)
-        )
+            for each in sorted(self.leaving)
+            if self._has_come(each, spans[each].end, "until", partial(self._scopes[each[0]].look_up, each[1]), now)
+        ]
+        come = [
+            each for each in sorted(self.waiting) if self._has_come(each, spans[each].begin, "from", self._look_up, now)
+        ]
         self._called.clear()
         for name, group in self._groups.items():
             leaving, entering = ([row for own, row in each if own == name] for each in (gone, come))
@@ -133,7 +136,8 @@ class Membership:
         """Let agents into the world."""
         for row in rows:
             self._simulation.announce("adding", f"agents.{group.ids[row]}")
-            self.leaving[group.name, row] = self.waiting.pop((group.name, row))
+            self.waiting.remove((group.name, row))
+            self.leaving.add((group.name, row))
         self._move(group, rows, present=True)
         # What they believe, want and know is news.
         for column in (*group.awareness.columns.values(), group.control_column):
@@ -156,7 +160,7 @@ class Membership:
         """Let agents leave the world, for good."""
         for row in rows:
             self._simulation.announce("removing", f"agents.{group.ids[row]}")
-            del self.leaving[group.name, row]
+            self.leaving.remove((group.name, row))
             self._hold(group, row)
             for column in group.awareness.columns.values():
                 if isinstance(column, SeriesColumn):

@@ -13,7 +13,16 @@ import symaware_cli as sa
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 
 #: Shipped scenarios of a world without a physics engine, and a step at which to take their state.
-KINEMATIC = {"hello": 12, "asynchronous": 11, "consensus": 9, "flooding": 20, "formation": 1, "noisy": 15, "mpc": 4}
+KINEMATIC = {
+    "hello": 12,
+    "asynchronous": 11,
+    "consensus": 9,
+    "flooding": 20,
+    "formation": 1,
+    "noisy": 15,
+    "mpc": 4,
+    "traffic": 58,
+}
 
 
 def messages(path, since=0):

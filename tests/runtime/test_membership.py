@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 import yaml
 
-import symaware_cli as sa
 from symaware_cli import open_log
 from symaware_cli.recording.digest import digest
 from symaware_cli.scenario.build import build
@@ -131,13 +130,6 @@ def contents(log):
     """What was said on each channel, and when; the first event says how many agents there are."""
     topics = [topic for topic in log.channels if topic not in ("/timing", "/events")]
     return {topic: [(each.time, each.data) for each in log.messages(topic)] for topic in topics}
-
-
-def test_a_state_of_an_open_world_is_refused_by_name(tmp_path):
-    with sa.load(scenario(tmp_path, {"car": group({"from": 1.0})})).start() as simulation:
-        simulation.step()
-        with pytest.raises(sa.StateError, match=r"agents\.car\.present"):
-            simulation.capture()
 
 
 @pytest.mark.parametrize("world", WORLDS)

@@ -111,9 +111,6 @@ def put(run: Run, state: SimulationState, scenario: str, version: str) -> None:
 def _check(run: Run) -> None:
     if run.status is not None:
         raise StateError(f"the run of {run.simulation.name} is over: {run.status}")
-    open_groups = [f"`agents.{group.name}.present`" for group in run.simulation.groups if group.present is not None]
-    if open_groups:
-        raise StateError(f"agents enter and leave, and that is no part of a state: {', '.join(open_groups)}")
 
 
 def _roots(run: Run) -> Mapping[str, Any]:

@@ -1,4 +1,4 @@
-"""States taken while computations are to land, components compute elsewhere, faults are under way, or turns wait."""
+"""States taken while computations are to land or run elsewhere, faults are under way, agents enter, or turns wait."""
 
 import numpy as np
 import pytest
@@ -20,8 +20,8 @@ def scenario(doubles, tmp_path, monkeypatch):
     """Make a scenario of robots with a second component."""
     monkeypatch.chdir(tmp_path)
 
-    def make(component, mode="asynchronous", **more):
-        robot = {**ROBOT, "components": {"see": SEE, "think": component}}
+    def make(component, mode="asynchronous", robot=None, **more):
+        robot = {**ROBOT, "components": {"see": SEE, "think": component}, **(robot or {})}
         document = {
             "symaware": 1,
             "name": "turns",
@@ -78,6 +78,20 @@ def test_faults_under_way_are_part_of_the_state(scenario, mode):
         "slow": {"slow": {"of": "robot.0.think", "latency": 0.1}, "at": 0.3, "for": 0.6},
     }
     check(scenario({"use": "control.go-to-goal"}, mode, faults=faults), 9)
+
+
+@pytest.mark.parametrize("where", ["home", "process"])
+@pytest.mark.parametrize("mode", ["synchronous", "asynchronous"])
+@pytest.mark.parametrize("step", [2, 7, 9, 12])
+def test_who_enters_and_leaves_is_part_of_the_state(scenario, mode, step, where):
+    """By a time, on a condition and with an event; before, between and behind what happens in steps 8 to 11."""
+    elsewhere = {"run_in": "process"} if where == "process" else {}
+    present = [
+        {"until": 0.5},
+        {"from": 0.4, "until": "time > 0.52"},
+        {"from": {"event": "removed", "of": "agents.robot.0"}},
+    ]
+    check(scenario({"use": "risk.collision", "with": {"reach": 9.0}, **elsewhere}, mode, {"present": present}), step)
 
 
 def test_a_turn_that_waits_is_refused_and_one_that_is_over_is_not(scenario):
