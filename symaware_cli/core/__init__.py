@@ -15,7 +15,7 @@ from symaware_cli.core.component import (
     RiskEstimator,
     UncertaintyEstimator,
 )
-from symaware_cli.core.entity import Entity, Obstacle, Pose, ScriptedPath
+from symaware_cli.core.entity import Entity, Obstacle
 from symaware_cli.core.environment import Environment, EnvironmentParameters, WorldError
 from symaware_cli.core.event import Event, EventBus, Level, SubscriberError, Subscription
 from symaware_cli.core.knowledge import KnowledgeDatabase
@@ -25,15 +25,16 @@ from symaware_cli.core.part import PARTS, Part
 from symaware_cli.core.plugin import Parameters, Plugin
 from symaware_cli.core.reading import Frame, Image, Measurement, Reading, Scan
 from symaware_cli.core.refusal import Attempts, RefusalError
-from symaware_cli.core.scenery import Scenery
 from symaware_cli.core.series import TimeSeries
-from symaware_cli.core.shape import Box, Circle, Cylinder, Mesh, Polygon, Shape, Urdf, Wall
 from symaware_cli.core.time import Clock, nanoseconds, seconds
 from symaware_cli.core.topology import Links, Topology, TopologyError, TopologyParameters
 from symaware_cli.core.tracks import Tracks
 from symaware_cli.core.transport import Happening, Port, Transport, TransportError, TransportParameters
 from symaware_cli.core.vehicle import Vehicle
 from symaware_cli.core.world import Contact, Roster, Snapshot
+from symaware_cli.geometry.path import Pose, ScriptedPath
+from symaware_cli.geometry.scenery import Scenery
+from symaware_cli.geometry.shape import Box, Circle, Cylinder, Mesh, Polygon, Shape, Urdf, Wall
 
 __all__ = [
     "EVERYBODY",

@@ -11,16 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, Field
 
-from symaware_cli.core.articulation import Articulation
-from symaware_cli.core.entity import Obstacle, Pose
+from symaware_cli.core.entity import Obstacle
 from symaware_cli.core.plugin import Parameters, Plugin
-from symaware_cli.core.rays import BodiesInPlane, rays_in_plane
 from symaware_cli.core.reading import Image
 from symaware_cli.core.refusal import Attempts, RefusalError
-from symaware_cli.core.scenery import Scenery
 from symaware_cli.core.time import nanoseconds, seconds
 from symaware_cli.core.world import Contact, Roster, Snapshot
+from symaware_cli.geometry.articulation import Articulation
+from symaware_cli.geometry.path import Pose
 from symaware_cli.geometry.proximity import Proximity
+from symaware_cli.geometry.rays import BodiesInPlane, rays_in_plane
+from symaware_cli.geometry.scenery import Scenery
 
 if TYPE_CHECKING:
     from symaware_cli.core.agent import AgentGroup
@@ -299,8 +300,9 @@ class Environment(Plugin, ABC):
             Distances [m], infinite where there is nothing within reach; shape (n, k).
         """
         if self._bodies_in_plane is None:
-            self._bodies_in_plane = BodiesInPlane(self.groups)
-        pieces, owners = self._bodies_in_plane.placed(self.snapshot())
+            self._bodies_in_plane = BodiesInPlane([group.entity.shape for group in self.groups for _ in group.ids])
+        now = self.snapshot()
+        pieces, owners = self._bodies_in_plane.placed(now.positions, now.headings, now.present)
         return rays_in_plane(senders, origins, directions, reach, pieces, owners, self.scenery)
 
     def in_sight(self, ones: Indices, others: Indices) -> NDArray[np.bool_]:

@@ -12,7 +12,7 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from symaware_cli.core.articulation import Articulation, Link, Visual
+from symaware_cli.geometry.articulation import Articulation, Link, Visual
 from symaware_cli.geometry.rotation import attitude
 
 #: [bytes] No description is longer.

@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from symaware_cli.core import Entity, Shape, Urdf, Wall, WorldError
-from symaware_cli.core.scenery import Span
 from symaware_cli.environments import asset
 from symaware_cli.environments.bullet import engine, quiet
 from symaware_cli.environments.collision import FACED, FIXED, MEETS
 from symaware_cli.geometry.rotation import attitude
+from symaware_cli.geometry.scenery import Span
 
 #: The joints that move by one number.
 _MOVING = (engine.JOINT_REVOLUTE, engine.JOINT_PRISMATIC)

@@ -20,7 +20,6 @@ from symaware_cli.core import (
     WorldError,
     seconds,
 )
-from symaware_cli.core.articulation import Articulation
 from symaware_cli.core.vehicle import read_bodies
 from symaware_cli.environments import collision, sight
 from symaware_cli.environments.bullet import MOST_SHOWN, Client, engine, quiet
@@ -34,6 +33,7 @@ from symaware_cli.environments.physics import Bodies, PhysicsEnvironment
 from symaware_cli.environments.posture import Postures
 from symaware_cli.environments.solid import Member, Solids, last, turn
 from symaware_cli.environments.touch import GROUND
+from symaware_cli.geometry.articulation import Articulation
 from symaware_cli.geometry.rotation import attitude_columns
 
 Array = NDArray[np.float64]

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from symaware_cli.core import Environment
-from symaware_cli.core.articulation import Articulation, Link, Visual
 from symaware_cli.environments.collada import triangles
 from symaware_cli.environments.description import DescriptionError
+from symaware_cli.geometry.articulation import Articulation, Link, Visual
 from symaware_cli.geometry.rotation import rotated
 from symaware_cli.recording.error import LogError
 from symaware_cli.recording.schema import GEOMETRY

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, JsonValue, model_validator
 
-from symaware_cli.core.shape import Number, Position, Shape
+from symaware_cli.geometry.shape import Number, Position, Shape
 
 
 def _as_name(text: str) -> str:

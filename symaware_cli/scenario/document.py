@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BaseModel, ConfigDict, Field, WithJsonSchema, model_validator
 
 from symaware_cli.core import Entity, Obstacle
-from symaware_cli.core.shape import LARGEST, Number
+from symaware_cli.geometry.shape import LARGEST, Number
 from symaware_cli.network.channel.parameters import ChannelParameters
 
 #: The version of the format that this package reads.
@@ -27,13 +27,13 @@ _PER_AGENT = (
 PerAgent = Annotated[Any, WithJsonSchema({})]
 
 
-class Part(BaseModel):
-    """Base of all parts of the document: no key but the ones described."""
+class Section(BaseModel):
+    """Base of all sections of the document: no key but the ones described."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
-class Use(Part):
+class Use(Section):
     """A plugin, by the name it is registered under."""
 
     use: str = Field(description="Entry-point name of the plugin, such as `perception.self`.")
@@ -44,7 +44,7 @@ Seconds = Annotated[float, Field(ge=0, le=1e9)]
 Condition = Annotated[str, Field(max_length=500)]
 
 
-class Trigger(Part):
+class Trigger(Section):
     """An event on which a component takes a turn."""
 
     event: str = Field(min_length=1, max_length=64, description="The event's name, such as `goal-reached`.")
@@ -57,7 +57,7 @@ class Trigger(Part):
     )
 
 
-class Drawn(Part):
+class Drawn(Section):
     """A time that is drawn anew each time."""
 
     uniform: tuple[Seconds, Seconds] | None = Field(
@@ -136,7 +136,7 @@ class EnvironmentUse(Use):
     )
 
 
-class Run(Part):
+class Run(Section):
     """How long, and in which way, the scenario runs."""
 
     mode: Literal["synchronous", "asynchronous"] = Field(
@@ -175,7 +175,7 @@ class Run(Part):
 _MOMENT = "a time [s], a condition, or an event: {event: ..., of: ...}"
 
 
-class Presence(Part):
+class Presence(Section):
     """When an agent is in the world; before and afterwards it is nowhere."""
 
     from_: Seconds | Condition | Trigger | None = Field(
@@ -191,7 +191,7 @@ class Presence(Part):
     )
 
 
-class Agents(Part):
+class Agents(Section):
     """A group: agents that share body, model and components."""
 
     count: int | None = Field(
@@ -226,21 +226,21 @@ _COMPONENT = (
 )
 
 
-class Slowness(Part):
+class Slowness(Section):
     """A component whose computations take longer."""
 
     of: Target = Field(description=_COMPONENT)
     latency: Seconds | Drawn = Field(description="How long a computation takes meanwhile [s]; as for a component.")
 
 
-class Bias(Part):
+class Bias(Section):
     """A sensor that measures one's own state with an offset."""
 
     of: Target = Field(description=_COMPONENT)
     state: list[Number] = Field(min_length=1, description="What is added to the state, in the model's order and units.")
 
 
-class Noise(Part):
+class Noise(Section):
     """A sensor that measures one's own state with noise."""
 
     of: Target = Field(description=_COMPONENT)
@@ -249,7 +249,7 @@ class Noise(Part):
     )
 
 
-class Loss(Part):
+class Loss(Section):
     """Messages that do not arrive."""
 
     sender: Target = Field("*", description=_AGENTS)
@@ -257,7 +257,7 @@ class Loss(Part):
     probability: float = Field(1.0, ge=0, le=1, description="Probability that a message is lost.")
 
 
-class Delay(Part):
+class Delay(Section):
     """Messages that arrive late."""
 
     sender: Target = Field("*", description=_AGENTS)
@@ -265,13 +265,13 @@ class Delay(Part):
     by: float = Field(gt=0, le=1e9, description="How much later they arrive [s].")
 
 
-class Severance(Part):
+class Severance(Section):
     """Links that carry nothing, in either direction."""
 
     between: tuple[Target, Target] = Field(description=f"Whose links with whom. {_AGENTS}")
 
 
-class Degradation(Part):
+class Degradation(Section):
     """Links that are worse than they are."""
 
     sender: Target = Field("*", description=_AGENTS)
@@ -289,7 +289,7 @@ class Degradation(Part):
         return self
 
 
-class Shove(Part):
+class Shove(Section):
     """A push."""
 
     of: Target = Field(description=_AGENTS)
@@ -298,7 +298,7 @@ class Shove(Part):
     )
 
 
-class FaultUse(Part):
+class FaultUse(Section):
     """Something that goes wrong: when, for how long, and one of the kinds of faults."""
 
     at: float | None = Field(None, ge=0, le=1e9, description="When [s].")
@@ -345,7 +345,7 @@ FAULTS = (
 )
 
 
-class LinkUse(Part):
+class LinkUse(Section):
     """Links with a channel of their own."""
 
     sender: Target = Field("*", description=_AGENTS)
@@ -387,7 +387,7 @@ class TransportUse(Use):
     """What carries a run that is spread over several processes."""
 
 
-class Recording(Part):
+class Recording(Section):
     """What goes into the log."""
 
     interval: float = Field(
@@ -408,7 +408,7 @@ class Recording(Part):
     )
 
 
-class Scenario(Part):
+class Scenario(Section):
     """A scenario for `symaware run`."""
 
     symaware: Literal[1] = Field(description="Version of the scenario format.")

@@ -18,10 +18,10 @@ from pydantic import Field
 from symaware_cli.core import Model
 from symaware_cli.core.chance import GroupChance, agent_numbers
 from symaware_cli.core.column import FARTHEST, is_within
-from symaware_cli.core.shape import LARGEST, Length, Number
+from symaware_cli.geometry.shape import LARGEST, Length, Number
 from symaware_cli.scenario.check import a_number, check, said_of
 from symaware_cli.scenario.compose import Composition
-from symaware_cli.scenario.document import Part
+from symaware_cli.scenario.document import Section
 from symaware_cli.scenario.problem import Problem, dotted, nearest, quoted
 from symaware_cli.scenario.source import Path
 
@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 Plane = Annotated[list[Number], Field(min_length=2, max_length=3)]
 
 
-class Grid(Part):
+class Grid(Section):
     """Agents in rows and columns, in the order of their index."""
 
     origin: Plane = Field(default_factory=lambda: [0.0, 0.0], description="Position of the first agent [m].")
@@ -38,7 +38,7 @@ class Grid(Part):
     heading: Number = Field(0.0, description="Heading of all [rad], for models that have one.")
 
 
-class Ring(Part):
+class Ring(Section):
     """Agents evenly on a circle, counter-clockwise in the order of their index."""
 
     centre: Plane = Field(default_factory=lambda: [0.0, 0.0], description="Centre [m].")

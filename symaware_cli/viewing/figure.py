@@ -9,7 +9,7 @@ from pathlib import PurePosixPath
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core.articulation import Articulation, Visual
+from symaware_cli.geometry.articulation import Articulation, Visual
 from symaware_cli.geometry.rotation import composed, rotated
 from symaware_cli.recording.surface import MEDIA_TYPES, bounds
 

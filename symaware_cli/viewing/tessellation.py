@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from symaware_cli.core.articulation import Visual
+from symaware_cli.geometry.articulation import Visual
 
 Array = NDArray[np.float64]
 

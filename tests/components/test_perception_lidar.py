@@ -10,10 +10,10 @@ from simulating import STEP, Team, simulation
 
 from symaware_cli import Entity, Obstacle
 from symaware_cli.components.perception_lidar import Lidar
-from symaware_cli.core.rays import nearest_hits
 from symaware_cli.environments.kinematic import KinematicEnvironment
 from symaware_cli.environments.planar import PymunkEnvironment
 from symaware_cli.geometry.pieces import Pieces, separation_from_points
+from symaware_cli.geometry.rays import nearest_hits
 from symaware_cli.models.unicycle import Unicycle
 
 WORLDS = {"kinematic": KinematicEnvironment, "pymunk": PymunkEnvironment}

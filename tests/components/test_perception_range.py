@@ -539,7 +539,7 @@ def test_in_space_one_sees_over_a_wall_and_not_through_it(height, delay, seen):
 
 
 def test_a_line_that_dips_behind_a_wall_is_cut_only_where_it_is_low():
-    from symaware_cli.core.scenery import Scenery, Span
+    from symaware_cli.geometry.scenery import Scenery, Span
 
     wall = Obstacle.model_validate({"shape": {"box": {"length": 0.2, "width": 6.0}}, "position": [0, 0]})
     scenery = Scenery({"wall": wall}, 0, {"wall": Span(0.5, -0.5, 0.5)})

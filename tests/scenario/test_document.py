@@ -6,7 +6,7 @@ import re
 import pytest
 from pydantic import BaseModel, ValidationError
 
-from symaware_cli.scenario.document import Agents, Part, Scenario
+from symaware_cli.scenario.document import Agents, Scenario, Section
 from symaware_cli.scenario.sampling import Grid, Ring
 
 LEAST = {
@@ -18,8 +18,8 @@ LEAST = {
 }
 
 
-def parts(model: type[BaseModel] = Part) -> list[type[BaseModel]]:
-    return [each for kind in model.__subclasses__() for each in (kind, *parts(kind))]
+def sections(model: type[BaseModel] = Section) -> list[type[BaseModel]]:
+    return [each for kind in model.__subclasses__() for each in (kind, *sections(kind))]
 
 
 def read(**changes: object) -> Scenario:
@@ -38,18 +38,18 @@ def test_the_least_scenario_has_five_fields() -> None:
 
 def test_every_field_has_a_description_and_every_quantity_a_unit() -> None:
     quantities = {"duration", "interval", "spacing", "origin", "radius", "centre", "phase"}
-    for part in {*parts(), Grid, Ring}:
-        for name, field in part.model_fields.items():
-            assert field.description, (part, name)
-            assert field.description.endswith("."), (part, name)
+    for section in {*sections(), Grid, Ring}:
+        for name, field in section.model_fields.items():
+            assert field.description, (section, name)
+            assert field.description.endswith("."), (section, name)
             if name in quantities:
-                assert re.search(r"\[[a-z/^2]+\]", field.description), (part, name)
+                assert re.search(r"\[[a-z/^2]+\]", field.description), (section, name)
 
 
-def test_no_part_takes_keys_that_are_not_described_or_can_be_changed() -> None:
-    for part in parts():
-        assert part.model_config["extra"] == "forbid"
-        assert part.model_config["frozen"] is True
+def test_no_section_takes_keys_that_are_not_described_or_can_be_changed() -> None:
+    for section in sections():
+        assert section.model_config["extra"] == "forbid"
+        assert section.model_config["frozen"] is True
 
 
 @pytest.mark.parametrize("name", ["a", "_", "robot-1", "Robot_2", "x" * 64])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from symaware_cli.core.articulation import Visual
+from symaware_cli.geometry.articulation import Visual
 from symaware_cli.viewing.tessellation import tessellated
 
 SOLIDS = [

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core.articulation import Visual
+from symaware_cli.geometry.articulation import Visual
 from symaware_cli.viewing.cast import Cast, Prop, Troupe
 from symaware_cli.viewing.detail import Detail
 from symaware_cli.viewing.drawing.base import Drawing

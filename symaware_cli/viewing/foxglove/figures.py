@@ -16,7 +16,7 @@ from foxglove_schemas_protobuf.SpherePrimitive_pb2 import SpherePrimitive
 from foxglove_schemas_protobuf.TriangleListPrimitive_pb2 import TriangleListPrimitive
 from numpy.typing import NDArray
 
-from symaware_cli.core.articulation import Visual
+from symaware_cli.geometry.articulation import Visual
 from symaware_cli.recording import wire
 from symaware_cli.recording.surface import triangles
 from symaware_cli.viewing.figure import Figure

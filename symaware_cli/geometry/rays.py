@@ -6,17 +6,13 @@ As in `symaware_cli.geometry.pieces`, pieces are convex cores rounded by a radiu
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core.scenery import Scenery
-from symaware_cli.core.world import Snapshot
 from symaware_cli.geometry.pieces import Pieces
-
-if TYPE_CHECKING:
-    from symaware_cli.core.agent import AgentGroup
+from symaware_cli.geometry.scenery import Scenery
+from symaware_cli.geometry.shape import Shape
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -102,34 +98,28 @@ def _cross(one: Array, other: Array) -> Array:
 class BodiesInPlane:
     """The outlines of all agents, seen from above."""
 
-    def __init__(self, groups: Sequence[AgentGroup]) -> None:
-        """Look at who there is; the groups in the roster's order."""
-        self._groups = groups
-        shaped = [
-            (start + row, shape.pieces)
-            for group, start in zip(groups, np.cumsum([0, *map(len, groups)]).tolist(), strict=False)
-            for shape in [group.entity.shape]
-            if shape
-            for row in range(len(group))
-        ]
-        self._owners: Indices = np.array([index for index, pieces in shaped for _ in pieces], np.intp)
-        self._shapes = Pieces.of(piece for _, pieces in shaped for piece in pieces)
+    def __init__(self, shapes: Sequence[Shape | None]) -> None:
+        """Take the shape of each agent by index; None for those without one."""
+        parts = [(index, piece) for index, shape in enumerate(shapes) if shape for piece in shape.pieces]
+        self._owners: Indices = np.array([index for index, _ in parts], np.intp)
+        self._shapes = Pieces.of(piece for _, piece in parts)
 
-    def placed(self, snapshot: Snapshot) -> tuple[Pieces, Indices]:
+    def placed(self, positions: Array, headings: Array, present: NDArray[np.bool_] | None) -> tuple[Pieces, Indices]:
         """Put them where the agents are.
+
+        Args:
+            positions: Of all agents [m]; shape (n, d).
+            headings: Of all agents [rad]; shape (n,).
+            present: Which of them are there; shape (n,). None for all of them.
 
         Returns:
             Convex pieces, and for each the index of its agent, ascending; shape (p,).
         """
-        headings = [
-            np.zeros(len(group)) if group.model.heading is None else state[:, group.model.heading]
-            for group, state in zip(self._groups, snapshot.states, strict=True)
-        ]
-        turned, owners, shapes = np.concatenate([np.empty(0), *headings]), self._owners, self._shapes
-        if snapshot.present is not None:
-            here = np.flatnonzero(snapshot.present[owners])
+        owners, shapes = self._owners, self._shapes
+        if present is not None:
+            here = np.flatnonzero(present[owners])
             owners, shapes = owners[here], shapes.take(here)
-        return shapes.placed(snapshot.positions[:, :2].take(owners, 0), turned.take(owners)), owners
+        return shapes.placed(positions[:, :2].take(owners, 0), headings.take(owners)), owners
 
 
 def rays_in_plane(

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 from scipy.spatial.transform import Rotation
 
-from symaware_cli.core.articulation import Articulation, Link, Visual
+from symaware_cli.geometry.articulation import Articulation, Link, Visual
 from symaware_cli.geometry.rotation import about, attitude, composed, rotated
 
 ANGLE = st.floats(-3.0, 3.0)

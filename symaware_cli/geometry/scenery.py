@@ -8,20 +8,38 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from copy import copy
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core.entity import Obstacle, Pose
-from symaware_cli.core.time import seconds
+from symaware_cli.geometry.path import Pose, ScriptedPath
 from symaware_cli.geometry.pieces import Pieces, crosses, separation_from_points
+from symaware_cli.geometry.shape import Shape
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 #: How many pairs of a point or line and a piece are looked at together, to bound memory.
 _TOGETHER = 1 << 19
+
+#: [ns]
+_SECOND = 1_000_000_000
+
+
+class Obstacle(Protocol):
+    """What scenery consists of; `symaware_cli.Obstacle` is one."""
+
+    @property
+    def outline(self) -> Shape:
+        """What it covers, seen from above."""
+
+    @property
+    def path(self) -> ScriptedPath | None:
+        """Where it is at which time; None if it does not move."""
+
+    def pose(self, time: float = 0.0) -> Pose:
+        """Where it is at a time [s], and how it moves from there on."""
 
 
 class Span(NamedTuple):
@@ -105,7 +123,7 @@ class Scenery:
         self._velocities = np.zeros((len(every), 2))
         self._headings = np.zeros(len(every))
         self._turn_rates = np.zeros(len(every))
-        now = seconds(time)
+        now = time / _SECOND
         unbounded = Span(0.0, -np.inf, np.inf)
         self._spans = np.array([(spans or {}).get(name, unbounded) for name in self.names]).reshape(-1, 3)
         self._levels: Array = self._spans[:, 0].copy()
@@ -116,7 +134,7 @@ class Scenery:
         """Return the scenery at another time, in nanoseconds; the same one if nothing moves."""
         if not self.moves or time == self.time:
             return self
-        now = seconds(time)
+        now = time / _SECOND
         return self.moved(time, [(index, obstacle.pose(now)) for index, obstacle in self._movers])
 
     def moved(self, time: int, poses: Iterable[tuple[int, Pose]]) -> Scenery:

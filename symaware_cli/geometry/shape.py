@@ -47,19 +47,19 @@ Position = Annotated[tuple[Number, ...], *_coordinates(2, 3)]
 _TOLERANCE = 1e-9
 
 
-class Part(BaseModel):
+class StrictModel(BaseModel):
     """A part of a scenario that is checked when it is made, and never changes."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
-class Circle(Part):
+class Circle(StrictModel):
     """A disc around the entity's position; a ball for agents that move in space."""
 
     radius: Length = Field(description="Radius [m].")
 
 
-class Box(Part):
+class Box(StrictModel):
     """A rectangle around the entity's position that turns with its heading."""
 
     length: Length = Field(description="Extent along the heading [m].")
@@ -72,14 +72,14 @@ class Box(Part):
         return self.height or min(self.length, self.width)
 
 
-class Cylinder(Part):
+class Cylinder(StrictModel):
     """An upright cylinder around the entity's position; a disc for agents that move in a plane."""
 
     radius: Length = Field(description="Radius [m].")
     height: Length = Field(description="Extent upwards [m]; worlds of a plane leave it out of account.")
 
 
-class Polygon(Part):
+class Polygon(StrictModel):
     """A convex polygon that turns with the entity's heading.
 
     Vertices that run clockwise are turned round, so that `vertices` always run counter-clockwise.
@@ -112,7 +112,7 @@ class Polygon(Part):
         return vertices
 
 
-class Wall(Part):
+class Wall(StrictModel):
     """A chain of straight segments with a thickness, rounded at its ends and corners; scenery only."""
 
     points: tuple[Point, ...] = Field(
@@ -149,7 +149,7 @@ AssetPath = Annotated[str, AfterValidator(_asset)]
 _ASSET = "below the scenario's folder, or `pybullet_data/...`"
 
 
-class Mesh(Part):
+class Mesh(StrictModel):
     """A body whose surface a file describes; it collides as the convex hull of that."""
 
     file: AssetPath = Field(description=f"An .obj or .stl file {_ASSET}.")
@@ -164,7 +164,7 @@ class Mesh(Part):
         return file
 
 
-class Urdf(Part):
+class Urdf(StrictModel):
     """A body of links and joints that a URDF file describes; its own masses count."""
 
     file: AssetPath = Field(description=f"A .urdf file {_ASSET}.")
@@ -183,7 +183,7 @@ Kind = Literal["circle", "box", "cylinder", "polygon", "wall", "mesh", "urdf"]
 KINDS: tuple[Kind, ...] = ("circle", "box", "cylinder", "polygon", "wall", "mesh", "urdf")
 
 
-class Shape(Part):
+class Shape(StrictModel):
     """The outline of an entity; exactly one kind."""
 
     model_config = ConfigDict(json_schema_extra={"minProperties": 1, "maxProperties": 1})

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core.shape import Polygon, Shape
 from symaware_cli.geometry.rotation import attitude, rotated
+from symaware_cli.geometry.shape import Polygon, Shape
 
 Array = NDArray[np.float64]
 
