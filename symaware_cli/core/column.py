@@ -7,7 +7,7 @@ Rows are handed out as copies. So nothing that was read can alias what is writte
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -47,14 +47,12 @@ def is_finite(array: Array) -> bool:
     It may overflow, and then every element is looked at. `numpy.dot` would warn of that, with some kernels of BLAS and
     not with others; `numpy.vdot` never does.
     """
-    flat = array.reshape(-1)
-    return math.isfinite(np.vdot(flat, flat)) or bool(np.isfinite(flat).all())
+    return math.isfinite(np.vdot(array, array)) or bool(np.isfinite(array).all())
 
 
 def is_within(array: Array, most: float) -> bool:
     """Whether no element is NaN, infinite, or of a greater magnitude than a finite one; as cheap as `is_finite`."""
-    flat = array.reshape(-1)
-    return bool(np.vdot(flat, flat) <= min(most * most, MOST)) or bool((np.abs(flat) <= most).all())
+    return bool(np.vdot(array, array) <= min(most * most, MOST)) or bool((np.abs(array) <= most).all())
 
 
 def said_of(values: Array) -> str:
@@ -170,12 +168,13 @@ class SeriesColumn:
     writes its own row. Rows written later win.
     """
 
-    __slots__ = ("_changed", "_every", "_rows", "_times", "_values", "_width", "count")
+    __slots__ = ("_changed", "_deferred", "_every", "_rows", "_times", "_values", "_width", "count")
 
     def __init__(self, count: int) -> None:
         self.count = count
         self._times: NDArray[np.int64] | None = None
         self._values: Array = np.empty((count, 0, 0))
+        self._deferred: Callable[[], tuple[ArrayLike, ArrayLike]] | None = None
         self._width: int | None = None
         self._rows: dict[int, TimeSeries] = {}
         self._changed: set[int] = set()
@@ -191,6 +190,11 @@ class SeriesColumn:
         Raises:
             ValueError: The shapes do not agree.
         """
+        self._put(times, values)
+        self._rows.clear()
+        self._every = True
+
+    def _put(self, times: ArrayLike, values: ArrayLike) -> None:
         instants = np.array(times, np.int64, ndmin=1)
         array = frozen(values)
         if array.ndim < 3:
@@ -200,12 +204,26 @@ class SeriesColumn:
         if len(instants) > 1 and not (instants[1:] > instants[:-1]).all():
             raise ValueError("the times of a series must ascend")
         instants.flags.writeable = False
-        self._times, self._values, self._width = instants, array, array.shape[2]
+        self._times, self._values, self._width, self._deferred = instants, array, array.shape[2], None
+
+    def defer(self, compute: Callable[[], tuple[ArrayLike, ArrayLike]]) -> None:
+        """Replace every agent's series by what is computed when somebody first reads it, if anybody does.
+
+        Args:
+            compute: Returns what `set` takes, whenever it is called; so it must not look at what can change.
+        """
+        self._deferred = compute
         self._rows.clear()
         self._every = True
 
+    def settle(self) -> None:
+        """Compute what was deferred."""
+        if self._deferred is not None:
+            self._put(*self._deferred())
+
     def row(self, index: int) -> TimeSeries:
         """One agent's series."""
+        self.settle()
         own = self._rows.get(index)
         if own is not None:
             return own
@@ -227,6 +245,7 @@ class SeriesColumn:
         """
         if not isinstance(series, TimeSeries):
             raise TypeError(f"expected a TimeSeries, not {type(series).__name__}")
+        self.settle()
         empty = series.times.size == 0
         if empty and self._times is None and index not in self._rows:
             return  # nothing before and nothing now: not a change worth a record
@@ -241,6 +260,7 @@ class SeriesColumn:
     @property
     def shared(self) -> tuple[NDArray[np.int64], Array] | None:
         """The instants (h,) and values (n, h, k) when every series shares its instants, else None."""
+        self.settle()
         return None if self._times is None or self._rows else (self._times, self._values)
 
     def take_changes(self) -> Sequence[int] | None:
@@ -253,6 +273,9 @@ class SeriesColumn:
 
     def maximum(self) -> tuple[float, int] | None:
         """The largest value of any series and the row that holds it; None where all are empty."""
+        self.settle()
+        if self._times is None and not self._rows:
+            return None
         best: tuple[float, int] | None = None
         if self._times is not None and self._values.size:
             peaks = self._values.reshape(self.count, -1).max(axis=1)

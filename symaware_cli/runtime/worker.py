@@ -265,6 +265,7 @@ def group_data(group: AgentGroup, *, sees_world: bool = False) -> dict[str, Any]
 def _column_data(column: Column | SeriesColumn) -> Any:
     if isinstance(column, Column):
         return column.values
+    column.settle()
     return column._times, column._values, column._width, column._rows
 
 
@@ -286,6 +287,7 @@ def _take_column_data(column: Column | SeriesColumn, content: Any) -> None:
     if isinstance(column, Column):
         column.values = content
     else:
+        column.settle()
         column._times, column._values, column._width, column._rows = content
 
 

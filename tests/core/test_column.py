@@ -141,6 +141,36 @@ def test_series_of_a_group_ascend_in_time():
             SeriesColumn(1).set(times, [[1.0, 2.0]])
 
 
+def test_a_series_that_is_put_off_is_computed_once_when_it_is_first_read_and_counts_as_one_change():
+    column, calls = SeriesColumn(2), []
+
+    def compute():
+        calls.append(None)
+        return [0, 10], [[1.0, 2.0], [3.0, 4.0]]
+
+    column.defer(compute)
+    column.defer(compute)
+    assert column.take_changes() is None
+    assert not calls
+    assert column.row(1) == TimeSeries({0: 3.0, 1e-8: 4.0})
+    assert column.maximum() == (4.0, 1)
+    assert len(calls) == 1
+    assert column.take_changes() == []
+
+
+def test_what_is_written_after_a_series_was_put_off_wins():
+    column = SeriesColumn(2)
+    column.defer(lambda: ([0], [1.0, 2.0]))
+    column.set_row(0, TimeSeries({0.0: 7.0}))
+    assert column.row(0) == TimeSeries({0.0: 7.0})
+    assert column.row(1) == TimeSeries({0.0: 2.0})
+    column.defer(lambda: ([0], [1.0, 2.0]))
+    assert column.row(0) == TimeSeries({0.0: 1.0})
+    column.defer(lambda: pytest.fail("nobody reads it"))
+    column.set([0], [3.0, 4.0])
+    assert column.maximum() == (4.0, 1)
+
+
 def test_only_a_series_is_a_series():
     with pytest.raises(TypeError, match="expected a TimeSeries, not dict"):
         SeriesColumn(1).set_row(0, {0.0: 1.0})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
@@ -65,18 +66,26 @@ class GoToGoal(GoalSeeking):
     straight way ahead over the horizon.
     """
 
-    def _compute(self) -> tuple[Array, Array, Array, Array]:
+    def _compute(self) -> tuple[Array, Array, Array, Array, Array, Array]:
         model, state, goal = self._group.model, self._group.awareness.state, self._goals(self._group)
         position = model.positions(state)
         way = goal - position
         distance = lengths(way)
         speed = self._slowing(distance)
         direction = directions(way, distance)
-        travelled = np.minimum(speed[:, None] * self._ahead, distance[:, None])
-        intent = along(position, direction, travelled)
-        return model.follow_velocity(state, scaled(direction, speed)), intent, goal, distance
+        control_input = model.follow_velocity(state, scaled(direction, speed))
+        return control_input, position, direction, speed, goal, distance
 
-    def _update(self, value: tuple[Array, Array, Array, Array]) -> None:
-        control_input, intent, goal, distance = value
-        self._steer(control_input, intent)
+    def _update(self, value: tuple[Array, Array, Array, Array, Array, Array]) -> None:
+        control_input, position, direction, speed, goal, distance = value
+        self._group.control_input = control_input
+        intent = partial(self._intent, self.computed_at, position, direction, speed, distance)
+        self._group.awareness.intent.defer(intent)
         self._arrive(goal, distance)
+
+    def _intent(
+        self, now: int, position: Array, direction: Array, speed: Array, distance: Array
+    ) -> tuple[NDArray[np.int64], Array]:
+        """The instants ahead [ns], and the straight way of each agent until then."""
+        travelled = np.minimum(speed[:, None] * self._ahead, distance[:, None])
+        return now + self._offsets, along(position, direction, travelled)

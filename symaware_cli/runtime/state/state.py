@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Self
 
+from symaware_cli.core.column import SeriesColumn
 from symaware_cli.core.state import StateError
 from symaware_cli.runtime.state.counterparts import Counterparts
 from symaware_cli.runtime.state.layout import layout
@@ -109,8 +110,13 @@ def put(run: Run, state: SimulationState, scenario: str, version: str) -> None:
 
 
 def _check(run: Run) -> None:
+    """Look whether there is a state, and compute what was left for later."""
     if run.status is not None:
         raise StateError(f"the run of {run.simulation.name} is over: {run.status}")
+    for group in run.simulation.groups:
+        for column in group.awareness.columns.values():
+            if isinstance(column, SeriesColumn):
+                column.settle()
 
 
 def _roots(run: Run) -> Mapping[str, Any]:
