@@ -18,6 +18,12 @@ class FinitenessCheck:
             (group.awareness.state_column, "state", FARTHEST),
         )
 
+    @property
+    def is_due(self) -> bool:
+        """Whether something was written since the last time."""
+        (control_input, *_), (state, *_) = self._columns
+        return control_input.fresh or state.fresh
+
     def present(self) -> Sequence[Array]:
         """What stands there now; a column that is written gets another array, so this is no copy."""
         return [column.values for column, *_ in self._columns]

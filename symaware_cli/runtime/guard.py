@@ -114,6 +114,8 @@ class Guard:
         Raises:
             RunError: Something is not, and that ends the run.
         """
+        if not self._finiteness.is_due:
+            return
         ids, name, now = self._group.ids, self._slot.name, self._simulation.clock.now
         for rows, problem in self._finiteness.offences(before):
             others = f", and so for {len(rows) - 1} more agents" if len(rows) > 1 else ""

@@ -149,7 +149,8 @@ class TurnScheduler:
         row = rows[0] if rows else 0
         turn = self._timetables[row].turn(number, earliest)
         if turn is not None:
-            self._queue.put(turn[0], self.place, Phase.TURN, row, "period", (rows, turn[1]))
+            time, number = turn
+            self._queue.put(time, self.place, Phase.TURN, row, "period", (rows, number))
 
     def _on_period(self, row: int, payload: tuple[Sequence[int] | None, int]) -> None:
         """Take a turn, and enter the next one before: what the turn causes comes behind."""

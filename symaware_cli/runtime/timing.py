@@ -120,7 +120,7 @@ STEADY = Timing()
 class Timetable:
     """The instants of the turns of a component with a period; they depend on nothing but their numbers."""
 
-    __slots__ = ("_drawn", "_first", "_grid", "_jitter", "_key", "_offset", "_period")
+    __slots__ = ("_delays", "_first", "_grid", "_jitter", "_key", "_offset", "_period")
 
     def __init__(self, timing: Timing, time_step: int, grid: int, key: int = 0) -> None:
         """Prepare.
@@ -134,8 +134,8 @@ class Timetable:
         self._period = time_step if timing.period is None else timing.period
         self._offset, self._jitter = timing.offset, timing.jitter
         self._grid, self._key = grid, key
-        #: How late some turns are, as fractions of the jitter, from which turn on.
-        self._drawn: list[float] = []
+        #: How late some turns are, in nanoseconds, and from which turn on.
+        self._delays: list[int] = []
         self._first = 0
 
     def turn(self, number: int, earliest: int) -> tuple[int, int] | None:
@@ -165,10 +165,12 @@ class Timetable:
 
     def _late(self, number: int) -> int:
         """How late a turn is, in nanoseconds."""
-        if not 0 <= number - self._first < len(self._drawn):
+        place = number - self._first
+        if not 0 <= place < len(self._delays):
             # Drawn in blocks, which is a fraction of the price and gives the same numbers.
-            self._first = number
+            self._first, place = number, 0
             start = np.uint64(self._offset + number * self._period)
             instants = np.arange(_BLOCK, dtype=np.uint64) * np.uint64(self._period) + start
-            self._drawn = uniform(instants, np.zeros_like(instants), self._key, 1)[:, 0].tolist()
-        return round(self._drawn[number - self._first] * self._jitter)
+            drawn = uniform(instants, np.zeros_like(instants), self._key, 1)[:, 0]
+            self._delays = np.rint(drawn * self._jitter).astype(np.int64).tolist()
+        return self._delays[place]
