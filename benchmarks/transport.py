@@ -13,8 +13,8 @@ import subprocess
 import sys
 import time
 
-from symaware_cli.core import Port, Transport
 from symaware_cli.network.transport.tcp import Tcp
+from symaware_cli.network.transport.transport import Port, Transport
 from symaware_cli.network.transport.zenoh import Zenoh
 
 KEY = b"thirty-two bytes of a shared key"
@@ -78,9 +78,9 @@ def _over_port(port: Port) -> dict[str, float]:
     assert came.kind == "came"
 
     def receive() -> None:
-        happening = port.receive(30)
-        assert happening is not None
-        assert happening.kind == "frame"
+        event = port.receive(30)
+        assert event is not None
+        assert event.kind == "frame"
 
     figures = {}
     for size, (trips, count, burst) in LOADS.items():
@@ -151,9 +151,9 @@ def _serve(way: str, number: int) -> None:
         asyncio.run(_serve_streams(number))
         return
     with kind().join("127.0.0.1", number, key) as port:
-        while (happening := port.receive()) is not None and happening.kind != "gone":
-            if happening.kind == "frame" and happening.frame[:1] != COUNT:
-                port.send(happening.peer, happening.frame)
+        while (event := port.receive()) is not None and event.kind != "gone":
+            if event.kind == "frame" and event.frame[:1] != COUNT:
+                port.send(event.peer, event.frame)
 
 
 async def _serve_streams(number: int) -> None:

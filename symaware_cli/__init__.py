@@ -39,7 +39,6 @@ if TYPE_CHECKING:
         Event,
         GroupCommunicationReceiver,
         GroupComponent,
-        Happening,
         KnowledgeDatabase,
         Level,
         Links,
@@ -53,7 +52,6 @@ if TYPE_CHECKING:
         Part,
         PerceptionSystem,
         Polygon,
-        Port,
         Quantity,
         RiskEstimator,
         Roster,
@@ -62,17 +60,10 @@ if TYPE_CHECKING:
         Shape,
         Snapshot,
         TimeSeries,
-        Topology,
-        TopologyError,
-        TopologyParameters,
         Tracks,
-        Transport,
-        TransportError,
-        TransportParameters,
         Turn,
         UncertaintyEstimator,
         Urdf,
-        Vehicle,
         Wall,
         WorldError,
         generator,
@@ -80,6 +71,9 @@ if TYPE_CHECKING:
         seconds,
     )
     from symaware_cli.core.state import StateError
+    from symaware_cli.environments.vehicle import Vehicle
+    from symaware_cli.network.topology.topology import Topology, TopologyError, TopologyParameters
+    from symaware_cli.network.transport.transport import Port, PortEvent, Transport, TransportError, TransportParameters
     from symaware_cli.processor import ProcessorWarning
     from symaware_cli.recording.error import LogError
     from symaware_cli.recording.reader import Log, open_log
@@ -110,7 +104,6 @@ __all__ = [
     "GroupCommunicationReceiver",
     "GroupComponent",
     "GroupOutline",
-    "Happening",
     "KnowledgeDatabase",
     "Level",
     "Links",
@@ -129,6 +122,7 @@ __all__ = [
     "Place",
     "Polygon",
     "Port",
+    "PortEvent",
     "ProcessorWarning",
     "Quantity",
     "RiskEstimator",
@@ -175,6 +169,15 @@ _HOMES = {
     "symaware_cli.api.scenario": ("Scenario", "load"),
     "symaware_cli.api.stepping": ("SteppedSimulation",),
     "symaware_cli.core.state": ("StateError",),
+    "symaware_cli.environments.vehicle": ("Vehicle",),
+    "symaware_cli.network.topology.topology": ("Topology", "TopologyError", "TopologyParameters"),
+    "symaware_cli.network.transport.transport": (
+        "Port",
+        "PortEvent",
+        "Transport",
+        "TransportError",
+        "TransportParameters",
+    ),
     "symaware_cli.processor": ("ProcessorWarning",),
     "symaware_cli.recording.error": ("LogError",),
     "symaware_cli.recording.reader": ("Log", "open_log"),

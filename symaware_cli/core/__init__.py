@@ -19,6 +19,7 @@ from symaware_cli.core.entity import Entity, Obstacle
 from symaware_cli.core.environment import Environment, EnvironmentParameters, WorldError
 from symaware_cli.core.event import Event, EventBus, Level, SubscriberError, Subscription
 from symaware_cli.core.knowledge import KnowledgeDatabase
+from symaware_cli.core.links import Links
 from symaware_cli.core.message import EVERYBODY, Delivery, Exchange, Message, MessageBatch
 from symaware_cli.core.model import Model, Quantity
 from symaware_cli.core.part import PARTS, Part
@@ -27,10 +28,7 @@ from symaware_cli.core.reading import Frame, Image, Measurement, Reading, Scan
 from symaware_cli.core.refusal import Attempts, RefusalError
 from symaware_cli.core.series import TimeSeries
 from symaware_cli.core.time import Clock, nanoseconds, seconds
-from symaware_cli.core.topology import Links, Topology, TopologyError, TopologyParameters
 from symaware_cli.core.tracks import Tracks
-from symaware_cli.core.transport import Happening, Port, Transport, TransportError, TransportParameters
-from symaware_cli.core.vehicle import Vehicle
 from symaware_cli.core.world import Contact, Roster, Snapshot
 from symaware_cli.geometry.path import Pose, ScriptedPath
 from symaware_cli.geometry.scenery import Scenery
@@ -64,7 +62,6 @@ __all__ = [
     "GroupAwareness",
     "GroupCommunicationReceiver",
     "GroupComponent",
-    "Happening",
     "Image",
     "KnowledgeDatabase",
     "Level",
@@ -81,7 +78,6 @@ __all__ = [
     "PerceptionSystem",
     "Plugin",
     "Polygon",
-    "Port",
     "Pose",
     "Quantity",
     "Reading",
@@ -97,17 +93,10 @@ __all__ = [
     "Subscription",
     "Surroundings",
     "TimeSeries",
-    "Topology",
-    "TopologyError",
-    "TopologyParameters",
     "Tracks",
-    "Transport",
-    "TransportError",
-    "TransportParameters",
     "Turn",
     "UncertaintyEstimator",
     "Urdf",
-    "Vehicle",
     "Wall",
     "WorldError",
     "generator",

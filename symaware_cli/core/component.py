@@ -22,7 +22,7 @@ from symaware_cli.core.plugin import Plugin
 from symaware_cli.core.real import real
 from symaware_cli.core.series import TimeSeries
 from symaware_cli.core.time import SECOND, nanoseconds
-from symaware_cli.core.waiting import AllOf, AnyOf, Happening, Mail, Sleep, Wait
+from symaware_cli.core.waiting import AllOf, AnyOf, EventWait, MessageWait, Sleep, Wait
 from symaware_cli.core.world import Snapshot
 
 if TYPE_CHECKING:
@@ -147,7 +147,7 @@ class BaseComponent(Plugin, ABC, Generic[Owner]):
             name: The event's name.
             source: A path, in which ``*`` matches anything.
         """
-        return Happening(name, source)
+        return EventWait(name, source)
 
     def any_of(self, *waits: Awaitable[Any]) -> Wait:
         """Wait for the first of several: ``which, value = await self.any_of(self.messages(), self.sleep(0.2))``.
@@ -510,7 +510,7 @@ class CommunicationReceiver(Component):
 
         What is there already counts: they are all that arrived and were not handed over before, oldest first.
         """
-        return Mail(self._agent.id, self._reader)
+        return MessageWait(self._agent.id, self._reader)
 
     @abstractmethod
     def _update(self, value: Sequence[Message]) -> None:

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.core.awareness import AwarenessVector
-
-if TYPE_CHECKING:
-    from symaware_cli.core.topology import Links
+from symaware_cli.core.links import Links
 
 Indices = NDArray[np.intp]
 Times = NDArray[np.int64]

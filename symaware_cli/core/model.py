@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from symaware_cli.core.entity import Entity
 from symaware_cli.core.plugin import Plugin
-from symaware_cli.core.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 
@@ -165,8 +164,11 @@ class Model(Plugin, ABC):
         after = self.successor(columns(state), columns(control_input), step, np)
         return None if after is None else rows(after, len(state))
 
-    def vehicle(self) -> Vehicle | None:
-        """Return what moves the bodies of a group in the world `pybullet`; None for those that a velocity moves."""
+    def vehicle(self) -> Any:
+        """Return what moves the bodies of a group in worlds that provide ``vehicles``: a `symaware_cli.Vehicle`.
+
+        None for those that a velocity moves.
+        """
         return None
 
     def embodied(self, entity: Entity) -> Entity:

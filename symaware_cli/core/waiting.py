@@ -34,7 +34,7 @@ class Sleep(Wait):
 
 
 @dataclass(frozen=True, slots=True)
-class Happening(Wait):
+class EventWait(Wait):
     """An event that shall fire.
 
     Attributes:
@@ -50,7 +50,7 @@ class Happening(Wait):
 
 
 @dataclass(frozen=True, slots=True)
-class Mail(Wait):
+class MessageWait(Wait):
     """Messages that shall arrive.
 
     Attributes:

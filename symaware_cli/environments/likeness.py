@@ -7,9 +7,10 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 
-from symaware_cli.core import AgentGroup, Obstacle, Shape, Vehicle, Wall, WorldError
+from symaware_cli.core import AgentGroup, Obstacle, Shape, Wall, WorldError
 from symaware_cli.environments import asset
 from symaware_cli.environments.description import DescriptionError, articulation, material_colour
+from symaware_cli.environments.vehicle import Vehicle
 from symaware_cli.geometry.articulation import Articulation, Link, Visual
 from symaware_cli.geometry.rotation import about
 

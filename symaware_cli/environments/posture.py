@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core.vehicle import read_bodies
 from symaware_cli.environments.bullet import engine
+from symaware_cli.environments.vehicle import read_bodies
 from symaware_cli.geometry.articulation import Articulation
 from symaware_cli.geometry.rotation import continued, yaws
 

@@ -9,18 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from symaware_cli.core import (
-    AgentGroup,
-    Attempts,
-    Entity,
-    Image,
-    Obstacle,
-    Scenery,
-    Vehicle,
-    WorldError,
-    seconds,
-)
-from symaware_cli.core.vehicle import read_bodies
+from symaware_cli.core import AgentGroup, Attempts, Entity, Image, Obstacle, Scenery, WorldError, seconds
 from symaware_cli.environments import collision, sight
 from symaware_cli.environments.bullet import MOST_SHOWN, Client, engine, quiet
 from symaware_cli.environments.collision import Collisions
@@ -33,6 +22,7 @@ from symaware_cli.environments.physics import Bodies, PhysicsEnvironment
 from symaware_cli.environments.posture import Postures
 from symaware_cli.environments.solid import Member, Solids, last, turn
 from symaware_cli.environments.touch import GROUND
+from symaware_cli.environments.vehicle import Vehicle, read_bodies
 from symaware_cli.geometry.articulation import Articulation
 from symaware_cli.geometry.rotation import attitude_columns
 

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from symaware_cli.core import Cylinder, Entity, Parameters, Quantity, Shape, Vehicle
+from symaware_cli.core import Cylinder, Entity, Parameters, Quantity, Shape
 from symaware_cli.core.model import columns, rows
+from symaware_cli.environments.vehicle import Vehicle
 from symaware_cli.models.crazyflie import (
     INERTIA,
     MASS,

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from symaware_cli.core import Entity, Model, Parameters, Polygon, Quantity, Shape, Vehicle
-from symaware_cli.core.vehicle import place_body, read_bodies
+from symaware_cli.core import Entity, Model, Parameters, Polygon, Quantity, Shape
+from symaware_cli.environments.vehicle import Vehicle, place_body, read_bodies
 from symaware_cli.geometry.rotation import about, composed, continued, yaws
 from symaware_cli.models.heading import HeadingModel
 from symaware_cli.models.noise import Deviation

@@ -9,12 +9,13 @@ from typing import NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core import Links, Roster, Topology
+from symaware_cli.core import Links, Roster
 from symaware_cli.core.message import Indices, Times
 from symaware_cli.network.channel.channel import NO_LINK, Channel, Fates
 from symaware_cli.network.channel.impairment import Impairment
 from symaware_cli.network.channel.ledger import Ledger
 from symaware_cli.network.channel.parameters import ChannelParameters
+from symaware_cli.network.topology.topology import Topology
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from symaware_cli.core import Event
-from symaware_cli.core.waiting import AllOf, AnyOf, First, Happening, Mail, Several, Sleep, Wait
+from symaware_cli.core.waiting import AllOf, AnyOf, EventWait, First, MessageWait, Several, Sleep, Wait
 from symaware_cli.network.exchange import MemoryExchange
 from symaware_cli.runtime.queue import Phase, Queue
 from symaware_cli.runtime.switchboard import Connection, Switchboard
@@ -132,7 +132,7 @@ class _Timer(Pending):
 class _Event(Pending):
     __slots__ = ("_connection", "_event", "_switchboard", "_wait", "_wakeups")
 
-    def __init__(self, wait: Happening, switchboard: Switchboard) -> None:
+    def __init__(self, wait: EventWait, switchboard: Switchboard) -> None:
         self._wait, self._switchboard = wait, switchboard
         self._event: Event | None = None
 
@@ -158,7 +158,7 @@ class _Event(Pending):
 class _Mail(Pending):
     __slots__ = ("_connection", "_exchange", "_has_come", "_switchboard", "_wait", "_wakeups")
 
-    def __init__(self, wait: Mail, switchboard: Switchboard, exchange: MemoryExchange) -> None:
+    def __init__(self, wait: MessageWait, switchboard: Switchboard, exchange: MemoryExchange) -> None:
         self._wait, self._switchboard, self._exchange = wait, switchboard, exchange
         self._connection: Connection | None = None
         self._has_come = False
@@ -313,9 +313,9 @@ class Awaiter:
         match wait:
             case Sleep():
                 return _Timer(wait.duration)
-            case Happening():
+            case EventWait():
                 return _Event(wait, self._switchboard)
-            case Mail():
+            case MessageWait():
                 return _Mail(wait, self._switchboard, self._exchange)
             case AnyOf():
                 return _Any([self._made(each) for each in wait.waits])

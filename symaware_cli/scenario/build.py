@@ -21,12 +21,12 @@ from symaware_cli.core import (
     GroupComponent,
     Model,
     Quantity,
-    Topology,
-    Transport,
     WorldError,
     nanoseconds,
 )
-from symaware_cli.core.conformity import faults_of
+from symaware_cli.models.conformity import faults_of
+from symaware_cli.network.topology.topology import Topology
+from symaware_cli.network.transport.transport import Transport
 from symaware_cli.runtime.failure import RunError
 from symaware_cli.runtime.faults import Fault
 from symaware_cli.runtime.presence import Span

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from symaware_cli import __version__
-from symaware_cli.core import Transport
 from symaware_cli.network.transport.address import is_loopback, parse_address
+from symaware_cli.network.transport.transport import Transport
 from symaware_cli.runtime.distributed.company import Company, Identity
 from symaware_cli.runtime.distributed.host import Host
 from symaware_cli.runtime.distributed.member import Member

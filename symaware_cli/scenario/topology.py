@@ -6,9 +6,10 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from symaware_cli.core import AgentGroup, Environment, Links, RefusalError, Roster, Topology, TopologyError, nanoseconds
+from symaware_cli.core import AgentGroup, Environment, Links, RefusalError, Roster, nanoseconds
 from symaware_cli.network.channel.parameters import ChannelParameters
 from symaware_cli.network.network import Exemption, Network, Stretch, links_of
+from symaware_cli.network.topology.topology import Topology, TopologyError
 from symaware_cli.scenario.document import LinkUse, TopologyUse
 from symaware_cli.scenario.making import words
 from symaware_cli.scenario.problem import dotted, nearest, quoted

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from symaware_cli.core import Environment, Links, Topology, TopologyParameters
+from symaware_cli.core import Environment, Links
 from symaware_cli.core.message import Indices
+from symaware_cli.network.topology.topology import Topology, TopologyParameters
 
 
 class NearTopology(Topology):

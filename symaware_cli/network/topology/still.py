@@ -9,9 +9,10 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BeforeValidator, Field
 
-from symaware_cli.core import Attempts, Environment, Links, Topology, TopologyError, TopologyParameters
+from symaware_cli.core import Attempts, Environment, Links
 from symaware_cli.core.chance import Numbers, combined, key_of, uniform
 from symaware_cli.core.message import Indices
+from symaware_cli.network.topology.topology import Topology, TopologyError, TopologyParameters
 
 Id = Annotated[str, Field(min_length=1, max_length=200)]
 

@@ -8,8 +8,8 @@ from collections import deque
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, ClassVar
 
-from symaware_cli.core import Happening
 from symaware_cli.network.transport.conversation import FAREWELL, FRAME, PING, PONG, Over
+from symaware_cli.network.transport.transport import PortEvent
 
 if TYPE_CHECKING:
     from symaware_cli.network.transport.port import LoopPort
@@ -109,7 +109,7 @@ class Connection(ABC):
         if frame is not None:
             self._given += 1
             self._given_bytes += len(frame)
-            self._port.deliver(Happening("frame", self.peer, frame), self)
+            self._port.deliver(PortEvent("frame", self.peer, frame), self)
             if self._behind(1):
                 self.full = True
                 self.rest()
@@ -175,7 +175,7 @@ class Connection(ABC):
             return
         self.parting = True
         if self.came:
-            self._port.deliver(Happening("gone", self.peer, reason=reason), self)
+            self._port.deliver(PortEvent("gone", self.peer, reason=reason), self)
         self._farewell = reason.encode()[:512]
         self._port.call_later(PARTING, self._let_go)
         if self.full:
@@ -241,7 +241,7 @@ class Connection(ABC):
         self._waiting_bytes = 0
         self._port.leave(self)
         if told and not self.parting:
-            self._port.deliver(Happening("gone", self.peer, reason=reason), self)
+            self._port.deliver(PortEvent("gone", self.peer, reason=reason), self)
 
     # The run's thread.
 

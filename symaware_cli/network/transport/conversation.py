@@ -16,8 +16,8 @@ import os
 import struct
 from collections import deque
 
-from symaware_cli.core.transport import Rejection
 from symaware_cli.network.transport.seal import OVERHEAD, Opener, Sealer, SealError, connection_keys
+from symaware_cli.network.transport.transport import Rejection
 
 #: The version of this protocol; both ends must speak the same.
 VERSION = 1

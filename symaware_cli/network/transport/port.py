@@ -15,11 +15,10 @@ from queue import Empty, SimpleQueue
 from types import MappingProxyType
 from typing import Any, get_args
 
-from symaware_cli.core import Happening, Port, TransportError, TransportParameters
-from symaware_cli.core.transport import Rejection
 from symaware_cli.network.transport.connection import PARTING, Connection
 from symaware_cli.network.transport.conversation import Conversation, Over
 from symaware_cli.network.transport.frame import CROWDED
+from symaware_cli.network.transport.transport import Port, PortEvent, Rejection, TransportError, TransportParameters
 
 #: The time before a member tries to connect again, at first [s].
 _FIRST_PAUSE = 0.05
@@ -50,7 +49,7 @@ class LoopPort(Port):
         self._counts: dict[Rejection, int] = dict.fromkeys(get_args(Rejection), 0)
         self.rejected: Mapping[Rejection, int] = MappingProxyType(self._counts)
         self._numbers = itertools.count(1)
-        self._inbox: SimpleQueue[tuple[Happening | BaseException, Connection | None]] = SimpleQueue()
+        self._inbox: SimpleQueue[tuple[PortEvent | BaseException, Connection | None]] = SimpleQueue()
         # What to send to whom, or why to let go of it.
         self._outbox: deque[tuple[int, bytes | str]] = deque()
         self._flushing = False
@@ -102,19 +101,19 @@ class LoopPort(Port):
             raise ValueError(f"a frame of {len(frame)} bytes is longer than `maximum_frame`: {maximum}")
         self._hand_over(peer, frame)
 
-    def receive(self, timeout: float | None = None) -> Happening | None:
+    def receive(self, timeout: float | None = None) -> PortEvent | None:
         """Return what happened next; None if the port is closed."""
         if self._closed:
             return None
         try:
-            happening, connection = self._inbox.get(timeout=timeout)
+            event, connection = self._inbox.get(timeout=timeout)
         except Empty:
             return None
-        if isinstance(happening, BaseException):
-            raise RuntimeError(f"the port {self.address} failed") from happening
-        if happening.kind == "frame" and connection is not None and connection.take(happening.frame):
+        if isinstance(event, BaseException):
+            raise RuntimeError(f"the port {self.address} failed") from event
+        if event.kind == "frame" and connection is not None and connection.take(event.frame):
             self.later(connection.look_again)
-        return happening
+        return event
 
     def offset(self, peer: int) -> float:
         """How far the clock of a peer is ahead [s]."""
@@ -204,7 +203,7 @@ class LoopPort(Port):
                 return
         self._peers[connection.peer] = connection
         connection.came = True
-        self.deliver(Happening("came", connection.peer), connection)
+        self.deliver(PortEvent("came", connection.peer), connection)
 
     def _accept(self, peer: int) -> None:
         if peer in self._peers:
@@ -215,9 +214,9 @@ class LoopPort(Port):
         self._strangers.pop(connection.peer, None)
         self._peers.pop(connection.peer, None)
 
-    def deliver(self, happening: Happening, connection: Connection) -> None:
+    def deliver(self, event: PortEvent, connection: Connection) -> None:
         """Let the run's thread know."""
-        self._inbox.put((happening, connection))
+        self._inbox.put((event, connection))
 
     def reject(self, rejection: Rejection) -> None:
         """Count what was not taken."""

@@ -9,11 +9,11 @@ from collections.abc import Sequence
 from contextlib import suppress
 from typing import cast
 
-from symaware_cli.core import Port, Transport, TransportError
 from symaware_cli.network.transport.address import address_of, numeric
 from symaware_cli.network.transport.connection import PARTING, Connection
 from symaware_cli.network.transport.conversation import PREAMBLE, Over, may_begin
 from symaware_cli.network.transport.port import LoopPort
+from symaware_cli.network.transport.transport import Port, Transport, TransportError
 
 #: How long the number is that says how long a record is [bytes].
 _LENGTH = 4

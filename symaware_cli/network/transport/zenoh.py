@@ -14,9 +14,9 @@ import socket
 from collections import deque
 from typing import Any
 
-from symaware_cli.core import Port, Transport, TransportError, TransportParameters
 from symaware_cli.network.transport.address import address_of, numeric
 from symaware_cli.network.transport.connection import Connection
+from symaware_cli.network.transport.transport import Port, Transport, TransportError, TransportParameters
 from symaware_cli.network.transport.zenoh_port import ZenohConnection, ZenohPort
 
 #: Under which all key expressions stand: with the version of how they are used.

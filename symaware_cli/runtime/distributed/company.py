@@ -12,9 +12,9 @@ import numpy as np
 
 from symaware_cli.core import Event, Level
 from symaware_cli.core.message import Indices
-from symaware_cli.core.transport import Happening, Port
 from symaware_cli.network.transport.codec import encode
 from symaware_cli.network.transport.frame import Frame, Notice
+from symaware_cli.network.transport.transport import Port, PortEvent
 from symaware_cli.runtime.failure import RunError
 
 if TYPE_CHECKING:
@@ -134,7 +134,7 @@ class Company(ABC):
         agent = simulation.agent_of(notice.source)
         simulation.events.fire(Event(notice.name, notice.source, now, level, notice.text, data, subject, agent))
 
-    def _wait(self, deadline: float | None = None) -> Happening | None:
+    def _wait(self, deadline: float | None = None) -> PortEvent | None:
         """Wait for what happens next, with signals let through; None if a moment of the monotonic clock comes first."""
         interruption = self._run.interruption
         interruption.unshield(watched=False)

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from symaware_cli.core import AgentGroup, Delivery, Level
 from symaware_cli.core.column import Array, Column
 from symaware_cli.core.message import Indices
-from symaware_cli.core.transport import Happening, Port
 from symaware_cli.network.transport.codec import decode
 from symaware_cli.network.transport.frame import (
     End,
@@ -27,6 +26,7 @@ from symaware_cli.network.transport.frame import (
     Step,
     Welcome,
 )
+from symaware_cli.network.transport.transport import Port, PortEvent
 from symaware_cli.runtime.distributed.company import Company, Identity, listed, rows_of
 from symaware_cli.runtime.failure import RunError
 from symaware_cli.runtime.membership import safe_input
@@ -223,7 +223,7 @@ class Host(Company):
             for column, values in present:
                 column.exchange(values)
 
-    def _take(self, happening: Happening) -> None:
+    def _take(self, happening: PortEvent) -> None:
         """Take note of what happened at the port."""
         member = self._members.get(happening.peer)
         if happening.kind == "gone":
@@ -340,7 +340,7 @@ class Host(Company):
             self._run.observer.reported.pop(member.rank, None)
         member.reported = max(member.reported, report.step)
 
-    def _wait(self, deadline: float | None = None) -> Happening | None:
+    def _wait(self, deadline: float | None = None) -> PortEvent | None:
         """Wait for what happens next, and send off meanwhile who does not say what it wants; see `Company`."""
         while True:
             self._send_off_silent()

@@ -10,7 +10,6 @@ from dataclasses import replace
 from typing import Any, NoReturn
 
 from symaware_cli.core import Contact, Delivery, Event, Level, MessageBatch
-from symaware_cli.core.transport import Port
 from symaware_cli.network.transport.codec import decode, encode
 from symaware_cli.network.transport.frame import (
     CROWDED,
@@ -25,6 +24,7 @@ from symaware_cli.network.transport.frame import (
     Step,
     Welcome,
 )
+from symaware_cli.network.transport.transport import Port
 from symaware_cli.network.transport.value import entries_to_wire
 from symaware_cli.recording.text import plain
 from symaware_cli.runtime.distributed.company import Company, Identity, rows_of

@@ -15,9 +15,9 @@ import pytest
 from ports import free_port
 from transporting import COUNT, ECHO, KEY, descriptors, echo, eventually, expect, number, tasks, threads
 
-from symaware_cli.core import Happening, Port, Transport, TransportError
 from symaware_cli.network.transport.memory import Memory
 from symaware_cli.network.transport.tcp import Tcp
+from symaware_cli.network.transport.transport import Port, PortEvent, Transport, TransportError
 from symaware_cli.network.transport.zenoh import Zenoh
 
 Open = Callable[..., Port]
@@ -207,7 +207,7 @@ def test_who_is_not_accepted_makes_room_for_who_comes(make: Callable[..., Transp
     assert [each.frame for each in heard] == [b"you stay"]
 
 
-def _frame(port: Port) -> Happening | None:
+def _frame(port: Port) -> PortEvent | None:
     """The first frame that arrives at a port, if one does soon."""
     until = time.monotonic() + 1.0
     while (happening := port.receive(max(0.0, until - time.monotonic()))) is not None:
@@ -483,7 +483,7 @@ def test_a_transport_whose_library_is_not_there_says_what_to_install() -> None:
     script = (
         "import sys\n"
         "sys.modules['zenoh'] = None\n"
-        "from symaware_cli.core import TransportError\n"
+        "from symaware_cli import TransportError\n"
         "from symaware_cli.network.transport.zenoh import Zenoh\n"
         "try:\n    Zenoh().listen('127.0.0.1', 0)\nexcept TransportError as error:\n    print(error)\n"
     )

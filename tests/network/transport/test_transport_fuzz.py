@@ -12,9 +12,9 @@ from typing import Any
 import pytest
 from transporting import KEY, descriptors, echo, eventually, expect, number, resident
 
-from symaware_cli.core import Port, Transport
 from symaware_cli.network.transport.conversation import FRAME, PREAMBLE, PROOF, Conversation
 from symaware_cli.network.transport.tcp import Tcp
+from symaware_cli.network.transport.transport import Port, Transport
 from symaware_cli.network.transport.zenoh import Zenoh
 
 #: What a stranger says, record by record; the first one is the preamble.

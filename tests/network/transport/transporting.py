@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from symaware_cli.core import Happening, Port, Transport
+from symaware_cli.network.transport.transport import Port, PortEvent, Transport
 
 KEY = b"a key that both ends know"
 
@@ -52,7 +52,7 @@ def number(port: Port) -> int:
     return int(port.address.rpartition(":")[2])
 
 
-def expect(port: Port, kind: str, within: float = 60.0) -> Happening:
+def expect(port: Port, kind: str, within: float = 60.0) -> PortEvent:
     """What happens next at a port, which must be of a kind."""
     happening = port.receive(within)
     assert happening is not None, f"nothing happened, where {kind} should"

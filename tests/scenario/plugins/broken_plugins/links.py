@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from symaware_cli.core import Environment, Links, Topology
+from symaware_cli.core import Environment, Links
+from symaware_cli.network.topology.topology import Topology
 
 
 class Stray(Topology):

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from symaware_cli.core.conformity import faults_of
+from symaware_cli.models.conformity import faults_of
 from symaware_cli.testing import assert_conforming
 
 sys.path.append(str(Path(__file__).parent.parent / "models"))

@@ -19,7 +19,7 @@ class TransportError(Exception):
     """A connection cannot be had; says to where, and why."""
 
 
-class Happening(NamedTuple):
+class PortEvent(NamedTuple):
     """What happened at a port.
 
     Whoever came goes once: a frame stands between the two. Who is gone without having come was not let in, or did
@@ -67,7 +67,7 @@ class Port(ABC):
         """
 
     @abstractmethod
-    def receive(self, timeout: float | None = None) -> Happening | None:
+    def receive(self, timeout: float | None = None) -> PortEvent | None:
         """Return what happened next, or None if nothing did within some time [s]; by default wait for ever."""
 
     def accept(self, peer: int) -> None:
