@@ -5,7 +5,7 @@ from simulating import STEP, Team, simulation
 from symaware_cli import Component
 from symaware_cli.components.perception import SelfPerception
 from symaware_cli.network.channel.parameters import ChannelParameters
-from symaware_cli.network.network import Network, Stretch
+from symaware_cli.network.network import Network, TopologyPhase
 from symaware_cli.runtime.faults import Components, Fault
 from symaware_cli.runtime.run import run
 from symaware_cli.runtime.terms import Terms
@@ -39,7 +39,7 @@ class Watch:
             made.initialise(self.simulation.environment, seed)
             roster = self.simulation.environment.roster
             channel = ChannelParameters.model_validate(channel or {})
-            self.simulation.connect(Network(roster, [Stretch(0, made)], channel=channel))
+            self.simulation.connect(Network(roster, [TopologyPhase(0, made)], channel=channel))
         self.simulation.events.subscribe("*", self.events.append)
 
     def run(self, steps, look=None, status="finished"):

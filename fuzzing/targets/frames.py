@@ -289,7 +289,7 @@ class _Stranger:
     """Somebody who connects to a host; speaks the protocol as far as its habit lets it."""
 
     def __init__(self, port: int, key: bytes | None, digest: bytes) -> None:
-        from symaware_cli.network.transport.conversation import Conversation
+        from symaware_cli.network.transport.protocol import Conversation
 
         self._socket = socket.create_connection(("127.0.0.1", port), timeout=2.0)
         self._socket.settimeout(0.5)
@@ -302,7 +302,7 @@ class _Stranger:
 
     def act(self, habit: str, frames: list[bytes]) -> int:
         """Do what it does; returns how many frames it sent."""
-        from symaware_cli.network.transport.conversation import FRAME
+        from symaware_cli.network.transport.protocol import FRAME
 
         talk = self._talk
         if habit == "silent":
@@ -349,13 +349,13 @@ class _Stranger:
         return len(record).to_bytes(4) + record
 
     def _say(self, frame: bytes) -> None:
-        from symaware_cli.network.transport.conversation import FRAME
+        from symaware_cli.network.transport.protocol import FRAME
 
         self._socket.sendall(self._framed(self._talk.record(FRAME, frame)))
 
     def _introduce(self) -> bool:
         """Become known to the host; False if it does not let us."""
-        from symaware_cli.network.transport.conversation import PREAMBLE, Over
+        from symaware_cli.network.transport.protocol import PREAMBLE, Over
 
         talk, data = self._talk, b""
         self._socket.sendall(talk.preamble)

@@ -14,14 +14,14 @@ from symaware_cli.core import Delivery, Links, Message, MessageBatch
 from symaware_cli.core.message import EVERYBODY, Indices, Times, copied
 from symaware_cli.network.channel.channel import ABSENT, QUEUE_FULL, TOO_OLD, Fates
 from symaware_cli.network.disturbance import Disturbance
+from symaware_cli.network.in_transit import MessagesInTransit
 from symaware_cli.network.inbox import Inboxes
 from symaware_cli.network.neighbours import Neighbours
 from symaware_cli.network.network import Change, Network
 from symaware_cli.network.outbox import Outbox
-from symaware_cli.network.passage import WAITS, Parcel, Passage
 from symaware_cli.network.size import message_sizes
 from symaware_cli.network.traffic import Traffic
-from symaware_cli.network.underway import UnderWay
+from symaware_cli.network.transmission import WAITS, QueuedMessage, Transmission
 
 #: Of what each row of a batch says, in bytes; shape (s,).
 Sizes = NDArray[np.int64]
@@ -83,8 +83,8 @@ class MemoryExchange:
         self._check: Callable[[Mapping[str, Any]], Any] = lambda payload: None
         self._away: NDArray[np.bool_] | None = None
         self._forward: Callable[[Delivery], Any] = lambda arrived: None
-        self._passage = Passage(seed, self._ids)
-        self._under_way = UnderWay()
+        self._transmission = Transmission(seed, self._ids)
+        self._in_transit = MessagesInTransit()
         self.inboxes = Inboxes(self._ids, listening)
         self.now = 0
         self.sent = self.duplicated = self.delivered = self.dropped = 0
@@ -94,11 +94,11 @@ class MemoryExchange:
     @property
     def network(self) -> Network | None:
         """Who reaches whom, and how; None for everybody, at once and without fail."""
-        return self._passage.network
+        return self._transmission.network
 
     @network.setter
     def network(self, network: Network | None) -> None:
-        self._passage.network = network
+        self._transmission.network = network
         if network is not None:
             network.present = self._present
 
@@ -119,23 +119,23 @@ class MemoryExchange:
     def disturb(self, disturbances: Sequence[Disturbance]) -> None:
         """Let something happen to messages from now on, besides."""
         self.flush()
-        self._passage.disturbances.extend(disturbances)
+        self._transmission.disturbances.extend(disturbances)
 
     def relieve(self, disturbances: Sequence[Disturbance]) -> None:
         """Let something happen to messages no more."""
         self.flush()
         for disturbance in disturbances:
-            self._passage.disturbances.remove(disturbance)
+            self._transmission.disturbances.remove(disturbance)
 
     @property
     def in_flight(self) -> int:
         """How many messages are under way."""
-        return len(self._under_way) + self._passage.waiting
+        return len(self._in_transit) + self._transmission.waiting
 
     @property
     def next_time(self) -> int | None:
         """The next instant at which something is to be delivered, in nanoseconds."""
-        times = [time for time in (self._under_way.next_time, self._passage.next_time) if time is not None]
+        times = [time for time in (self._in_transit.next_time, self._transmission.next_time) if time is not None]
         return min(times, default=None)
 
     @property
@@ -265,11 +265,11 @@ class MemoryExchange:
         sent = Delivery(batch, rows, receivers, sequences, at, due)
         self.sent += len(rows)
         self._on_traffic(Traffic("sent", sent, sizes))
-        if self._passage.is_free(self.now):
-            self._under_way.launch(sent, np.zeros(len(rows), np.uint8), sizes)
+        if self._transmission.is_free(self.now):
+            self._in_transit.launch(sent, np.zeros(len(rows), np.uint8), sizes)
             return
         linked = batch.receivers is None
-        fates, victims = self._passage.decide(sent, sizes, self.now, linked=linked)
+        fates, victims = self._transmission.decide(sent, sizes, self.now, linked=linked)
         self._push_out(victims)
         self._launch(sent, sizes, self._postponed(fates))
         self._advance()
@@ -299,7 +299,7 @@ class MemoryExchange:
         """Let messages meet their fates."""
         flying = (fates.reason == 0) | (fates.reason == TOO_OLD)
         if flying.all() and not len(fates.copies):
-            self._under_way.launch(replace(sent, due=fates.due), fates.reason, sizes)
+            self._in_transit.launch(replace(sent, due=fates.due), fates.reason, sizes)
             return
         self._lose(sent, sizes, fates.reason, ~flying & (fates.reason != WAITS))
         places, due, reason = np.flatnonzero(flying), fates.due[flying], fates.reason[flying]
@@ -308,25 +308,25 @@ class MemoryExchange:
             places, due = np.concatenate([places, fates.copies]), np.concatenate([due, fates.copies_due])
             reason = np.concatenate([reason, np.zeros(len(fates.copies), np.uint8)])
         if len(places):
-            self._under_way.launch(replace(sent.some(places), due=due), reason, sizes)
+            self._in_transit.launch(replace(sent.some(places), due=due), reason, sizes)
 
     def _lose(self, delivery: Delivery, sizes: Sizes, reason: NDArray[np.uint8], lost: NDArray[np.bool_]) -> None:
         """Drop some messages."""
         places = np.flatnonzero(lost)
         if len(places):
             self.dropped += len(places)
-            reasons = tuple(self._passage.reasons)
+            reasons = tuple(self._transmission.reasons)
             self._on_traffic(Traffic("dropped", delivery.some(places), sizes, reasons, reason[places]))
 
-    def _push_out(self, victims: Sequence[Parcel]) -> None:
+    def _push_out(self, victims: Sequence[QueuedMessage]) -> None:
         """Drop what is pushed out of full queues."""
-        for parcel in victims:
-            self._lose(parcel.content, parcel.sizes, np.array([QUEUE_FULL], np.uint8), np.ones(1, bool))
+        for queued in victims:
+            self._lose(queued.content, queued.sizes, np.array([QUEUE_FULL], np.uint8), np.ones(1, bool))
 
     def _advance(self) -> None:
         """Let what waited before links go on its way, as far as its time has come."""
-        for parcel, fates in self._passage.advance(self.now):
-            self._launch(parcel.content, parcel.sizes, fates)
+        for queued, fates in self._transmission.advance(self.now):
+            self._launch(queued.content, queued.sizes, fates)
 
     def renew_links(self) -> None:
         """Look who reaches whom now."""
@@ -344,7 +344,7 @@ class MemoryExchange:
         if now % self._time_step == 0:
             self.renew_links()
         self._advance()
-        for delivery, reason, sizes in self._under_way.take(now):
+        for delivery, reason, sizes in self._in_transit.take(now):
             if self._present is not None:
                 reason = np.where((reason == 0) & ~self._present[delivery.receivers], np.uint8(ABSENT), reason)
             late = reason != 0

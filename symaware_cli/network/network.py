@@ -13,13 +13,13 @@ from symaware_cli.core import Links, Roster
 from symaware_cli.core.message import Indices, Times
 from symaware_cli.network.channel.channel import NO_LINK, Channel, Fates
 from symaware_cli.network.channel.impairment import Impairment
-from symaware_cli.network.channel.ledger import Ledger
+from symaware_cli.network.channel.link_states import LinkStates
 from symaware_cli.network.channel.parameters import ChannelParameters
 from symaware_cli.network.topology.topology import Topology
 
 
 @dataclass(frozen=True, slots=True)
-class Stretch:
+class TopologyPhase:
     """A topology and when it begins to hold.
 
     Attributes:
@@ -51,7 +51,7 @@ def links_of(topology: Topology, now: int, count: int) -> Links:
 
 
 @dataclass(frozen=True, slots=True)
-class Exemption:
+class ChannelOverride:
     """Links whose channel differs from that of all others.
 
     Attributes:
@@ -98,65 +98,65 @@ class Network:
     def __init__(
         self,
         roster: Roster,
-        stretches: Sequence[Stretch],
+        phases: Sequence[TopologyPhase],
         *,
         repeat: int | None = None,
         channel: ChannelParameters | None = None,
-        exemptions: Sequence[Exemption] = (),
+        overrides: Sequence[ChannelOverride] = (),
         connected: bool = False,
     ) -> None:
         """Begin without links; `update` lays them.
 
         Args:
             roster: Who is who.
-            stretches: Topologies, initialised, in the order of their starts; the first starts at 0.
-            repeat: After which time the first stretch begins again, in nanoseconds; None for never.
+            phases: Topologies, initialised, in the order of their starts; the first starts at 0.
+            repeat: After which time the first phase begins again, in nanoseconds; None for never.
             channel: How messages get over a link; perfect if None.
-            exemptions: Links that differ; of several that concern a link, the last has its say.
+            overrides: Links that differ; of several that concern a link, the last has its say.
             connected: Whether parts are to be counted.
         """
         self._roster = roster
-        self._stretches = tuple(stretches)
+        self._phases = tuple(phases)
         self._repeat = repeat
         self._base = channel or ChannelParameters()
-        self._exemptions = tuple(exemptions)
+        self._overrides = tuple(overrides)
         self._channels = [Channel(self._base)]
         self._numbers: dict[tuple[int, ...], int] = {(): 0}
         self.connected = connected
         self.present: NDArray[np.bool_] | None = None
         self.links: Links | None = None
-        self.on_failure: Callable[[Stretch, BaseException], NoReturn] | None = None
-        self._present: Stretch | None = None
+        self.on_failure: Callable[[TopologyPhase, BaseException], NoReturn] | None = None
+        self._present: TopologyPhase | None = None
         self._is_whole = True
         #: Whether every message gets through at once that goes over a link.
-        self.is_perfect = self._base.is_perfect and not self._exemptions
+        self.is_perfect = self._base.is_perfect and not self._overrides
         #: Whether there may be something that is dropped from the head of a queue.
-        parts = [self._base, *(each.channel for each in self._exemptions)]
-        self.has_lines = any(each.drop == "head" for each in parts) and any(each.is_bounded for each in parts)
+        parts = [self._base, *(each.channel for each in self._overrides)]
+        self.has_queues = any(each.drop == "head" for each in parts) and any(each.is_bounded for each in parts)
 
-    def stretch(self, now: int) -> Stretch:
+    def phase(self, now: int) -> TopologyPhase:
         """The topology that holds at an instant, in nanoseconds."""
         time = now % self._repeat if self._repeat else now
-        return [each for each in self._stretches if each.start <= time][-1]
+        return [each for each in self._phases if each.start <= time][-1]
 
-    def _laid(self, stretch: Stretch, now: int) -> Links:
+    def _laid(self, phase: TopologyPhase, now: int) -> Links:
         """The links of a topology, which may be anybody's."""
         try:
-            if stretch is not self._present:
-                self._present = stretch
-                stretch.topology.begin(now)
-            links = links_of(stretch.topology, now, len(self._roster))
+            if phase is not self._present:
+                self._present = phase
+                phase.topology.begin(now)
+            links = links_of(phase.topology, now, len(self._roster))
             return links if self.present is None else links.among(self.present)
         except BaseException as error:
             if self.on_failure is None:
                 raise
-            self.on_failure(stretch, error)
+            self.on_failure(phase, error)
 
     def update(self, now: int) -> Change | None:
         """Look who reaches whom at a step of the world; None where nothing changed."""
-        stretch = self.stretch(now)
-        before, topology = self.links, stretch.topology
-        links = self.links = self._laid(stretch, now)
+        phase = self.phase(now)
+        before, topology = self.links, phase.topology
+        links = self.links = self._laid(phase, now)
         if links is before:
             return None
         if before is None:
@@ -210,43 +210,43 @@ class Network:
         found: NDArray[np.bool_] = keys[np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)] == wanted
         return found
 
-    def enter(self, ledger: Ledger, new: slice) -> None:
+    def enter(self, states: LinkStates, new: slice) -> None:
         """Choose the channels of links that are used for the first time."""
-        if not self._exemptions:
+        if not self._overrides:
             return
-        senders, receivers = ledger.ends(new)
+        senders, receivers = states.ends(new)
         for row, sender, receiver in zip(range(new.start, new.stop), senders.tolist(), receivers.tolist(), strict=True):
             concerned = tuple(
                 number
-                for number, each in enumerate(self._exemptions)
+                for number, each in enumerate(self._overrides)
                 if sender in each.senders and receiver in each.receivers
             )
-            ledger.channel[row] = self._numbers.setdefault(concerned, len(self._channels))
-            if ledger.channel[row] == len(self._channels):
+            states.channel[row] = self._numbers.setdefault(concerned, len(self._channels))
+            if states.channel[row] == len(self._channels):
                 parameters = self._base
                 for number in concerned:
-                    parameters = parameters.changed(self._exemptions[number].channel)
+                    parameters = parameters.changed(self._overrides[number].channel)
                 self._channels.append(Channel(parameters))
 
     def channel(self, number: int) -> Channel:
-        """A channel by its number in the ledger."""
+        """A channel by its number in the states."""
         return self._channels[number]
 
-    def waits(self, ledger: Ledger, rows: Indices, linked: NDArray[np.bool_] | None) -> NDArray[np.bool_]:
+    def waits(self, states: LinkStates, rows: Indices, linked: NDArray[np.bool_] | None) -> NDArray[np.bool_]:
         """Which messages have to wait for what comes after them, because that may push them out of a queue.
 
         Args:
-            ledger: Remembers the links.
+            states: Remembers the links.
             rows: The links, as rows in it; shape (m,).
             linked: Which of them are links at present; None for all.
         """
         heads = np.array([channel.drops_heads for channel in self._channels])
-        waits: NDArray[np.bool_] = heads[ledger.channel[rows]]
+        waits: NDArray[np.bool_] = heads[states.channel[rows]]
         return waits if linked is None else waits & linked
 
     def carry(
         self,
-        ledger: Ledger,
+        states: LinkStates,
         rows: Indices,
         numbers: Times,
         now: int,
@@ -258,7 +258,7 @@ class Network:
         """Decide the fates of messages that are sent now; see `Channel.carry`.
 
         Args:
-            ledger: Remembers the links.
+            states: Remembers the links.
             rows: The links, as rows in it, each at most once; shape (m,).
             numbers: Those of the messages on their links; shape (m,).
             now: In nanoseconds.
@@ -268,17 +268,17 @@ class Network:
             impairment: What disturbs them; None for nothing.
         """
         if linked is None and waits is None and len(self._channels) == 1:
-            return self._channels[0].carry(ledger, rows, numbers, now, sizes, impairment)
+            return self._channels[0].carry(states, rows, numbers, now, sizes, impairment)
         due, reason = np.full(len(rows), now, np.int64), np.zeros(len(rows), np.uint8)
         copies, copies_due = [np.empty(0, np.intp)], [np.empty(0, np.int64)]
         if linked is not None:
             reason[~linked] = NO_LINK
         decided = reason == 0 if waits is None else (reason == 0) & ~waits
         for number, channel in enumerate(self._channels):
-            chosen = np.flatnonzero(decided & (ledger.channel[rows] == number))
+            chosen = np.flatnonzero(decided & (states.channel[rows] == number))
             if len(chosen):
                 worse = None if impairment is None else impairment.take(chosen)
-                fates = channel.carry(ledger, rows[chosen], numbers[chosen], now, sizes[chosen], worse)
+                fates = channel.carry(states, rows[chosen], numbers[chosen], now, sizes[chosen], worse)
                 due[chosen], reason[chosen] = fates.due, fates.reason
                 copies.append(chosen[fates.copies])
                 copies_due.append(fates.copies_due)

@@ -108,7 +108,7 @@ class CoroutineTurns:
             outcome.begin(turn.wakeups)
 
     def _advance(self, turn: _CoroutineTurn) -> Any:
-        """One stretch of the coroutine; returns what it waits for then."""
+        """One phase of the coroutine; returns what it waits for then."""
         bridge = self._awaiter.bridge
         try:
             if bridge is None:

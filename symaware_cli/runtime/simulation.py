@@ -23,7 +23,7 @@ from symaware_cli.core import (
 from symaware_cli.core.chance import Turn
 from symaware_cli.core.event import RECURRING
 from symaware_cli.network.exchange import MemoryExchange
-from symaware_cli.network.network import Change, Network, Stretch
+from symaware_cli.network.network import Change, Network, TopologyPhase
 from symaware_cli.network.traffic import Traffic
 from symaware_cli.runtime.failure import RunError, describe
 from symaware_cli.runtime.interruption import Interrupted
@@ -211,11 +211,11 @@ class Simulation:
         network.on_failure = self._blame_topology
         self.exchange.network = network
 
-    def _blame_topology(self, stretch: Stretch, error: BaseException) -> NoReturn:
+    def _blame_topology(self, phase: TopologyPhase, error: BaseException) -> NoReturn:
         """Take the failure of a topology for that of the run."""
         if isinstance(error, Interrupted):
             raise error
-        raise RunError(stretch.source, stretch.use, self.clock.now, describe(error), error) from error
+        raise RunError(phase.source, phase.use, self.clock.now, describe(error), error) from error
 
     def _passed(self, traffic: Traffic) -> None:
         """Tell of messages all at once, and of each of them only where somebody listens."""

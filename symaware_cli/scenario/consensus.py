@@ -66,7 +66,7 @@ def check_metropolis(
         return
     if use.changes:
         wrong = "stay as they are, and `topology.changes` replaces them"
-    elif network.stretch(0).topology.changes:
+    elif network.phase(0).topology.changes:
         wrong = f"stay as they are, and those of {quoted(use.use)} change"
     elif (links := links_of(network)) is not None and not _go_both_ways(links):
         wrong = f"go both ways, and some of {quoted(use.use)} go one way only"

@@ -8,7 +8,7 @@ import numpy as np
 
 from symaware_cli.core import AgentGroup, Environment, Links, RefusalError, Roster, nanoseconds
 from symaware_cli.network.channel.parameters import ChannelParameters
-from symaware_cli.network.network import Exemption, Network, Stretch, links_of
+from symaware_cli.network.network import ChannelOverride, Network, TopologyPhase, links_of
 from symaware_cli.network.topology.topology import Topology, TopologyError
 from symaware_cli.scenario.document import LinkUse, TopologyUse
 from symaware_cli.scenario.making import words
@@ -51,16 +51,16 @@ class NetworkBuilder:
         sound = self._ascend(use)
         if len(topologies) < len(named):
             return None
-        stretches = {
-            path: Stretch(start, topologies[path], dotted(path), name) for path, (start, name) in named.items()
+        phases = {
+            path: TopologyPhase(start, topologies[path], dotted(path), name) for path, (start, name) in named.items()
         }
-        for path, stretch in stretches.items():
-            sound &= self._initialise(stretch, path)
-        exemptions = [self._exemption(link, number) for number, link in enumerate(use.links)]
-        known = [each for each in exemptions if each is not None]
-        if not sound or len(known) < len(exemptions):
+        for path, phase in phases.items():
+            sound &= self._initialise(phase, path)
+        overrides = [self._override(link, number) for number, link in enumerate(use.links)]
+        known = [each for each in overrides if each is not None]
+        if not sound or len(known) < len(overrides):
             return None
-        laid = {path: self._laid(stretch, path) for path, stretch in stretches.items() if use.connected or use.links}
+        laid = {path: self._laid(phase, path) for path, phase in phases.items() if use.connected or use.links}
         if any(links is None and not topologies[path].changes for path, links in laid.items()):
             return None
         sound = self._concern_somebody(use.links, known, [topologies[path] for path in laid], list(laid.values()))
@@ -71,16 +71,16 @@ class NetworkBuilder:
             return None
         return Network(
             self._roster,
-            tuple(stretches.values()),
+            tuple(phases.values()),
             repeat=None if use.repeat is None else nanoseconds(use.repeat),
             channel=use.channel,
-            exemptions=known,
+            overrides=known,
             connected=use.connected,
         )
 
     def links(self, network: Network) -> Links | None:
         """The links at the start, of a topology that stays as it is; None for one that changes, and after a problem."""
-        return self._laid(network.stretch(0), _SECTION)
+        return self._laid(network.phase(0), _SECTION)
 
     def _ascend(self, use: TopologyUse) -> bool:
         """Whether changes come one after the other, before everything repeats."""
@@ -97,9 +97,9 @@ class NetworkBuilder:
             before = max(before, each.at)
         return sound
 
-    def _initialise(self, stretch: Stretch, path: Path) -> bool:
+    def _initialise(self, phase: TopologyPhase, path: Path) -> bool:
         try:
-            stretch.topology.initialise(self._environment, self._seed)
+            phase.topology.initialise(self._environment, self._seed)
         except TopologyError as error:
             for each in (error, *error.others):
                 self._explain(each, (*path, "with", *each.path))
@@ -107,28 +107,28 @@ class NetworkBuilder:
         except KeyboardInterrupt:
             raise
         except BaseException as error:
-            self._blame(stretch, path, error)
+            self._blame(phase, path, error)
             return False
-        if not hasattr(stretch.topology, "members"):
-            message = f"{quoted(stretch.use)} does not let its base `Topology` initialise"
+        if not hasattr(phase.topology, "members"):
+            message = f"{quoted(phase.use)} does not let its base `Topology` initialise"
             self._report("broken-plugin", message, (*path, "use"))
             return False
         return True
 
-    def _laid(self, stretch: Stretch, path: Path) -> Links | None:
+    def _laid(self, phase: TopologyPhase, path: Path) -> Links | None:
         """The links of a topology that stays as it is; None for one that changes, and after a problem."""
-        if stretch.topology.changes:
+        if phase.topology.changes:
             return None
         try:
-            return links_of(stretch.topology, 0, len(self._roster))
+            return links_of(phase.topology, 0, len(self._roster))
         except KeyboardInterrupt:
             raise
         except BaseException as error:
-            self._blame(stretch, path, error)
+            self._blame(phase, path, error)
             return None
 
-    def _blame(self, stretch: Stretch, path: Path, error: BaseException) -> None:
-        self._report("broken-plugin", f"{quoted(stretch.use)} cannot lay its links: {words(error)}", (*path, "use"))
+    def _blame(self, phase: TopologyPhase, path: Path, error: BaseException) -> None:
+        self._report("broken-plugin", f"{quoted(phase.use)} cannot lay its links: {words(error)}", (*path, "use"))
 
     def _explain(self, error: RefusalError, path: Path) -> None:
         listed = ", ".join(error.names[:6]) + (", ..." if len(error.names) > 6 else "")
@@ -140,7 +140,7 @@ class NetworkBuilder:
             suggestion=nearest(error.name, error.names) if error.name is not None else None,
         )
 
-    def _exemption(self, link: LinkUse, number: int) -> Exemption | None:
+    def _override(self, link: LinkUse, number: int) -> ChannelOverride | None:
         ends = []
         for key in ("sender", "receiver"):
             try:
@@ -151,18 +151,18 @@ class NetworkBuilder:
                     f"there is no agent or group `{getattr(link, key)}`", name=getattr(link, key), names=known
                 )
                 self._explain(error, (*_SECTION, "links", number, key))
-        return Exemption(ends[0], ends[1], link.channel) if len(ends) == 2 else None
+        return ChannelOverride(ends[0], ends[1], link.channel) if len(ends) == 2 else None
 
     def _concern_somebody(
         self,
         uses: Sequence[LinkUse],
-        exemptions: Sequence[Exemption],
+        overrides: Sequence[ChannelOverride],
         topologies: Sequence[Topology],
         laid: Sequence[Links | None],
     ) -> bool:
         """Whether there are links for all channels of single links, as far as that is known before the run."""
         sound = True
-        for number, each in enumerate(exemptions):
+        for number, each in enumerate(overrides):
             said = [key for key in ("receiver", "sender") if key in uses[number].model_fields_set]
             path: Path = (*_SECTION, "links", number, *said[:1])
             if not _is_between_two(each.senders, each.receivers):
@@ -178,22 +178,22 @@ class NetworkBuilder:
                 sound = False
         return sound
 
-    def _fit(self, base: ChannelParameters, exemptions: Sequence[Exemption], narrowed: bool) -> bool:
+    def _fit(self, base: ChannelParameters, overrides: Sequence[ChannelOverride], narrowed: bool) -> bool:
         """Whether what channels say of queues goes together; what one leaves out another may say for the same links."""
-        parts: list[tuple[Path, ChannelParameters, Exemption | None]] = [((*_SECTION, "channel"), base, None)]
+        parts: list[tuple[Path, ChannelParameters, ChannelOverride | None]] = [((*_SECTION, "channel"), base, None)]
         parts += [
-            ((*_SECTION, "links", number, "channel"), each.channel, each) for number, each in enumerate(exemptions)
+            ((*_SECTION, "links", number, "channel"), each.channel, each) for number, each in enumerate(overrides)
         ]
         sound = True
         for says, needs, message in _NEEDS:
             there = [
-                exempt for _, channel, exempt in parts if any(getattr(channel, need) is not None for need in needs)
+                override for _, channel, override in parts if any(getattr(channel, need) is not None for need in needs)
             ]
             if (narrowed and "bandwidth" in needs) or None in there:
                 continue
-            for path, channel, exempt in parts:
+            for path, channel, override in parts:
                 said = getattr(channel, says) not in (None, "tail")
-                if said and not any(_overlap(exempt, other) for other in there):
+                if said and not any(_overlap(override, other) for other in there):
                     where = (*path, says)
                     self._report("invalid-value", f"{quoted(dotted(where))}: {message}", where)
                     sound = False
@@ -227,17 +227,17 @@ def _is_between_two(senders: frozenset[int], receivers: frozenset[int]) -> bool:
     return bool(senders and receivers) and len(senders | receivers) > 1
 
 
-def _has_link(exemption: Exemption, topology: Topology, links: Links | None) -> bool:
-    """Whether there is a link that an exemption is about, or may be where links change."""
+def _has_link(override: ChannelOverride, topology: Topology, links: Links | None) -> bool:
+    """Whether there is a link that an override is about, or may be where links change."""
     if links is None:
         members = frozenset(topology.members.tolist())
-        return _is_between_two(exemption.senders & members, exemption.receivers & members)
+        return _is_between_two(override.senders & members, override.receivers & members)
     wanted = np.zeros(links.count, bool)
-    wanted[list(exemption.receivers)] = True
-    return any(wanted[links.of_sender(sender)].any() for sender in exemption.senders)
+    wanted[list(override.receivers)] = True
+    return any(wanted[links.of_sender(sender)].any() for sender in override.senders)
 
 
-def _overlap(one: Exemption | None, other: Exemption | None) -> bool:
+def _overlap(one: ChannelOverride | None, other: ChannelOverride | None) -> bool:
     """Whether two parts of a section may be about the same link; None is about every one."""
     if one is None or other is None or one is other:
         return True

@@ -14,7 +14,7 @@ from symaware_cli.components.perception import OmniscientPerception, SelfPercept
 from symaware_cli.components.perception_range import RangePerception
 from symaware_cli.components.uncertainty_gaussian import GaussianUncertainty
 from symaware_cli.network.channel.parameters import ChannelParameters
-from symaware_cli.network.network import Network, Stretch
+from symaware_cli.network.network import Network, TopologyPhase
 from symaware_cli.network.topology.still import Complete
 from symaware_cli.runtime.faults import Agents, Components, Cut, Fault, Restart, Stop
 from symaware_cli.runtime.run import run
@@ -67,7 +67,7 @@ class Scene:
             links = topology(topology.Parameters())
             links.initialise(self.simulation.environment, 7)
             roster, channel = self.simulation.environment.roster, ChannelParameters.model_validate(channel or {})
-            self.simulation.connect(Network(roster, [Stretch(0, links)], channel=channel))
+            self.simulation.connect(Network(roster, [TopologyPhase(0, links)], channel=channel))
 
     def awareness(self, name="b"):
         return self.groups[name].awareness

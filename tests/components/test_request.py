@@ -7,7 +7,7 @@ from simulating import STEP, Team
 from talking import Watch, made
 
 from symaware_cli.components.communication.request import Request
-from symaware_cli.network.network import Network, Stretch
+from symaware_cli.network.network import Network, TopologyPhase
 from symaware_cli.network.topology.still import Complete
 
 
@@ -52,7 +52,7 @@ class TestRequests:
 
         def heal():
             if watch.simulation.clock.now == 60 * STEP:
-                watch.simulation.connect(Network(roster, [Stretch(0, made)]))
+                watch.simulation.connect(Network(roster, [TopologyPhase(0, made)]))
 
         assert lost is not None
         watch.run(140, heal)

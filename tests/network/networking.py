@@ -6,7 +6,7 @@ from simulating import STEP, Team, simulation
 from symaware_cli.core import Message, MessageBatch
 from symaware_cli.network.channel.parameters import ChannelParameters
 from symaware_cli.network.exchange import MemoryExchange
-from symaware_cli.network.network import Network, Stretch
+from symaware_cli.network.network import Network, TopologyPhase
 
 
 def world(count, positions=None, seed=7, obstacles=None):
@@ -30,7 +30,7 @@ def pairs(links):
 class Post:
     """An exchange that writes down what it tells."""
 
-    def __init__(self, topology=None, channel=None, ids=None, seed=7, exemptions=(), kinds=(), time_step=STEP):
+    def __init__(self, topology=None, channel=None, ids=None, seed=7, overrides=(), kinds=(), time_step=STEP):
         ids = topology.roster.ids if topology is not None else ids
         self.traffic = []
         self.exchange = MemoryExchange(
@@ -42,9 +42,9 @@ class Post:
         if topology is not None:
             self.exchange.network = Network(
                 topology.roster,
-                [Stretch(0, topology)],
+                [TopologyPhase(0, topology)],
                 channel=ChannelParameters.model_validate(channel or {}),
-                exemptions=exemptions,
+                overrides=overrides,
             )
         for kind in kinds:
             self.exchange.inboxes.open(kind, ids, [kind], columns=True)

@@ -12,7 +12,7 @@ from simulating import STEP
 from symaware_cli import Message, MessageBatch
 from symaware_cli.network.channel.parameters import ChannelParameters
 from symaware_cli.network.exchange import MemoryExchange
-from symaware_cli.network.network import Exemption, Network, Stretch
+from symaware_cli.network.network import ChannelOverride, Network, TopologyPhase
 from symaware_cli.network.topology.still import Complete
 from symaware_cli.network.transport.codec import decode, encode
 from symaware_cli.network.transport.frame import Step
@@ -54,10 +54,14 @@ class Room:
 
     def __init__(self, base, others, talk):
         topology = laid(Complete, self.environment)
-        exemptions = [Exemption(frozenset({sender}), frozenset(range(COUNT)), channel) for sender, channel in others]
+        overrides = [
+            ChannelOverride(frozenset({sender}), frozenset(range(COUNT)), channel) for sender, channel in others
+        ]
         self.talk = talk
         self.exchange = self.opened()
-        self.exchange.network = Network(topology.roster, [Stretch(0, topology)], channel=base, exemptions=exemptions)
+        self.exchange.network = Network(
+            topology.roster, [TopologyPhase(0, topology)], channel=base, overrides=overrides
+        )
 
     def opened(self):
         exchange = MemoryExchange(self.ids, seed=3, time_step=STEP)

@@ -9,10 +9,10 @@ from scipy import stats
 
 from symaware_cli.network.channel.channel import LOSS, QUEUE_FULL, TOO_OLD, Channel
 from symaware_cli.network.channel.impairment import Impairment
-from symaware_cli.network.channel.ledger import Ledger
-from symaware_cli.network.channel.line import Line
+from symaware_cli.network.channel.link_queue import LinkQueue
+from symaware_cli.network.channel.link_states import LinkStates
 from symaware_cli.network.channel.parameters import ChannelParameters
-from symaware_cli.network.network import Exemption
+from symaware_cli.network.network import ChannelOverride
 from symaware_cli.network.topology.still import Complete
 
 MANY = 20_000
@@ -27,14 +27,14 @@ class Link:
 
     def __init__(self, links=1, seed=7, **parameters):
         self.channel = Channel(ChannelParameters.model_validate(parameters))
-        self.ledger = Ledger(seed, [f"robot.{number}" for number in range(links + 1)])
-        self.rows, _ = self.ledger.rows(np.zeros(links, np.intp), np.arange(1, links + 1))
+        self.states = LinkStates(seed, [f"robot.{number}" for number in range(links + 1)])
+        self.rows, _ = self.states.rows(np.zeros(links, np.intp), np.arange(1, links + 1))
 
     def carry(self, now, size=100, narrowed=None):
         sizes, impairment = np.full(len(self.rows), size), None
         if narrowed is not None:
             impairment = Impairment.none(len(self.rows))._replace(bandwidth=np.full(len(self.rows), narrowed))
-        return self.channel.carry(self.ledger, self.rows, self.ledger.number(self.rows, now), now, sizes, impairment)
+        return self.channel.carry(self.states, self.rows, self.states.number(self.rows, now), now, sizes, impairment)
 
 
 def delays(**parameters):
@@ -160,7 +160,7 @@ def test_what_was_turned_away_costs_the_link_nothing():
 
 @pytest.mark.parametrize("bandwidth", [1000.0, 3000.0, 7000.0, 1e6 / 3, 3e9])
 def test_a_queue_holds_what_it_holds_whatever_the_nanoseconds(bandwidth):
-    tail, head = Link(bandwidth=bandwidth, queue=160.0), Line(parameters(bandwidth=bandwidth, queue=160.0))
+    tail, head = Link(bandwidth=bandwidth, queue=160.0), LinkQueue(parameters(bandwidth=bandwidth, queue=160.0))
     assert [int(tail.carry(0, size=80).reason[0]) for _ in range(3)] == [0, 0, QUEUE_FULL]
     assert [head.join(0, 80, number) for number in range(3)] == [[], [], [0]]
     head.advance(0)
@@ -174,7 +174,7 @@ def test_a_queue_holds_what_it_holds_whatever_the_nanoseconds(bandwidth):
 @pytest.mark.parametrize("bandwidth", [3000.0, 7000.0, 1e9 / 3, 3e9])
 def test_rounding_does_not_add_up(bandwidth):
     count = 2000
-    tail, head = Link(bandwidth=bandwidth), Line(parameters(bandwidth=bandwidth))
+    tail, head = Link(bandwidth=bandwidth), LinkQueue(parameters(bandwidth=bandwidth))
     due = [int(tail.carry(0, size=80).due[0]) for _ in range(count)]
     for number in range(count):
         head.join(0, 80, number)
@@ -220,7 +220,7 @@ def test_links_count_for_themselves_and_a_queue_may_count_bytes_too():
 
 
 def test_the_line_of_a_queue_of_messages_drops_its_oldest():
-    line = Line(parameters(bandwidth=1000.0, queue_length=3))
+    line = LinkQueue(parameters(bandwidth=1000.0, queue_length=3))
     line.join(0, 100, "first")
     line.advance(0)
     assert [line.join(0, 100, each) for each in ("second", "third", "fourth", "fifth")] == [
@@ -230,7 +230,7 @@ def test_the_line_of_a_queue_of_messages_drops_its_oldest():
         ["third"],
     ]
     assert [parcel for parcel, _ in line.advance(10**9)] == ["fourth", "fifth"]
-    line = Line(parameters(bandwidth=1000.0, queue_length=1))
+    line = LinkQueue(parameters(bandwidth=1000.0, queue_length=1))
     line.join(0, 100, "first")
     line.advance(0)
     assert line.join(50_000_000, 100, "second") == ["second"], "what is on its way into the link cannot be dropped"
@@ -280,20 +280,20 @@ sends = st.lists(st.tuples(st.integers(0, 40), st.integers(32, 120)), max_size=1
 
 @given(sends, sends, st.tuples(*[st.sampled_from([300.0, 3000.0, 1e6 / 3])] * 2))
 def test_what_waits_is_what_the_times_at_which_messages_get_in_leave(before, after, bandwidths):
-    link, now, stretches = Link(queue=1e6), 0, []
+    link, now, phases = Link(queue=1e6), 0, []
     for bandwidth, some in zip(bandwidths, (before, after), strict=True):
         for gap, size in some:
             now += gap * 1_000_000
-            free = max(now, stretches[-1][1] if stretches else 0)
+            free = max(now, phases[-1][1] if phases else 0)
             leaving = int(link.carry(now, size=size, narrowed=bandwidth).due[0])
-            stretches.append((free, leaving, size))
-            waiting = sum(size * (end - max(begin, now)) / (end - begin) for begin, end, size in stretches if end > now)
-            settled = link.ledger.backlog.settle(link.rows, now, link.ledger.free[link.rows])
+            phases.append((free, leaving, size))
+            waiting = sum(size * (end - max(begin, now)) / (end - begin) for begin, end, size in phases if end > now)
+            settled = link.states.backlog.settle(link.rows, now, link.states.free[link.rows])
             assert settled[0] == pytest.approx(waiting, rel=1e-6)
 
 
 def test_what_a_line_is_taking_counts_with_the_pace_at_which_it_is_taken():
-    line = Line(parameters(bandwidth=1000.0, queue=300.0))
+    line = LinkQueue(parameters(bandwidth=1000.0, queue=300.0))
     line.join(0, 100, "first")
     line.advance(0)
     # Half of it is in, and the other half goes on as fast although the link is narrow by now.
@@ -308,7 +308,7 @@ def test_what_a_line_is_taking_counts_with_the_pace_at_which_it_is_taken():
 
 
 def test_a_line_without_a_bandwidth_waits_where_a_fault_sets_one():
-    line = Line(parameters(queue=200.0))
+    line = LinkQueue(parameters(queue=200.0))
     assert line.join(0, 100, "first") == []
     assert line.advance(0) == [("first", 0)]
     assert line.join(0, 100, "second") == []
@@ -350,8 +350,8 @@ def test_a_full_queue_may_push_out_what_waits_longest():
 def test_that_it_does_may_be_said_by_one_part_and_its_queue_by_another():
     everybody = frozenset({0, 1})
     parts = [{"bandwidth": 1000.0}, {"queue": 300.0}, {"drop": "head"}]
-    exemptions = [Exemption(everybody, everybody, ChannelParameters.model_validate(each)) for each in parts]
-    post = Post(laid(Complete, world(2)), exemptions=exemptions, time_step=10_000_000)
+    overrides = [ChannelOverride(everybody, everybody, ChannelParameters.model_validate(each)) for each in parts]
+    post = Post(laid(Complete, world(2)), overrides=overrides, time_step=10_000_000)
     for number in range(3):
         post.send("robot.0", "robot.1", number=float(number), filling="x" * 92)
     assert [message.payload["number"] for message, _ in post.stage("dropped")] == [1.0]

@@ -11,7 +11,7 @@ from networking import Post, laid, world
 from symaware_cli.core import EVERYBODY, Message, MessageBatch
 from symaware_cli.network.channel.parameters import ChannelParameters
 from symaware_cli.network.disturbance import Disturbance
-from symaware_cli.network.network import Exemption
+from symaware_cli.network.network import ChannelOverride
 from symaware_cli.network.topology.near import Range
 from symaware_cli.network.topology.still import Complete, Random, Star
 
@@ -65,8 +65,8 @@ topologies = st.sampled_from([(Complete, {}), (Star, {}), (Random, {"probability
 @given(topologies, channels, channels, actions)
 def test_what_was_sent_is_delivered_dropped_or_in_flight_at_every_instant(topology, channel, other, actions):
     kind, parameters = topology
-    exempt = Exemption(frozenset({0, 1}), frozenset(range(5)), ChannelParameters.model_validate(other))
-    post = Post(laid(kind, world(5), **parameters), channel, exemptions=[exempt], kinds=["news"])
+    exempt = ChannelOverride(frozenset({0, 1}), frozenset(range(5)), ChannelParameters.model_validate(other))
+    post = Post(laid(kind, world(5), **parameters), channel, overrides=[exempt], kinds=["news"])
     exchange, ids, now, storms = post.exchange, post.exchange._ids, 0, []
 
     def check():

@@ -14,7 +14,7 @@ from symaware_cli import AwarenessVector, Message, MessageBatch, TimeSeries
 from symaware_cli.network.channel.parameters import ChannelParameters
 from symaware_cli.network.disturbance import Disturbance
 from symaware_cli.network.exchange import MemoryExchange, UnknownReceiverError
-from symaware_cli.network.network import Exemption, Network, Stretch
+from symaware_cli.network.network import ChannelOverride, Network, TopologyPhase
 from symaware_cli.network.topology.still import Complete, Line
 
 IDS = ["car", "robot.0", "robot.1"]
@@ -227,9 +227,9 @@ def test_links_may_have_a_channel_of_their_own():
     post = Post(
         laid(Complete, world(3)),
         {"delay": 0.1},
-        exemptions=[
-            Exemption(frozenset({0}), frozenset({1, 2}), ChannelParameters(**slow)),
-            Exemption(frozenset({0, 1}), frozenset({2}), ChannelParameters(**lossy)),
+        overrides=[
+            ChannelOverride(frozenset({0}), frozenset({1, 2}), ChannelParameters(**slow)),
+            ChannelOverride(frozenset({0, 1}), frozenset({2}), ChannelParameters(**lossy)),
         ],
     )
     post.post()
@@ -251,8 +251,8 @@ def arrived(post):
 
 def test_topologies_may_follow_each_other_and_begin_again():
     environment = world(3)
-    stretches = [Stretch(0, laid(Complete, environment)), Stretch(2 * STEP, laid(Line, environment))]
-    network = Network(environment.roster, stretches, repeat=3 * STEP)
+    phases = [TopologyPhase(0, laid(Complete, environment)), TopologyPhase(2 * STEP, laid(Line, environment))]
+    network = Network(environment.roster, phases, repeat=3 * STEP)
     changes = [network.update(step * STEP) for step in range(7)]
     assert [None if each is None else each.links for each in changes] == [6, None, 4, 6, None, 4, 6]
     assert list(changes[2].ended) == [("robot.0", "robot.2"), ("robot.2", "robot.0")]

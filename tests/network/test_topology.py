@@ -13,7 +13,7 @@ from simulating import STEP, Team, simulation
 from symaware_cli.core import Links, Obstacle, Roster
 from symaware_cli.core.chance import agent_numbers, combined, key_of, uniform
 from symaware_cli.environments.kinematic import KinematicEnvironment
-from symaware_cli.network.network import Network, Stretch
+from symaware_cli.network.network import Network, TopologyPhase
 from symaware_cli.network.topology.near import LineOfSight, Nearest, Range
 from symaware_cli.network.topology.still import Complete, Graph, Grid, Line, Random, Ring, Star, Tree
 from symaware_cli.network.topology.topology import TopologyError
@@ -187,7 +187,7 @@ def test_what_a_topology_says_is_looked_at(links, problem):
     topology = laid(Complete, world(3))
     topology._links = links
     with pytest.raises((TypeError, ValueError), match=problem):
-        Network(topology.roster, [Stretch(0, topology)]).update(0)
+        Network(topology.roster, [TopologyPhase(0, topology)]).update(0)
 
 
 class Walk:
@@ -231,11 +231,11 @@ def test_who_reached_somebody_still_does_a_little_farther_away():
 
 def test_who_reached_somebody_before_another_topology_held_begins_anew():
     walk = Walk([(0, 0), (3, 0)])
-    stretches = [
-        Stretch(0, laid(Range, walk.environment, range=4.0, hysteresis=1.0)),
-        Stretch(2 * STEP, laid(Graph, walk.environment, edges=(("robot.0", "robot.1"),), directed=True)),
+    phases = [
+        TopologyPhase(0, laid(Range, walk.environment, range=4.0, hysteresis=1.0)),
+        TopologyPhase(2 * STEP, laid(Graph, walk.environment, edges=(("robot.0", "robot.1"),), directed=True)),
     ]
-    network = Network(walk.environment.roster, stretches, repeat=3 * STEP)
+    network = Network(walk.environment.roster, phases, repeat=3 * STEP)
     linked = []
     for step, x in enumerate((3.0, 4.5, 9.0, 4.5, 3.9, 4.5)):
         walk.go([(0, 0), (x, 0)])

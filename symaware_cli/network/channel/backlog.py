@@ -10,7 +10,7 @@ from symaware_cli.core.message import Indices, Times
 
 
 class Backlog:
-    """What waits for links or is on its way into them; a row for each link of a ledger.
+    """What waits for links or is on its way into them, by rows of `LinkStates`.
 
     When a message gets into its link is decided as it is sent. So where the bandwidth has changed since, the first part
     of what waits gets in at the old pace and the rest at the new one; each part evenly.
@@ -65,7 +65,7 @@ class Backlog:
 
 
 class Recent:
-    """When the last messages are in their links, as many of each as any queue counts; a row for each link of a ledger.
+    """When the last messages are in their links, as many of each as any queue counts, by rows of `LinkStates`.
 
     The times of a link ascend. So there are n messages or more that wait or are on their way into it, if and only if
     the n-th last is not in it yet.
@@ -104,7 +104,7 @@ class Recent:
 
 
 def _remaining(now: int, begin: Times, end: Times) -> Array:
-    """Which share of stretches of time is still to come."""
+    """Which share of phases of time is still to come."""
     length = np.maximum(end - begin, 1)
     share: Array = np.where(now >= end, 0.0, np.minimum((end - now) / length, 1.0))
     return share

@@ -13,7 +13,7 @@ from symaware_cli.core.chance import Array, message_fractions
 from symaware_cli.core.message import Indices, Times
 from symaware_cli.network.channel.delay import delays
 from symaware_cli.network.channel.impairment import Impairment
-from symaware_cli.network.channel.ledger import FOREVER, Ledger
+from symaware_cli.network.channel.link_states import FOREVER, LinkStates
 from symaware_cli.network.channel.parameters import Bursts, ChannelParameters
 
 #: Why messages are dropped, by the number that stands for it in `Fates.reason`; the first is none.
@@ -41,7 +41,7 @@ class Fates(NamedTuple):
 
 
 class Channel:
-    """Decides the fate of messages over any number of links; what it remembers of each stands in the ledger.
+    """Decides the fate of messages over any number of links; what it remembers of each stands in the states.
 
     In this order: a message waits until those before it are in the link; it is lost or not; it travels; it may arrive
     twice. So what is lost has used the link.
@@ -69,7 +69,7 @@ class Channel:
 
     def carry(
         self,
-        ledger: Ledger,
+        states: LinkStates,
         links: Indices,
         numbers: Times,
         now: int,
@@ -79,7 +79,7 @@ class Channel:
         """Decide the fates of messages that are sent now, at most one over each link.
 
         Args:
-            ledger: Remembers the links.
+            states: Remembers the links.
             links: Their rows in it; shape (m,).
             numbers: Those of the messages on their links; shape (m,).
             now: In nanoseconds.
@@ -88,37 +88,37 @@ class Channel:
         """
         parameters = self.parameters
         leaving, full = np.full(len(links), now, np.int64), np.zeros(len(links), bool)
-        if parameters.bandwidth is not None or impairment is not None or ledger.congestion > now:
+        if parameters.bandwidth is not None or impairment is not None or states.congestion > now:
             bandwidth = np.full(len(links), self.bandwidth)
             if impairment is not None:
                 bandwidth = np.minimum(bandwidth, impairment.bandwidth)
-            free = ledger.free[links]
+            free = states.free[links]
             begin = np.maximum(free, now)
             if parameters.queue is not None:
                 # Times are whole nanoseconds: what is too much for less than one of them is not.
                 grace = np.where(np.isfinite(bandwidth), bandwidth / 1e9, 0.0)
-                full = ledger.backlog.settle(links, now, free) + sizes > parameters.queue + grace
+                full = states.backlog.settle(links, now, free) + sizes > parameters.queue + grace
             if parameters.queue_length is not None:
-                full |= ledger.recent.last(links, parameters.queue_length) > now
+                full |= states.recent.last(links, parameters.queue_length) > now
             some = ~full
             if parameters.queue is not None:
-                ledger.backlog.add(links[some], sizes[some], bandwidth[some], begin[some])
+                states.backlog.add(links[some], sizes[some], bandwidth[some], begin[some])
             # What rounding takes from one message is given to the next, or a busy link would be slower than it is.
-            lasts = np.minimum(sizes * (1e9 / bandwidth) + np.where(free >= now, ledger.residue[links], 0.0), FOREVER)
+            lasts = np.minimum(sizes * (1e9 / bandwidth) + np.where(free >= now, states.residue[links], 0.0), FOREVER)
             leaving = np.minimum(begin + np.rint(lasts).astype(np.int64), FOREVER)
             if parameters.queue_length is not None:
-                ledger.recent.add(links[some], leaving[some])
-            ledger.free[links] = np.where(full, free, leaving)
-            ledger.residue[links] = np.where(full, ledger.residue[links], lasts - np.rint(lasts))
+                states.recent.add(links[some], leaving[some])
+            states.free[links] = np.where(full, free, leaving)
+            states.residue[links] = np.where(full, states.residue[links], lasts - np.rint(lasts))
             if parameters.bandwidth is None:
-                ledger.congestion = max(ledger.congestion, int(ledger.free[links].max(initial=0)))
-        fates = self.transmit(ledger, links, numbers, np.full(len(links), now), leaving, ~full, impairment)
+                states.congestion = max(states.congestion, int(states.free[links].max(initial=0)))
+        fates = self.transmit(states, links, numbers, np.full(len(links), now), leaving, ~full, impairment)
         fates.reason[full] = QUEUE_FULL
         return fates
 
     def transmit(
         self,
-        ledger: Ledger,
+        states: LinkStates,
         links: Indices,
         numbers: Times,
         sent: Times,
@@ -129,7 +129,7 @@ class Channel:
         """Decide the fates of messages that have got into their links.
 
         Args:
-            ledger: Remembers the links.
+            states: Remembers the links.
             links: Their rows in it; shape (m,).
             numbers: Those of the messages on their links; shape (m,).
             sent: When each was sent, in nanoseconds; shape (m,).
@@ -143,10 +143,10 @@ class Channel:
         if self._is_sure:
             due = leaving + (self._constant or 0)
         else:
-            drawn = message_fractions(ledger.keys[links], numbers, 0)
-            more = message_fractions(ledger.keys[links], numbers, 1) if self._draws_more else None
+            drawn = message_fractions(states.keys[links], numbers, 0)
+            more = message_fractions(states.keys[links], numbers, 1) if self._draws_more else None
             due = leaving + self._travel(drawn[_DELAY], drawn[_JITTER])
-            lost = self._lost(ledger, links, drawn, more, counts)
+            lost = self._lost(states, links, drawn, more, counts)
             reason[lost] = LOSS
             if more is not None and parameters.duplication:
                 copies = np.flatnonzero((more[_REPEATED] < parameters.duplication) & ~lost)
@@ -158,12 +158,12 @@ class Channel:
             copies, copies_due = copies[kept], (copies_due + impairment.delay[copies])[kept]
         if parameters.in_order:
             arriving = reason == 0 if counts is None else (reason == 0) & counts
-            due = np.maximum(due, ledger.arrival[links])
+            due = np.maximum(due, states.arrival[links])
             last = due.copy()
             if len(copies):
                 copies_due = np.maximum(copies_due, due[copies])
                 last[copies] = copies_due
-            ledger.arrival[links] = np.where(arriving, last, ledger.arrival[links])
+            states.arrival[links] = np.where(arriving, last, states.arrival[links])
         if self._oldest is not None:
             late = (reason == 0) & (due - sent > self._oldest)
             reason[late] = TOO_OLD
@@ -190,7 +190,7 @@ class Channel:
         return travelled
 
     def _lost(
-        self, ledger: Ledger, links: Indices, drawn: Array, more: Array | None, counts: NDArray[np.bool_] | None
+        self, states: LinkStates, links: Indices, drawn: Array, more: Array | None, counts: NDArray[np.bool_] | None
     ) -> NDArray[np.bool_]:
         loss, lost = self.parameters.loss, np.zeros(len(links), bool)
         if not isinstance(loss, Bursts):
@@ -199,10 +199,10 @@ class Channel:
         assert more is not None
         # The first message finds the link in the state in which it is in the long run.
         share = loss.enter / (loss.enter + loss.leave)
-        before = ledger.bad[links]
+        before = states.bad[links]
         was_bad = np.where(before < 0, more[_START] < share, before == 1)
         changes = drawn[_STATE] < np.where(was_bad, loss.leave, loss.enter)
         is_bad = np.where(before < 0, was_bad, was_bad ^ changes)
-        ledger.bad[links] = is_bad if counts is None else np.where(counts, is_bad, before)
+        states.bad[links] = is_bad if counts is None else np.where(counts, is_bad, before)
         lost[:] = drawn[_LOSS] < np.where(is_bad, loss.bad, loss.good)
         return lost

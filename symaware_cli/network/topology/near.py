@@ -13,7 +13,7 @@ from symaware_cli.core.message import Indices
 from symaware_cli.network.topology.topology import Topology, TopologyParameters
 
 
-class NearTopology(Topology):
+class SpatialTopology(Topology):
     """A topology that depends on true positions."""
 
     changes: ClassVar[bool] = True
@@ -49,7 +49,7 @@ class NearTopology(Topology):
         return before
 
 
-class Range(NearTopology):
+class Range(SpatialTopology):
     """Those reach each other who are near: a disk graph on true positions."""
 
     class Parameters(TopologyParameters):
@@ -74,7 +74,7 @@ class Range(NearTopology):
         return self.renewed(one, other)
 
 
-class Nearest(NearTopology):
+class Nearest(SpatialTopology):
     """Each reaches so many of those nearest to it, on true positions."""
 
     class Parameters(TopologyParameters):
@@ -104,7 +104,7 @@ class Nearest(NearTopology):
         return self.renewed(links.senders, links.receivers)
 
 
-class LineOfSight(NearTopology):
+class LineOfSight(SpatialTopology):
     """Those reach each other who are near and have no obstacle of the environment between them."""
 
     class Parameters(TopologyParameters):

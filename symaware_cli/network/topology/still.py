@@ -17,7 +17,7 @@ from symaware_cli.network.topology.topology import Topology, TopologyError, Topo
 Id = Annotated[str, Field(min_length=1, max_length=200)]
 
 
-class StillTopology(Topology):
+class FixedTopology(Topology):
     """A topology whose links are laid once."""
 
     def initialise(self, environment: Environment, seed: int) -> None:
@@ -38,7 +38,7 @@ class StillTopology(Topology):
         return Links.of(len(self.roster), self.members[one], self.members[other], both_ways=both_ways)
 
 
-class Complete(StillTopology):
+class Complete(FixedTopology):
     """Everybody reaches everybody."""
 
     def lay(self) -> Links:
@@ -47,7 +47,7 @@ class Complete(StillTopology):
         return self.between(np.repeat(places, len(places)), np.tile(places, len(places)), both_ways=False)
 
 
-class Star(StillTopology):
+class Star(FixedTopology):
     """All talk with one, and with nobody else."""
 
     class Parameters(TopologyParameters):
@@ -73,7 +73,7 @@ class Succession(TopologyParameters):
     directed: bool = Field(False, description="Whether each only reaches those after it.")
 
 
-class Ring(StillTopology):
+class Ring(FixedTopology):
     """Each talks with the next and the one before, in a circle."""
 
     Parameters = Succession
@@ -86,7 +86,7 @@ class Ring(StillTopology):
         return self.between(one, other, both_ways=not self.parameters.directed)
 
 
-class Line(StillTopology):
+class Line(FixedTopology):
     """Each talks with the next and the one before, in a row, such as the vehicles of a platoon."""
 
     Parameters = Succession
@@ -99,7 +99,7 @@ class Line(StillTopology):
         return self.between(one[other < count], other[other < count], both_ways=not self.parameters.directed)
 
 
-class Grid(StillTopology):
+class Grid(FixedTopology):
     """Members stand in rows and columns and talk with those beside, above and below them."""
 
     class Parameters(TopologyParameters):
@@ -125,7 +125,7 @@ class Grid(StillTopology):
         return self.between(one[ends < count], ends[ends < count])
 
 
-class Tree(StillTopology):
+class Tree(FixedTopology):
     """Each talks with the one above it and with those below; the first member is at the top."""
 
     class Parameters(TopologyParameters):
@@ -146,7 +146,7 @@ def _pair(edge: Any) -> Any:
     return tuple(edge) if isinstance(edge, list) else edge
 
 
-class Graph(StillTopology):
+class Graph(FixedTopology):
     """A graph that is written down edge by edge."""
 
     class Parameters(TopologyParameters):
@@ -179,7 +179,7 @@ class Graph(StillTopology):
         return Links.of(len(self.roster), np.array(senders), np.array(receivers), both_ways=both_ways)
 
 
-class Random(StillTopology):
+class Random(FixedTopology):
     """Each pair is linked with a probability, drawn once (P. Erdos, A. Renyi, "On random graphs I", 1959).
 
     Whether two are linked depends on the seed and on these two, not on who else is there.
@@ -272,7 +272,7 @@ class Random(StillTopology):
 
 
 def _pairs(begin: int, end: int, count: int) -> tuple[Indices, Indices]:
-    """All pairs of so many whose first is in a stretch and whose second comes after it; each of shape (m,)."""
+    """All pairs of so many whose first is in a phase and whose second comes after it; each of shape (m,)."""
     rows = np.arange(begin, end)
     lengths = count - 1 - rows
     one = np.repeat(rows, lengths)

@@ -1,4 +1,4 @@
-"""Connections: conversations that a port holds, and what waits to be said in them."""
+"""Connections: protocols that a port holds, and what waits to be said in them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections import deque
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, ClassVar
 
-from symaware_cli.network.transport.conversation import FAREWELL, FRAME, PING, PONG, Over
+from symaware_cli.network.transport.protocol import FAREWELL, FRAME, PING, PONG, ConnectionEnded
 from symaware_cli.network.transport.transport import PortEvent
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ class Connection(ABC):
 
     Attributes:
         peer: Its number.
-        conversation: What is said.
+        protocol: What is said.
         origin: The address that it is from, as far as that is known.
         came: Whether the run was told of it.
         accepted: Whether the run takes the other end for one of those that it awaits.
@@ -47,7 +47,7 @@ class Connection(ABC):
         held: Whether nothing more can be handed on now.
         stalled: Whether no more frames should be, as the other end has not taken those before.
         shared: Whether others than the other end can make something arrive here, so that it is no reason to end it
-            if something is not sealed.
+            if something is not signed.
     """
 
     shared: ClassVar[bool] = False
@@ -55,7 +55,7 @@ class Connection(ABC):
     def __init__(self, port: LoopPort) -> None:
         self._port = port
         self.peer = port.number()
-        self.conversation = port.conversation()
+        self.protocol = port.protocol()
         self.origin = ""
         self.came = self.accepted = self.parting = self.gone = self.full = self.held = self.stalled = False
         self._limits = port.parameters.queue, FRAMES * port.parameters.maximum_frame
@@ -92,19 +92,19 @@ class Connection(ABC):
 
     def begin(self) -> None:
         """Introduce this end."""
-        self.transmit([self.conversation.preamble])
+        self.transmit([self.protocol.preamble])
 
     def hear(self, record: bytes) -> None:
         """Take a record that arrived whole."""
         if self.gone or self.parting:
             return
-        conversation, was_open = self.conversation, self.conversation.open
+        protocol, was_open = self.protocol, self.protocol.open
         try:
-            frame = conversation.hear(record, time.monotonic())
-        except Over as over:
+            frame = protocol.hear(record, time.monotonic())
+        except ConnectionEnded as over:
             self.refuse(over)
             return
-        if conversation.open and not was_open:
+        if protocol.open and not was_open:
             self._port.admit(self)
         if frame is not None:
             self._given += 1
@@ -114,7 +114,7 @@ class Connection(ABC):
                 self.full = True
                 self.rest()
                 self.look_again()
-        if conversation.outgoing:
+        if protocol.outgoing:
             self.pump()
 
     def tick(self, now: float) -> None:
@@ -123,29 +123,29 @@ class Connection(ABC):
             return
         if self.full:
             # What is not read cannot be heard: the other end may well be alive.
-            self.conversation.notice(now)
+            self.protocol.notice(now)
             self.look_again()
         try:
-            self.conversation.tick(now)
-        except Over as over:
+            self.protocol.tick(now)
+        except ConnectionEnded as over:
             self.refuse(over)
             return
         self.pump()
 
     def lost(self, reason: str = "") -> None:
         """Take note that nothing carries this connection any more."""
-        reason = reason or f"the connection to {self.conversation.other} was lost"
+        reason = reason or f"the connection to {self.protocol.other} was lost"
         # To a member it happens that the host goes before it has let it in; a host is told nothing by who only begins.
-        unfinished = self._port.is_host and self.conversation.heard and not self.conversation.open
-        self.refuse(Over(reason, "garbage" if unfinished else None))
+        unfinished = self._port.is_host and self.protocol.heard and not self.protocol.open
+        self.refuse(ConnectionEnded(reason, "garbage" if unfinished else None))
 
-    def refuse(self, over: Over) -> None:
+    def refuse(self, over: ConnectionEnded) -> None:
         """End it, for what was heard or was not."""
         if self.gone:
             return
         if over.rejection is not None:
             self._port.reject(over.rejection)
-        if self.shared and self.came and self.conversation.sealed and over.rejection in _NOT_FROM_THERE:
+        if self.shared and self.came and self.protocol.signed and over.rejection in _NOT_FROM_THERE:
             return
         # A member that was turned away must learn of it; a host need not know of strangers that left.
         self._leave(str(over), told=self.came or (not self._port.is_host and over.rejection is not None))
@@ -164,14 +164,14 @@ class Connection(ABC):
         self.pump()
         count, size = self._limits
         if len(self._waiting) > count or self._waiting_bytes > size:
-            self.refuse(Over("too many frames waited for it"))
+            self.refuse(ConnectionEnded("too many frames waited for it"))
 
     def part(self, reason: str) -> None:
         """Send what waits, say farewell and let go; for the run it is over now."""
         if self.gone or self.parting:
             return
-        if not self.conversation.introduced:
-            self.refuse(Over(reason))
+        if not self.protocol.introduced:
+            self.refuse(ConnectionEnded(reason))
             return
         self.parting = True
         if self.came:
@@ -187,24 +187,24 @@ class Connection(ABC):
         """Hand on as much as can be."""
         if self.gone:
             return
-        outgoing = self.conversation.outgoing
+        outgoing = self.protocol.outgoing
         if self.held:
             # Who does not read what it asked for need not be told more and more.
             if len(outgoing) > _CLOCKS:
                 outgoing[:] = [each for each in outgoing if each[0] not in (PING, PONG)]
             return
         while (outgoing or (self._waiting and not self.stalled)) and not self.held:
-            records = [self.conversation.record(*each) for each in outgoing]
+            records = [self.protocol.record(*each) for each in outgoing]
             outgoing.clear()
             size = 0
             while self._waiting and size < _BATCH and not self.stalled:
                 frame = self._waiting.popleft()
                 self._waiting_bytes -= len(frame)
                 size += len(frame)
-                records.append(self.conversation.record(FRAME, frame))
+                records.append(self.protocol.record(FRAME, frame))
             self.transmit(records)
         if self._farewell is not None and not self._waiting and not self.held:
-            self.transmit([self.conversation.record(FAREWELL, self._farewell)])
+            self.transmit([self.protocol.record(FAREWELL, self._farewell)])
             self._farewell = None
             self._leave("", told=False)
             self.hang_up()

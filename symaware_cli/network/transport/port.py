@@ -16,8 +16,8 @@ from types import MappingProxyType
 from typing import Any, get_args
 
 from symaware_cli.network.transport.connection import PARTING, Connection
-from symaware_cli.network.transport.conversation import Conversation, Over
 from symaware_cli.network.transport.frame import CROWDED
+from symaware_cli.network.transport.protocol import ConnectionEnded, PeerProtocol
 from symaware_cli.network.transport.transport import Port, PortEvent, Rejection, TransportError, TransportParameters
 
 #: The time before a member tries to connect again, at first [s].
@@ -118,7 +118,7 @@ class LoopPort(Port):
     def offset(self, peer: int) -> float:
         """How far the clock of a peer is ahead [s]."""
         connection = self._peers.get(peer)
-        return 0.0 if connection is None else connection.conversation.offset
+        return 0.0 if connection is None else connection.protocol.offset
 
     def cut(self, peer: int, reason: str) -> None:
         """Let go of a peer, in order."""
@@ -163,11 +163,11 @@ class LoopPort(Port):
         """A number that nobody had before."""
         return next(self._numbers)
 
-    def conversation(self) -> Conversation:
-        """Begin a conversation."""
+    def protocol(self) -> PeerProtocol:
+        """Begin a protocol."""
         parameters = self.parameters
         limits = parameters.maximum_frame, parameters.timeout, parameters.hang_timeout
-        return Conversation(self.is_host, self._key, *limits, time.monotonic())
+        return PeerProtocol(self.is_host, self._key, *limits, time.monotonic())
 
     @property
     def ending(self) -> bool:
@@ -185,7 +185,7 @@ class LoopPort(Port):
             return
         self._strangers[connection.peer] = connection
         if len(self._strangers) > self.parameters.members:
-            reason = Over(f"more than {self.parameters.members} connect at once", "crowded")
+            reason = ConnectionEnded(f"more than {self.parameters.members} connect at once", "crowded")
             _first_to_go(self._strangers.values()).refuse(reason)
         if not connection.gone:
             connection.begin()

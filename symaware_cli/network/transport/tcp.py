@@ -11,8 +11,8 @@ from typing import cast
 
 from symaware_cli.network.transport.address import address_of, numeric
 from symaware_cli.network.transport.connection import PARTING, Connection
-from symaware_cli.network.transport.conversation import PREAMBLE, Over, may_begin
 from symaware_cli.network.transport.port import LoopPort
+from symaware_cli.network.transport.protocol import PREAMBLE, ConnectionEnded, may_begin
 from symaware_cli.network.transport.transport import Port, Transport, TransportError
 
 #: How long the number is that says how long a record is [bytes].
@@ -29,7 +29,7 @@ _OPEN = 4
 
 
 class Tcp(Transport):
-    """TCP: the processes of a run on one machine, or on several in one network. Frames are sealed, but not secret."""
+    """TCP: the processes of a run on one machine, or on several in one network. Frames are signed, but not secret."""
 
     def listen(self, host: str, port: int, key: bytes | None = None) -> Port:
         """Open a listening socket."""
@@ -132,10 +132,10 @@ class _TcpConnection(asyncio.Protocol, Connection):
             return
         self._port.enter(self)
         if len(self._sockets) > _OPEN * self._port.parameters.members:
-            self.refuse(Over("too many connections are open", "crowded"))
+            self.refuse(ConnectionEnded("too many connections are open", "crowded"))
 
     def data_received(self, data: bytes) -> None:
-        self.conversation.notice(asyncio.get_running_loop().time())
+        self.protocol.notice(asyncio.get_running_loop().time())
         if self.gone or self.parting:
             return
         self._buffer += data
@@ -151,7 +151,7 @@ class _TcpConnection(asyncio.Protocol, Connection):
         self._sockets.discard(self)
         self._buffer.clear()
         silent = isinstance(error, OSError) and error.errno in _SILENT
-        self.lost(f"the machine of {self.conversation.other} does not answer" if silent else "")
+        self.lost(f"the machine of {self.protocol.other} does not answer" if silent else "")
         if not self.closed.done():
             self.closed.set_result(None)
 
@@ -172,7 +172,7 @@ class _TcpConnection(asyncio.Protocol, Connection):
         """Take the records out of what arrived."""
         buffer, position = self._buffer, 0
         while not (self.gone or self.full or self.parting):
-            if not self.conversation.introduced:
+            if not self.protocol.introduced:
                 start, length = position, PREAMBLE
                 # What is not for us shall not wait for as many bytes as we would send.
                 if not may_begin(bytes(buffer[:PREAMBLE])):
@@ -182,8 +182,8 @@ class _TcpConnection(asyncio.Protocol, Connection):
             else:
                 start = position + _LENGTH
                 length = int.from_bytes(buffer[position:start])
-                if length > self.conversation.limit:
-                    self.refuse(Over(f"{self.conversation.other} announced {length} bytes", "oversized"))
+                if length > self.protocol.limit:
+                    self.refuse(ConnectionEnded(f"{self.protocol.other} announced {length} bytes", "oversized"))
                     break
             if len(buffer) - start < length:
                 break
@@ -198,7 +198,7 @@ class _TcpConnection(asyncio.Protocol, Connection):
             return
         parts: list[bytes] = []
         for record in records:
-            if record is not self.conversation.preamble:
+            if record is not self.protocol.preamble:
                 parts.append(len(record).to_bytes(_LENGTH))
             parts.append(record)
         self._transport.write(b"".join(parts))

@@ -139,7 +139,7 @@ class Transport(Plugin, ABC):
     """Carries frames between processes.
 
     A subclass says how; the frames are opaque to it. Frames of one peer arrive in order, whole, and once, or the peer
-    is gone. With a key nobody is a peer who does not prove to know it, and no frame is taken that was not sealed
+    is gone. With a key nobody is a peer who does not prove to know it, and no frame is taken that was not signed
     with it, or was taken before.
     """
 

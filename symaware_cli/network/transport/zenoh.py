@@ -2,7 +2,7 @@
 
 The host listens and every member is a client of it; nobody looks for anybody else. Each connection of a member is a
 number of its own under which it is spoken to and of, and a liveliness token that tells when its process dies. Whoever
-is connected to the host by Zenoh may send to any of these numbers: with a key, what is not sealed is dropped, and the
+is connected to the host by Zenoh may send to any of these numbers: with a key, what is not signed is dropped, and the
 connection goes on.
 """
 

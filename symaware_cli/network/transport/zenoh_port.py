@@ -18,8 +18,8 @@ from typing import Any
 
 from symaware_cli.network.transport.address import address_of
 from symaware_cli.network.transport.connection import FRAMES, PARTING, Connection
-from symaware_cli.network.transport.conversation import Over
 from symaware_cli.network.transport.port import LoopPort
+from symaware_cli.network.transport.protocol import ConnectionEnded
 from symaware_cli.network.transport.transport import TransportError, TransportParameters
 
 #: What is sent to a number whose connection is over.
@@ -36,7 +36,7 @@ _RECORDS, _BYTES = 256, 2**22
 _PATIENCE = 6.0
 
 #: So many batches of records may be on their way to Zenoh.
-_UNDERWAY = 4
+_MOST_IN_TRANSIT = 4
 
 
 class ZenohPort(LoopPort):
@@ -161,7 +161,7 @@ class ZenohPort(LoopPort):
                 connection = self.stranger(name)
             if connection is None:
                 continue
-            if record is None or (record == _CLOSED and (connection.parting or not connection.conversation.sealed)):
+            if record is None or (record == _CLOSED and (connection.parting or not connection.protocol.signed)):
                 connection.lost()
                 connection.drop()
             elif record != _CLOSED:
@@ -258,7 +258,7 @@ class ZenohConnection(Connection):
         self._home = port
         self._key = key
         self._courier: SimpleQueue[Sequence[bytes] | None] | None = None
-        self._underway = 0
+        self._in_transit = 0
         # Of the records that the other end has not taken, as far as it told, the sizes, and their sum.
         self._flight: deque[int] = deque()
         self._flying = self._settled = 0
@@ -269,7 +269,7 @@ class ZenohConnection(Connection):
 
     def transmit(self, records: Sequence[bytes]) -> None:
         """Put samples, from a thread of the connection: that waits for a slow link."""
-        if not self.conversation.introduced:
+        if not self.protocol.introduced:
             # The preamble; no thread for who has said nothing that makes sense.
             for record in records:
                 self._home.put(self._key, record, wait=False)
@@ -280,8 +280,8 @@ class ZenohConnection(Connection):
         if self._courier is None:
             self._courier = SimpleQueue()
             self._home.aside(self._carry, self._courier)
-        self._underway += 1
-        self.held = self._underway >= _UNDERWAY
+        self._in_transit += 1
+        self.held = self._in_transit >= _MOST_IN_TRANSIT
         self._courier.put(records)
 
     def _carry(self, courier: SimpleQueue[Sequence[bytes] | None]) -> None:
@@ -295,7 +295,7 @@ class ZenohConnection(Connection):
             self._home.later(self._carried)
 
     def _carried(self) -> None:
-        self._underway -= 1
+        self._in_transit -= 1
         self.held = False
         self.pump()
 
@@ -304,20 +304,20 @@ class ZenohConnection(Connection):
         super().hear(record)
         self._untold += len(record)
         self._tell()
-        if self._settled < self.conversation.taken:
-            while self._flight and self._settled < self.conversation.taken:
+        if self._settled < self.protocol.taken:
+            while self._flight and self._settled < self.protocol.taken:
                 self._flying -= self._flight.popleft()
                 self._settled += 1
             self.stalled = self._is_stalled()
             self.pump()
 
     def _tell(self) -> None:
-        conversation = self.conversation
+        protocol = self.protocol
         if self.gone or self.full:
             return
-        if 4 * (conversation.count - self._told) >= _RECORDS or 4 * self._untold >= _BYTES:
-            self._told, self._untold = conversation.count, 0
-            conversation.tell_taken()
+        if 4 * (protocol.count - self._told) >= _RECORDS or 4 * self._untold >= _BYTES:
+            self._told, self._untold = protocol.count, 0
+            protocol.tell_taken()
             self.pump()
 
     def _is_stalled(self) -> bool:
@@ -333,7 +333,7 @@ class ZenohConnection(Connection):
         """Let the other end wait; one that does not is not of our kind."""
         parameters, (count, size) = self._home.parameters, self.untaken()
         if count > 2 * parameters.queue + _RECORDS or size > 2 * FRAMES * parameters.maximum_frame + _BYTES:
-            self.refuse(Over(f"{self.conversation.other} sent more than it was let", "oversized"))
+            self.refuse(ConnectionEnded(f"{self.protocol.other} sent more than it was let", "oversized"))
 
     def resume(self) -> None:
         """Let the other end send on."""

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 from transporting import KEY, descriptors, echo, eventually, expect, number, resident
 
-from symaware_cli.network.transport.conversation import FRAME, PREAMBLE, PROOF, Conversation
+from symaware_cli.network.transport.protocol import FRAME, PREAMBLE, PROOF, PeerProtocol
 from symaware_cli.network.transport.tcp import Tcp
 from symaware_cli.network.transport.transport import Port, Transport
 from symaware_cli.network.transport.zenoh import Zenoh
@@ -22,7 +22,7 @@ Attack = Callable[[random.Random, bytes | None], list[bytes]]
 
 
 def _preamble(key: bytes | None) -> bytes:
-    return Conversation(False, key, 2**20, 2.0, 60.0, 0.0).preamble
+    return PeerProtocol(False, key, 2**20, 2.0, 60.0, 0.0).preamble
 
 
 def _noise(dice: random.Random, key: bytes | None) -> list[bytes]:
@@ -42,7 +42,7 @@ def _future(dice: random.Random, key: bytes | None) -> list[bytes]:
 
 
 def _mirror(dice: random.Random, key: bytes | None) -> list[bytes]:
-    return [Conversation(True, key, 2**20, 2.0, 60.0, 0.0).preamble]
+    return [PeerProtocol(True, key, 2**20, 2.0, 60.0, 0.0).preamble]
 
 
 def _wrong_key(dice: random.Random, key: bytes | None) -> list[bytes]:
@@ -227,21 +227,21 @@ class Member:
     def __init__(self, port: Port, key: bytes | None) -> None:
         self._socket = socket.create_connection(("127.0.0.1", number(port)))
         self._stream = self._socket.makefile("rb")
-        self._conversation = Conversation(False, key, 2**20, 2.0, 60.0, time.monotonic())
-        self.say(self._conversation.preamble)
-        self._conversation.hear(self._stream.read(PREAMBLE), time.monotonic())
+        self._protocol = PeerProtocol(False, key, 2**20, 2.0, 60.0, time.monotonic())
+        self.say(self._protocol.preamble)
+        self._protocol.hear(self._stream.read(PREAMBLE), time.monotonic())
         while True:
-            for each in self._conversation.outgoing:
+            for each in self._protocol.outgoing:
                 self.say(self.record(*each))
-            self._conversation.outgoing.clear()
-            if self._conversation.open:
+            self._protocol.outgoing.clear()
+            if self._protocol.open:
                 break
             length = int.from_bytes(self._stream.read(4))
-            self._conversation.hear(self._stream.read(length), time.monotonic())
+            self._protocol.hear(self._stream.read(length), time.monotonic())
         self.peer = expect(port, "came").peer
 
     def record(self, kind: int, content: bytes) -> bytes:
-        record = self._conversation.record(kind, content)
+        record = self._protocol.record(kind, content)
         return len(record).to_bytes(4) + record
 
     def say(self, data: bytes) -> None:

@@ -1,12 +1,12 @@
 """Conversations: what the two ends of a connection say to each other, whatever carries their bytes.
 
 Each end begins with a preamble: who speaks, what protocol, whether it has a key, and 16 random bytes. After it come
-records, a byte that says of which kind, and what belongs to it. With a key every record is sealed, the first of them
+records, a byte that says of which kind, and what belongs to it. With a key every record is signed, the first of them
 is a proof that the key is known, and nothing else is heard before it. Then each end asks the other for its clock; when
 it was told, the other has come, and frames may follow.
 
 Nothing here reads a socket or a clock: bytes and times go in, and what is to be sent comes out. So the same
-conversation is held over TCP and over Zenoh.
+protocol is held over TCP and over Zenoh.
 """
 
 from __future__ import annotations
@@ -16,7 +16,13 @@ import os
 import struct
 from collections import deque
 
-from symaware_cli.network.transport.seal import OVERHEAD, Opener, Sealer, SealError, connection_keys
+from symaware_cli.network.transport.authentication import (
+    OVERHEAD,
+    AuthenticationError,
+    Signer,
+    Verifier,
+    connection_keys,
+)
 from symaware_cli.network.transport.transport import Rejection
 
 #: The version of this protocol; both ends must speak the same.
@@ -51,8 +57,8 @@ def may_begin(start: bytes) -> bool:
     return start[: len(_MAGIC)] == _MAGIC[: len(start)]
 
 
-class Over(Exception):  # noqa: N818 - most conversations end well
-    """A conversation is over.
+class ConnectionEnded(Exception):  # noqa: N818 - most protocols end well
+    """A protocol is over.
 
     Attributes:
         rejection: What was wrong with what was heard last, if anything was.
@@ -63,8 +69,8 @@ class Over(Exception):  # noqa: N818 - most conversations end well
         self.rejection = rejection
 
 
-class Conversation:
-    """One end of a conversation.
+class PeerProtocol:
+    """One end of a protocol.
 
     Attributes:
         preamble: What to send first, as it is.
@@ -104,8 +110,8 @@ class Conversation:
         self.offset = 0.0
         self.count = self.taken = 0
         self._proven = False
-        self._sealer: Sealer | None = None
-        self._opener: Opener | None = None
+        self._signer: Signer | None = None
+        self._verifier: Verifier | None = None
         self._readings: deque[tuple[float, float]] = deque(maxlen=_KEPT)
 
     @property
@@ -114,8 +120,8 @@ class Conversation:
         return "the member" if self._is_host else "the host"
 
     @property
-    def sealed(self) -> bool:
-        """Whether nothing is taken that is not sealed."""
+    def signed(self) -> bool:
+        """Whether nothing is taken that is not signed."""
         return self._key is not None
 
     @property
@@ -128,7 +134,7 @@ class Conversation:
     def record(self, kind: int, content: bytes) -> bytes:
         """Return a record to be sent; in this order, as each has a number."""
         record = bytes((kind,)) + content
-        return record if self._sealer is None else self._sealer.seal(record)
+        return record if self._signer is None else self._signer.sign(record)
 
     def tell_taken(self) -> None:
         """Let the other end know how many of its records were taken."""
@@ -146,15 +152,15 @@ class Conversation:
         time to talk, such as one that computes with the interpreter's lock held.
 
         Raises:
-            Over: The other end was silent for too long.
+            ConnectionEnded: The other end was silent for too long.
         """
         if not self.open and now - self._began > self._timeout:
             unfinished = self._is_host and self.heard
-            raise Over(
+            raise ConnectionEnded(
                 f"{self.other} did not introduce itself within {self._timeout:g} s", "garbage" if unfinished else None
             )
         if self.open and now - self._alive > self._hang_timeout:
-            raise Over(f"no sign of life of {self.other} for {self._hang_timeout:g} s")
+            raise ConnectionEnded(f"no sign of life of {self.other} for {self._hang_timeout:g} s")
         if self.open and now - self._pinged >= self._timeout / 4:
             self._ping(now)
 
@@ -165,11 +171,11 @@ class Conversation:
             A frame, if it was one.
 
         Raises:
-            Over: It must not be heard any further.
+            ConnectionEnded: It must not be heard any further.
         """
         self.notice(now)
         if len(record) > self.limit:
-            raise Over(f"{self.other} sent {len(record)} bytes at once: more than {self.limit}", "oversized")
+            raise ConnectionEnded(f"{self.other} sent {len(record)} bytes at once: more than {self.limit}", "oversized")
         if not self.introduced:
             self._be_introduced(record)
             self._answer_preamble(record, now)
@@ -178,7 +184,7 @@ class Conversation:
         kind, body = (content[0], content[1:]) if len(content) else (0, content)
         self.count += 1
         if kind == FAREWELL:
-            raise Over(_printable(bytes(body)) or f"{self.other} ended the connection")
+            raise ConnectionEnded(_printable(bytes(body)) or f"{self.other} ended the connection")
         if not self._proven:
             if kind != PROOF or len(body):
                 raise self._nonsense()
@@ -199,15 +205,17 @@ class Conversation:
     def _be_introduced(self, preamble: bytes) -> None:
         """Look at the other end's preamble."""
         if len(preamble) != PREAMBLE or not preamble.startswith(_MAGIC):
-            raise Over(f"{self.other} does not speak the protocol of SymAware", "garbage")
+            raise ConnectionEnded(f"{self.other} does not speak the protocol of SymAware", "garbage")
         _, version, flags, _ = _PREAMBLE.unpack(preamble)
         if version != VERSION:
-            raise Over(f"{self.other} speaks version {version} of the protocol, this end {VERSION}", "garbage")
+            raise ConnectionEnded(
+                f"{self.other} speaks version {version} of the protocol, this end {VERSION}", "garbage"
+            )
         if bool(flags & _IS_HOST) == self._is_host or flags & ~(_HAS_KEY | _IS_HOST):
-            raise Over("the other end has the same part in the run", "garbage")
+            raise ConnectionEnded("the other end has the same part in the run", "garbage")
         if bool(flags & _HAS_KEY) != (self._key is not None):
             lacks = "wants a key" if self._key is None else "has no key"
-            raise Over(f"{self.other} {lacks}", "unauthenticated")
+            raise ConnectionEnded(f"{self.other} {lacks}", "unauthenticated")
 
     def _answer_preamble(self, preamble: bytes, now: float) -> None:
         self.introduced = True
@@ -218,22 +226,22 @@ class Conversation:
         ends = (self.preamble, preamble) if self._is_host else (preamble, self.preamble)
         keys = connection_keys(self._key, *ends)
         own, others = keys if self._is_host else keys[::-1]
-        self._sealer, self._opener = Sealer(own), Opener(others)
+        self._signer, self._verifier = Signer(own), Verifier(others)
         self.outgoing.append((PROOF, b""))
 
     def _opened(self, record: bytes) -> memoryview:
-        if self._opener is None:
+        if self._verifier is None:
             return memoryview(record)
         try:
-            return self._opener.open(record)
-        except SealError as error:
+            return self._verifier.open(record)
+        except AuthenticationError as error:
             reason = f"{self.other} does not know {'the' if self._is_host else 'this'} key"
             if self._proven:
                 reason = f"what {self.other} sent {error}"
-            raise Over(reason, error.rejection) from error
+            raise ConnectionEnded(reason, error.rejection) from error
 
-    def _nonsense(self) -> Over:
-        return Over(f"{self.other} sent something that makes no sense", "garbage")
+    def _nonsense(self) -> ConnectionEnded:
+        return ConnectionEnded(f"{self.other} sent something that makes no sense", "garbage")
 
     def _ping(self, now: float) -> None:
         self._pinged = now

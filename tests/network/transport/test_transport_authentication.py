@@ -8,43 +8,50 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from symaware_cli.network.transport.seal import OVERHEAD, Opener, ReplayWindow, Sealer, SealError, connection_keys
+from symaware_cli.network.transport.authentication import (
+    OVERHEAD,
+    AuthenticationError,
+    ReplayWindow,
+    Signer,
+    Verifier,
+    connection_keys,
+)
 
 
 @given(st.lists(st.binary(max_size=100), max_size=5))
 def test_what_was_sealed_is_opened_in_order(contents: list[bytes]) -> None:
-    sealer, opener = Sealer(b"k"), Opener(b"k")
+    signer, verifier = Signer(b"k"), Verifier(b"k")
     for content in contents:
-        record = sealer.seal(content)
+        record = signer.sign(content)
         assert len(record) == len(content) + OVERHEAD
-        assert opener.open(record) == content
+        assert verifier.open(record) == content
 
 
 @given(st.binary(max_size=60), st.data())
 def test_a_record_with_any_bit_changed_is_not_authentic(content: bytes, data: st.DataObject) -> None:
-    record = bytearray(Sealer(b"k").seal(content))
+    record = bytearray(Signer(b"k").sign(content))
     record[data.draw(st.integers(0, len(record) - 1))] ^= 1 << data.draw(st.integers(0, 7))
-    assert _rejection(Opener(b"k"), bytes(record)) == "unauthenticated"
+    assert _rejection(Verifier(b"k"), bytes(record)) == "unauthenticated"
 
 
 @given(st.binary(max_size=100))
 def test_random_bytes_are_not_authentic(record: bytes) -> None:
-    assert _rejection(Opener(b"k"), record) == "unauthenticated"
+    assert _rejection(Verifier(b"k"), record) == "unauthenticated"
 
 
 def test_a_record_is_taken_once() -> None:
-    sealer, opener = Sealer(b"k"), Opener(b"k")
-    first, second = sealer.seal(b"a"), sealer.seal(b"b")
-    opener.open(first)
-    opener.open(second)
-    assert _rejection(opener, first) == "replayed"
-    assert _rejection(opener, second) == "replayed"
+    signer, verifier = Signer(b"k"), Verifier(b"k")
+    first, second = signer.sign(b"a"), signer.sign(b"b")
+    verifier.open(first)
+    verifier.open(second)
+    assert _rejection(verifier, first) == "replayed"
+    assert _rejection(verifier, second) == "replayed"
 
 
 def test_after_a_record_is_lost_no_other_is_taken() -> None:
-    sealer, opener = Sealer(b"k"), Opener(b"k")
-    sealer.seal(b"lost")
-    assert _rejection(opener, sealer.seal(b"next")) is None
+    signer, verifier = Signer(b"k"), Verifier(b"k")
+    signer.sign(b"lost")
+    assert _rejection(verifier, signer.sign(b"next")) is None
 
 
 def test_keys_differ_by_shared_key_connection_and_direction() -> None:
@@ -80,10 +87,10 @@ def test_the_seal_is_hmac_sha256_over_counter_and_content() -> None:
     message = b"what do ya want for nothing?"
     expected = "5bdcc146bf60754e6a042426089575c75a003f089d2739839dec58b964ec3843"
     assert hmac.new(b"Jefe", message, "sha256").hexdigest() == expected
-    sealer = Sealer(b"Jefe")
-    sealer.seal(b"")
+    signer = Signer(b"Jefe")
+    signer.sign(b"")
     counted = (1).to_bytes(8) + message
-    assert sealer.seal(message) == counted + hmac.digest(b"Jefe", counted, "sha256")
+    assert signer.sign(message) == counted + hmac.digest(b"Jefe", counted, "sha256")
 
 
 @given(st.lists(st.integers(0, 200), max_size=60))
@@ -96,7 +103,7 @@ def test_the_window_takes_each_number_once_and_none_that_is_too_old(counters: li
         highest = max(highest, counter)
 
 
-def _rejection(opener: Opener, record: bytes) -> str | None:
-    with pytest.raises(SealError) as caught:
-        opener.open(record)
+def _rejection(verifier: Verifier, record: bytes) -> str | None:
+    with pytest.raises(AuthenticationError) as caught:
+        verifier.open(record)
     return caught.value.rejection

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from symaware_cli.network.transport.conversation import FAREWELL, FRAME, PING, PONG, PREAMBLE, Conversation, Over
+from symaware_cli.network.transport.protocol import FAREWELL, FRAME, PING, PONG, PREAMBLE, ConnectionEnded, PeerProtocol
 
 KEY = b"a key that both know"
 
@@ -16,16 +16,16 @@ class Pair:
 
     def __init__(self, host_key: bytes | None = None, key: bytes | None = None, ahead: float = 0.0) -> None:
         self.now, self.ahead, self.delay = 100.0, ahead, 0.01
-        self.host = Conversation(True, host_key, 2000, 2.0, 60.0, self.now)
-        self.member = Conversation(False, key, 2000, 2.0, 60.0, self.now + ahead)
+        self.host = PeerProtocol(True, host_key, 2000, 2.0, 60.0, self.now)
+        self.member = PeerProtocol(False, key, 2000, 2.0, 60.0, self.now + ahead)
 
-    def clock(self, end: Conversation) -> float:
+    def clock(self, end: PeerProtocol) -> float:
         return self.now + (self.ahead if end is self.member else 0.0)
 
-    def other(self, end: Conversation) -> Conversation:
+    def other(self, end: PeerProtocol) -> PeerProtocol:
         return self.member if end is self.host else self.host
 
-    def carry(self, end: Conversation) -> list[bytes | None]:
+    def carry(self, end: PeerProtocol) -> list[bytes | None]:
         """Bring what an end has to say to the other."""
         records, heard = [end.record(*each) for each in end.outgoing], []
         end.outgoing.clear()
@@ -34,7 +34,7 @@ class Pair:
             heard.append(self.other(end).hear(record, self.clock(self.other(end))))
         return heard
 
-    def introduce(self, end: Conversation) -> None:
+    def introduce(self, end: PeerProtocol) -> None:
         """Tell an end all that the other says of itself."""
         end.hear(self.other(end).preamble, self.clock(end))
         self.other(end).hear(end.preamble, self.clock(self.other(end)))
@@ -94,16 +94,16 @@ def test_ends_without_the_same_key_refuse_each_other(
     for first, expected in ((True, to_host), (False, to_member)):
         pair = Pair(host, member)
         end = pair.host if first else pair.member
-        with pytest.raises(Over, match=expected) as caught:
+        with pytest.raises(ConnectionEnded, match=expected) as caught:
             pair.introduce(end)
         assert caught.value.rejection == "unauthenticated"
         assert not end.open
 
 
 def test_two_hosts_or_a_connection_with_itself_are_refused() -> None:
-    one, other = (Conversation(False, None, 2000, 2.0, 60.0, 0.0) for _ in range(2))
+    one, other = (PeerProtocol(False, None, 2000, 2.0, 60.0, 0.0) for _ in range(2))
     for preamble in (one.preamble, other.preamble):
-        with pytest.raises(Over, match="same part") as caught:
+        with pytest.raises(ConnectionEnded, match="same part") as caught:
             one.hear(preamble, 0.0)
         assert caught.value.rejection == "garbage"
 
@@ -112,20 +112,20 @@ def test_another_version_is_refused_by_name() -> None:
     pair = Pair()
     preamble = bytearray(pair.host.preamble)
     preamble[8] = 9
-    with pytest.raises(Over, match="the host speaks version 9"):
+    with pytest.raises(ConnectionEnded, match="the host speaks version 9"):
         pair.member.hear(bytes(preamble), 0.0)
 
 
 def test_what_was_sealed_for_an_earlier_connection_is_not_taken() -> None:
     earlier, pair = Pair(KEY, KEY).meet(), Pair(KEY, KEY).meet()
-    with pytest.raises(Over) as caught:
+    with pytest.raises(ConnectionEnded) as caught:
         pair.host.hear(earlier.member.record(FRAME, b"again"), pair.now)
     assert caught.value.rejection == "unauthenticated"
 
 
 def test_what_an_end_said_itself_is_not_taken() -> None:
     pair = Pair(KEY, KEY).meet()
-    with pytest.raises(Over) as caught:
+    with pytest.raises(ConnectionEnded) as caught:
         pair.host.hear(pair.host.record(FRAME, b"mine"), pair.now)
     assert caught.value.rejection == "unauthenticated"
 
@@ -134,7 +134,7 @@ def test_what_was_taken_before_is_not_taken_again() -> None:
     pair = Pair(KEY, KEY).meet()
     record = pair.member.record(FRAME, b"once")
     assert pair.host.hear(record, pair.now) == b"once"
-    with pytest.raises(Over) as caught:
+    with pytest.raises(ConnectionEnded) as caught:
         pair.host.hear(record, pair.now)
     assert caught.value.rejection == "replayed"
 
@@ -144,14 +144,14 @@ def test_nothing_is_heard_before_the_other_end_is_known(kind: int) -> None:
     pair = Pair(KEY, KEY)
     pair.host.hear(pair.member.preamble, pair.now)
     pair.member.hear(pair.host.preamble, pair.now)
-    with pytest.raises(Over) as caught:
+    with pytest.raises(ConnectionEnded) as caught:
         pair.host.hear(pair.member.record(kind, bytes(8)), pair.now)
     assert caught.value.rejection == "garbage"
 
 
 def test_a_long_record_is_refused_and_before_they_know_each_other_a_shorter_one_is() -> None:
     pair = Pair().meet()
-    with pytest.raises(Over) as caught:
+    with pytest.raises(ConnectionEnded) as caught:
         pair.host.hear(pair.member.record(FRAME, bytes(2001)), pair.now)
     assert caught.value.rejection == "oversized"
     assert Pair(KEY, KEY).host.limit == PREAMBLE
@@ -159,7 +159,7 @@ def test_a_long_record_is_refused_and_before_they_know_each_other_a_shorter_one_
 
 def test_a_farewell_tells_why_in_plain_text() -> None:
     pair = Pair(KEY, KEY).meet()
-    with pytest.raises(Over, match=r"^enough of\?\[31m this$") as caught:
+    with pytest.raises(ConnectionEnded, match=r"^enough of\?\[31m this$") as caught:
         pair.member.hear(pair.host.record(FAREWELL, b"enough of\x1b[31m this"), pair.now)
     assert caught.value.rejection is None
 
@@ -167,7 +167,7 @@ def test_a_farewell_tells_why_in_plain_text() -> None:
 @pytest.mark.parametrize("clock", [float("nan"), float("inf")])
 def test_a_clock_that_shows_no_time_is_refused(clock: float) -> None:
     pair = Pair().meet()
-    with pytest.raises(Over) as caught:
+    with pytest.raises(ConnectionEnded) as caught:
         pair.host.hear(pair.member.record(PONG, struct.pack(">ddd", 0.0, clock, clock)), pair.now)
     assert caught.value.rejection == "garbage"
 
@@ -175,16 +175,16 @@ def test_a_clock_that_shows_no_time_is_refused(clock: float) -> None:
 def test_silence_counts_as_death_after_a_long_time_only() -> None:
     pair = Pair().meet()
     pair.host.tick(pair.now + 59.0)
-    with pytest.raises(Over, match="no sign of life of the member for 60 s"):
+    with pytest.raises(ConnectionEnded, match="no sign of life of the member for 60 s"):
         pair.host.tick(pair.now + 61.0)
 
 
 @pytest.mark.parametrize(("said", "rejection"), [(b"", None), (b"SYM", "garbage")])
 def test_a_handshake_must_be_over_within_the_timeout(said: bytes, rejection: str | None) -> None:
-    host = Conversation(True, None, 2000, 2.0, 60.0, 0.0)
+    host = PeerProtocol(True, None, 2000, 2.0, 60.0, 0.0)
     if said:
         host.notice(1.0)
-    with pytest.raises(Over, match="did not introduce itself") as caught:
+    with pytest.raises(ConnectionEnded, match="did not introduce itself") as caught:
         host.tick(2.1)
     assert caught.value.rejection == rejection
 
@@ -201,7 +201,7 @@ def test_any_records_are_taken_or_end_the_conversation(records: list[bytes], sta
     for record in records:
         try:
             pair.host.hear(record, pair.now)
-        except Over as over:
+        except ConnectionEnded as over:
             assert not sealed or stage != "open" or over.rejection == "unauthenticated"  # noqa: PT017
             return
     assert not sealed or stage != "open" or not records

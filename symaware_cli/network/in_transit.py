@@ -13,7 +13,7 @@ from symaware_cli.core import Delivery
 
 
 @dataclass(slots=True)
-class _Flight:
+class _BatchInTransit:
     """What is under way of one batch, in the order in which it arrives.
 
     Attributes:
@@ -43,11 +43,11 @@ class Arrival(NamedTuple):
     sizes: NDArray[np.int64]
 
 
-class UnderWay:
+class MessagesInTransit:
     """Holds messages until they arrive."""
 
     def __init__(self) -> None:
-        self._flights: list[tuple[int, int, _Flight]] = []
+        self._flights: list[tuple[int, int, _BatchInTransit]] = []
         self._number = 0
 
     def __len__(self) -> int:
@@ -66,7 +66,7 @@ class UnderWay:
             order = np.lexsort((delivery.sequences, senders, due))
             delivery, reason = delivery.some(order), reason[order]
         self._number += 1
-        heapq.heappush(self._flights, (int(delivery.due[0]), self._number, _Flight(delivery, reason, sizes)))
+        heapq.heappush(self._flights, (int(delivery.due[0]), self._number, _BatchInTransit(delivery, reason, sizes)))
 
     def take(self, now: int) -> list[Arrival]:
         """Hand over what arrives until now.

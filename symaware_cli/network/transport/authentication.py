@@ -1,6 +1,6 @@
-"""Seals: who knows the shared key can tell what another who knows it sent, to this connection, and once.
+"""Signatures: who knows the shared key can tell what another who knows it sent, to this connection, and once.
 
-A seal proves where something comes from and that nobody changed it; it hides nothing.
+A signature proves where something comes from and that nobody changed it; it hides nothing.
 """
 
 from __future__ import annotations
@@ -11,14 +11,14 @@ import struct
 
 from symaware_cli.network.transport.transport import Rejection
 
-#: How many bytes a seal adds: a counter and an HMAC-SHA256 (RFC 2104).
+#: How many bytes a signature adds: a counter and an HMAC-SHA256 (RFC 2104).
 OVERHEAD = 8 + 32
 
 _COUNTER = struct.Struct(">Q")
 
 
-class SealError(Exception):
-    """Something is not sealed as it should be.
+class AuthenticationError(Exception):
+    """Something is not signed as it should be.
 
     Attributes:
         rejection: What is wrong with it; None if it is right, but something before it was lost.
@@ -32,7 +32,7 @@ class SealError(Exception):
 def connection_keys(key: bytes, host: bytes, member: bytes) -> tuple[bytes, bytes]:
     """Derive the keys of one connection: HKDF with SHA-256 (RFC 5869).
 
-    Both ends have thrown dice for what they said first, so nothing that was sealed for one connection, or for one
+    Both ends have thrown dice for what they said first, so nothing that was signed for one connection, or for one
     direction of it, is of any use in another.
 
     Args:
@@ -41,15 +41,15 @@ def connection_keys(key: bytes, host: bytes, member: bytes) -> tuple[bytes, byte
         member: That of the member.
 
     Returns:
-        What the host seals with, and what the member seals with.
+        What the host signs with, and what the member signs with.
     """
     salt = hashlib.sha256(host + member).digest()
     secret = hmac.digest(salt, key, "sha256")
     return hmac.digest(secret, b"host\x01", "sha256"), hmac.digest(secret, b"member\x01", "sha256")
 
 
-class Sealer:
-    """Seals what one end sends, with a number for each."""
+class Signer:
+    """Signs what one end sends, with a number for each."""
 
     __slots__ = ("_count", "_state")
 
@@ -57,7 +57,7 @@ class Sealer:
         self._state = hmac.new(key, digestmod="sha256")
         self._count = 0
 
-    def seal(self, content: bytes) -> bytes:
+    def sign(self, content: bytes) -> bytes:
         """Return the content with its counter before it and its HMAC behind it."""
         counter = _COUNTER.pack(self._count)
         self._count += 1
@@ -67,8 +67,8 @@ class Sealer:
         return b"".join((counter, content, state.digest()))
 
 
-class Opener:
-    """Opens what the other end sealed."""
+class Verifier:
+    """Verifies what the other end signed."""
 
     __slots__ = ("_expected", "_state", "_window")
 
@@ -78,24 +78,24 @@ class Opener:
         self._expected = 0
 
     def open(self, record: bytes) -> memoryview:
-        """Return the content of something that was sealed.
+        """Return the content of something that was signed.
 
         Raises:
-            SealError: It was not sealed with this key, or was taken before, or something before it was lost.
+            AuthenticationError: It was not signed with this key, or was taken before, or something before it was lost.
         """
         if len(record) < OVERHEAD:
-            raise SealError("unauthenticated", "is too short to be sealed")
+            raise AuthenticationError("unauthenticated", "is too short to be signed")
         view = memoryview(record)
         state = self._state.copy()
         state.update(view[:-32])
         if not hmac.compare_digest(state.digest(), view[-32:]):
-            raise SealError("unauthenticated", "has a wrong seal")
+            raise AuthenticationError("unauthenticated", "has a wrong signature")
         (counter,) = _COUNTER.unpack(view[:8])
         if not self._window.take(counter):
-            raise SealError("replayed", "was sent before")
+            raise AuthenticationError("replayed", "was sent before")
         # What carries frames keeps their order; if this is not the next one, somebody took out or moved another.
         if counter != self._expected:
-            raise SealError(None, "comes after something that is missing")
+            raise AuthenticationError(None, "comes after something that is missing")
         self._expected += 1
         return view[8:-32]
 

@@ -1,4 +1,4 @@
-"""The ledger: what is remembered of each link that was ever used."""
+"""The states of links: what is remembered of each link that was ever used."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from symaware_cli.network.channel.backlog import Backlog, Recent
 FOREVER = 3 * 10**18
 
 
-class Ledger:
+class LinkStates:
     """A row for each link, made when the link is first used.
 
     Attributes:

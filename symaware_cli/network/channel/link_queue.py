@@ -6,13 +6,13 @@ import math
 from collections import deque
 from typing import Generic, TypeVar
 
-from symaware_cli.network.channel.ledger import FOREVER
+from symaware_cli.network.channel.link_states import FOREVER
 from symaware_cli.network.channel.parameters import ChannelParameters
 
-Parcel = TypeVar("Parcel")
+QueuedMessage = TypeVar("QueuedMessage")
 
 
-class Line(Generic[Parcel]):
+class LinkQueue(Generic[QueuedMessage]):
     """What waits for one link.
 
     What is dropped depends on what is sent later, so nothing can be decided when a message is sent, and each is an
@@ -29,7 +29,7 @@ class Line(Generic[Parcel]):
         self._begun = self._free = 0
         self._residue = 0.0
         self._size = 0
-        self._waiting: deque[tuple[int, int, Parcel]] = deque()
+        self._waiting: deque[tuple[int, int, QueuedMessage]] = deque()
         self._waiting_size = 0
 
     def __len__(self) -> int:
@@ -44,7 +44,7 @@ class Line(Generic[Parcel]):
         """Whether nothing waits, and all that did is in the link."""
         return not self._waiting and self._free < now
 
-    def join(self, now: int, size: int, parcel: Parcel) -> list[Parcel]:
+    def join(self, now: int, size: int, queued: QueuedMessage) -> list[QueuedMessage]:
         """Let a message wait, and return what is dropped for want of room: older ones, or it itself if it is too big.
 
         Call `advance` first.
@@ -54,19 +54,19 @@ class Line(Generic[Parcel]):
         # What is too much for less than a nanosecond is not; see `Channel.carry`.
         limit = self._limit + (self._present / 1e9 if self._present < math.inf else 0.0)
         if carried + size > limit:
-            return [parcel]
+            return [queued]
         under_way = int(self._free > now)
         if under_way >= self._most:
-            return [parcel]
+            return [queued]
         while carried + self._waiting_size + size > limit or under_way + len(self._waiting) >= self._most:
             _, oldest, victim = self._waiting.popleft()
             self._waiting_size -= oldest
             dropped.append(victim)
-        self._waiting.append((now, size, parcel))
+        self._waiting.append((now, size, queued))
         self._waiting_size += size
         return dropped
 
-    def advance(self, now: int, bandwidth: float = math.inf) -> list[tuple[Parcel, int]]:
+    def advance(self, now: int, bandwidth: float = math.inf) -> list[tuple[QueuedMessage, int]]:
         """Return what the link has taken until now, with when each is in the link, in nanoseconds.
 
         Args:
@@ -76,10 +76,10 @@ class Line(Generic[Parcel]):
         taken = []
         self._present = min(self._bandwidth, bandwidth)
         while self._waiting and (begins := max(self._free, self._waiting[0][0])) <= now:
-            _, size, parcel = self._waiting.popleft()
+            _, size, queued = self._waiting.popleft()
             self._waiting_size -= size
             lasts = min(size * (1e9 / self._present) + (self._residue if begins == self._free else 0.0), FOREVER)
             self._begun, self._size, self._free = begins, size, min(begins + round(lasts), FOREVER)
             self._residue = lasts - round(lasts)
-            taken.append((parcel, self._free))
+            taken.append((queued, self._free))
         return taken

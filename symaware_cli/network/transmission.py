@@ -1,4 +1,4 @@
-"""The passage: what network and disturbances together make of messages that are sent."""
+"""The transmission: what network and disturbances together make of messages that are sent."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from symaware_cli.core.chance import key_of, message_fractions
 from symaware_cli.core.message import Indices, Times
 from symaware_cli.network.channel.channel import NO_LINK, REASONS, Channel, Fates
 from symaware_cli.network.channel.impairment import Impairment
-from symaware_cli.network.channel.ledger import Ledger
-from symaware_cli.network.channel.line import Line
+from symaware_cli.network.channel.link_queue import LinkQueue
+from symaware_cli.network.channel.link_states import LinkStates
 from symaware_cli.network.channel.parameters import ChannelParameters
 from symaware_cli.network.disturbance import Disturbance
 from symaware_cli.network.network import Network
@@ -32,13 +32,13 @@ _OWN_PAGE = 2
 
 
 @dataclass(frozen=True, slots=True)
-class Parcel:
+class QueuedMessage:
     """A message that waits before a link.
 
     Attributes:
         content: It, on its own.
         sizes: Of what each row of its batch says, in bytes; shape (s,).
-        row: The link, as a row in the ledger.
+        row: The link, as a row in the states.
         number: Its number on the link.
         sent: When it was sent, in nanoseconds.
     """
@@ -50,7 +50,7 @@ class Parcel:
     sent: int
 
 
-class Passage:
+class Transmission:
     """Decides what becomes of messages.
 
     Attributes:
@@ -65,11 +65,11 @@ class Passage:
         self.reasons = list(REASONS)
         self._seed = seed
         self._ids = ids
-        self._lines: dict[int, Line[Parcel]] = {}
+        self._queues: dict[int, LinkQueue[QueuedMessage]] = {}
 
     @cached_property
-    def _ledger(self) -> Ledger:
-        return Ledger(self._seed, self._ids)
+    def _states(self) -> LinkStates:
+        return LinkStates(self._seed, self._ids)
 
     def is_free(self, now: int) -> bool:
         """Whether all messages pass, at once."""
@@ -77,20 +77,22 @@ class Passage:
 
     def _is_undisturbed(self, now: int) -> bool:
         """Whether there is no disturbance, and no message waits for a link because of one that is over."""
-        return not self.disturbances and self._ledger.congestion <= now
+        return not self.disturbances and self._states.congestion <= now
 
     @property
     def waiting(self) -> int:
         """How many messages wait before links."""
-        return sum(len(line) for line in self._lines.values())
+        return sum(len(queue) for queue in self._queues.values())
 
     @property
     def next_time(self) -> int | None:
         """When the next of them gets into its link, in nanoseconds."""
-        times = [time for line in self._lines.values() if (time := line.next_time) is not None]
+        times = [time for queue in self._queues.values() if (time := queue.next_time) is not None]
         return min(times, default=None)
 
-    def decide(self, sent: Delivery, sizes: NDArray[np.int64], now: int, *, linked: bool) -> tuple[Fates, list[Parcel]]:
+    def decide(
+        self, sent: Delivery, sizes: NDArray[np.int64], now: int, *, linked: bool
+    ) -> tuple[Fates, list[QueuedMessage]]:
         """Decide the fates of messages that are sent now, at most one over each link.
 
         Args:
@@ -106,49 +108,51 @@ class Passage:
         network, senders, receivers = self.network, sent.senders, sent.receivers
         if network is not None and network.is_perfect and self._is_undisturbed(now):
             return _at_once(None if linked else network.has(senders, receivers), len(senders), now), []
-        ledger = self._ledger
-        rows, new = ledger.rows(senders, receivers)
+        states = self._states
+        rows, new = states.rows(senders, receivers)
         if new is not None and network is not None:
-            network.enter(ledger, new)
-        numbers, each = ledger.number(rows, now), sizes[sent.rows]
+            network.enter(states, new)
+        numbers, each = states.number(rows, now), sizes[sent.rows]
         impairment = self._impairment(senders, receivers, rows, numbers)
-        victims: list[Parcel] = []
+        victims: list[QueuedMessage] = []
         if network is None:
-            return _PERFECT.carry(ledger, rows, numbers, now, each, impairment), victims
+            return _PERFECT.carry(states, rows, numbers, now, each, impairment), victims
         has = None if linked else network.has(senders, receivers)
-        waits = network.waits(ledger, rows, has) if network.has_lines else np.zeros(len(rows), bool)
-        fates = network.carry(ledger, rows, numbers, now, each, has, waits if waits.any() else None, impairment)
+        waits = network.waits(states, rows, has) if network.has_queues else np.zeros(len(rows), bool)
+        fates = network.carry(states, rows, numbers, now, each, has, waits if waits.any() else None, impairment)
         for place in np.flatnonzero(waits).tolist():
-            parcel = Parcel(sent.some(slice(place, place + 1)), sizes, int(rows[place]), int(numbers[place]), now)
-            victims += self._wait(network, parcel, int(each[place]), now)
+            queued = QueuedMessage(
+                sent.some(slice(place, place + 1)), sizes, int(rows[place]), int(numbers[place]), now
+            )
+            victims += self._wait(network, queued, int(each[place]), now)
             fates.reason[place] = WAITS
         return fates, victims
 
-    def _wait(self, network: Network, parcel: Parcel, size: int, now: int) -> list[Parcel]:
-        line = self._lines.get(parcel.row)
-        if line is None:
-            channel = network.channel(int(self._ledger.channel[parcel.row]))
-            line = self._lines[parcel.row] = Line(channel.parameters)
-        return line.join(now, size, parcel)
+    def _wait(self, network: Network, queued: QueuedMessage, size: int, now: int) -> list[QueuedMessage]:
+        queue = self._queues.get(queued.row)
+        if queue is None:
+            channel = network.channel(int(self._states.channel[queued.row]))
+            queue = self._queues[queued.row] = LinkQueue(channel.parameters)
+        return queue.join(now, size, queued)
 
-    def advance(self, now: int) -> list[tuple[Parcel, Fates]]:
+    def advance(self, now: int) -> list[tuple[QueuedMessage, Fates]]:
         """Decide the fates of what has got into its link until now."""
-        ledger, network = self._ledger if self._lines else None, self.network
-        if ledger is None or network is None:
+        states, network = self._states if self._queues else None, self.network
+        if states is None or network is None:
             return []
         done = []
-        for row in sorted(self._lines):
-            line = self._lines[row]
-            if line.is_over(now):
-                del self._lines[row]
+        for row in sorted(self._queues):
+            queue = self._queues[row]
+            if queue.is_over(now):
+                del self._queues[row]
                 continue
-            channel, rows = network.channel(int(ledger.channel[row])), np.array([row])
-            ends = ledger.ends(slice(row, row + 1))
-            for parcel, leaving in line.advance(now, self._bandwidth(*ends)):
-                numbers, sent = np.array([parcel.number]), np.array([parcel.sent])
+            channel, rows = network.channel(int(states.channel[row])), np.array([row])
+            ends = states.ends(slice(row, row + 1))
+            for queued, leaving in queue.advance(now, self._bandwidth(*ends)):
+                numbers, sent = np.array([queued.number]), np.array([queued.sent])
                 impairment = self._impairment(*ends, rows, numbers)
-                fates = channel.transmit(ledger, rows, numbers, sent, np.array([leaving]), impairment=impairment)
-                done.append((parcel, fates))
+                fates = channel.transmit(states, rows, numbers, sent, np.array([leaving]), impairment=impairment)
+                done.append((queued, fates))
         return done
 
     def _bandwidth(self, sender: Indices, receiver: Indices) -> float:
@@ -174,7 +178,7 @@ class Passage:
 
     def _struck(self, disturbance: Disturbance, rows: Indices, numbers: Times) -> NDArray[np.bool_]:
         """Which messages a disturbance would lose: drawn from the link's chance, so that nobody else's matters."""
-        keys = self._ledger.keys[rows] ^ np.uint64(key_of(self._seed, "disturbances", disturbance.name))
+        keys = self._states.keys[rows] ^ np.uint64(key_of(self._seed, "disturbances", disturbance.name))
         struck: NDArray[np.bool_] = message_fractions(keys, numbers, _OWN_PAGE)[0] < disturbance.loss
         return struck
 
