@@ -16,7 +16,7 @@ import casadi
 import numpy as np
 
 from symaware_cli.models.aircraft import DubinsAircraft
-from symaware_cli.optimal_control import OptimalControlProblem
+from symaware_cli.optimal_control import OptimalControlProblem, Solver
 from symaware_cli.scenario.build import build
 from symaware_cli.scenario.execution import execute
 
@@ -63,7 +63,7 @@ class Ours:
         square = casadi.vertcat(*[casadi.sumsqr(x[:2] - each) for each in casadi.horzsplit(intruder)])
         problem.add_constraint(square, lower=KEEP_SQUARE, scale=KEEP_SQUARE, stages=range(1, HORIZON))
         problem.add_constraint(square[-1], lower=KEEP_SQUARE, scale=KEEP_SQUARE, stages=[HORIZON])
-        self._solver = problem.solver((name,), barrier=1e-5, cost_scale=1e-4, iterations=500)
+        self._solver = Solver(problem, (name,), barrier=1e-5, cost_scale=1e-4, iterations=500)
         self._plan = None
 
     def solve(self, state, intruder):

@@ -8,8 +8,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from symaware_cli import processor
-
-__version__ = "0.1.0"
+from symaware_cli.version import __version__ as __version__
 
 # Before anything imports NumPy, which looks at the processor once.
 processor.pin()
@@ -34,6 +33,7 @@ if TYPE_CHECKING:
         Cylinder,
         Delivery,
         Entity,
+        EntityGroup,
         Environment,
         EnvironmentParameters,
         Event,
@@ -98,6 +98,7 @@ __all__ = [
     "Delivery",
     "DistributionError",
     "Entity",
+    "EntityGroup",
     "Environment",
     "EnvironmentParameters",
     "Event",

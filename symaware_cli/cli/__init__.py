@@ -13,7 +13,7 @@ def main() -> None:
     _open_streams()
     if sys.argv[1:] == ["--version"]:
         # Before anything is imported: this is what scripts ask for most often.
-        from symaware_cli import __version__
+        from symaware_cli.version import __version__
 
         print(f"symaware {__version__}")
         return

@@ -36,7 +36,7 @@ application = typer.Typer(
 
 def _version(wanted: bool) -> None:
     if wanted:
-        from symaware_cli import __version__
+        from symaware_cli.version import __version__
 
         typer.echo(f"symaware {__version__}")
         raise typer.Exit

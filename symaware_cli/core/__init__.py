@@ -16,6 +16,7 @@ from symaware_cli.core.component import (
     UncertaintyEstimator,
 )
 from symaware_cli.core.entity import Entity, Obstacle
+from symaware_cli.core.entity_group import EntityGroup
 from symaware_cli.core.environment import Environment, EnvironmentParameters, WorldError
 from symaware_cli.core.event import Event, EventBus, Level, SubscriberError, Subscription
 from symaware_cli.core.knowledge import KnowledgeDatabase
@@ -53,6 +54,7 @@ __all__ = [
     "Cylinder",
     "Delivery",
     "Entity",
+    "EntityGroup",
     "Environment",
     "EnvironmentParameters",
     "Event",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,6 +13,8 @@ from symaware_cli.core.awareness import GroupAwareness, SelfAwareness
 from symaware_cli.core.awareness_database import AwarenessDatabase
 from symaware_cli.core.column import Column
 from symaware_cli.core.entity import Entity
+from symaware_cli.core.entity_group import EntityGroup
+from symaware_cli.core.environment import Environment
 from symaware_cli.core.event import EventBus
 from symaware_cli.core.knowledge import Changes, KnowledgeDatabase, KnownColumn
 from symaware_cli.core.message import Exchange
@@ -20,9 +22,7 @@ from symaware_cli.core.model import Model
 from symaware_cli.core.part import STATE, Part
 from symaware_cli.core.time import Clock
 from symaware_cli.core.tracks import Tracks
-
-if TYPE_CHECKING:
-    from symaware_cli.core.environment import Environment
+from symaware_cli.core.world import Roster
 
 Array = NDArray[np.float64]
 
@@ -48,19 +48,13 @@ class Surroundings:
         self.events = events
 
 
-class AgentGroup:
+class AgentGroup(EntityGroup):
     """Agents that share a model, a body and a list of components; their data stand in columns.
 
     Attributes:
-        name: The key under ``agents:``.
-        ids: The id of each agent.
-        model: The dynamics of all of them.
-        entity: The body of each of them.
         knowledge: The knowledge database of each agent.
         knowledge_changes: What changed in it.
         awareness: What each agent is aware of.
-        initial_state: Where each starts, read-only; shape (n, nx).
-        present: Which of them are in the world, read-only; shape (n,). None for all of them.
         surroundings: What is shared with all other agents.
     """
 
@@ -74,39 +68,20 @@ class AgentGroup:
         knowledge: Sequence[Mapping[str, Any]] = (),
         parts: Sequence[Part] = (),
     ) -> None:
-        self.name = name
-        self.ids = tuple(ids)
-        self.model = model
-        self.entity = model.embodied(entity)
         self.awareness = GroupAwareness(np.array(initial_state, float), name, parts)
         self.awareness.parts["state"] = STATE.of(model.state)
-        self.initial_state = self.awareness.state
-        self.present: NDArray[np.bool_] | None = None
+        super().__init__(name, ids, model, entity, self.awareness.state)
         self.knowledge_changes = Changes()
         self.knowledge = tuple(
             KnowledgeDatabase(each, row, self.knowledge_changes)
             for row, each in enumerate(knowledge or [{} for _ in ids])
         )
         self._known: dict[str, KnownColumn] = {}
-        self.control_column = Column(np.zeros((len(self.ids), len(model.control_input))))
         self.surroundings: Surroundings
 
-    def __len__(self) -> int:
-        return len(self.ids)
-
-    @property
-    def rows(self) -> NDArray[np.intp]:
-        """The rows of those that are in the world, ascending."""
-        return np.arange(len(self)) if self.present is None else np.flatnonzero(self.present)
-
-    @property
-    def control_input(self) -> Array:
-        """The control input that each agent requests, read-only; shape (n, nu)."""
-        return self.control_column.values
-
-    @control_input.setter
-    def control_input(self, values: ArrayLike) -> None:
-        self.control_column.values = values
+    def enrol(self, roster: Roster) -> None:
+        """Let what the agents are aware of know who is who."""
+        self.awareness.roster = roster
 
     def known(self, name: str) -> Array:
         """What each agent knows under a name, as one read-only array; shape (n, ...).

@@ -5,13 +5,14 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, Self
+from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, Field
 
 from symaware_cli.core.entity import Obstacle
+from symaware_cli.core.entity_group import EntityGroup
 from symaware_cli.core.plugin import Parameters, Plugin
 from symaware_cli.core.reading import Image
 from symaware_cli.core.refusal import Attempts, RefusalError
@@ -22,9 +23,6 @@ from symaware_cli.geometry.path import Pose
 from symaware_cli.geometry.proximity import Proximity
 from symaware_cli.geometry.rays import BodiesInPlane, rays_in_plane
 from symaware_cli.geometry.scenery import Scenery
-
-if TYPE_CHECKING:
-    from symaware_cli.core.agent import AgentGroup
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -73,7 +71,7 @@ class Environment(Plugin, ABC):
     is_open: ClassVar[bool] = False
     is_shared: ClassVar[bool] = False
     provides: ClassVar[Sequence[str]] = ()
-    groups: Sequence[AgentGroup]
+    groups: Sequence[EntityGroup]
     obstacles: Mapping[str, Obstacle]
     present: NDArray[np.bool_] | None = None
     proximity: Proximity
@@ -84,7 +82,7 @@ class Environment(Plugin, ABC):
         super().__init__(parameters)
         self.time_step = nanoseconds(self.parameters.time_step)
 
-    def initialise(self, groups: Sequence[AgentGroup], obstacles: Mapping[str, Obstacle], seed: int) -> None:
+    def initialise(self, groups: Sequence[EntityGroup], obstacles: Mapping[str, Obstacle], seed: int) -> None:
         """Put everybody in place.
 
         Args:
@@ -115,7 +113,7 @@ class Environment(Plugin, ABC):
         models = {group.name: group.model for group in self.groups}
         self.roster = Roster({group.name: group.ids for group in self.groups}, models)
         for group in self.groups:
-            group.awareness.roster = self.roster
+            group.enrol(self.roster)
         self._count_present()
 
     def _count_present(self) -> None:
@@ -127,7 +125,7 @@ class Environment(Plugin, ABC):
         present.flags.writeable = False
         self.present = self.proximity.present = present
 
-    def admit(self, group: AgentGroup, rows: Sequence[int]) -> None:
+    def admit(self, group: EntityGroup, rows: Sequence[int]) -> None:
         """Let agents enter who were not there, in their initial states; `group.present` says so already.
 
         Args:
@@ -139,7 +137,7 @@ class Environment(Plugin, ABC):
         """
         raise NotImplementedError(f"nobody enters or leaves {type(self).__name__}")
 
-    def dismiss(self, group: AgentGroup, rows: Sequence[int]) -> None:
+    def dismiss(self, group: EntityGroup, rows: Sequence[int]) -> None:
         """Let agents leave for good; `group.present` says so already. Their states stay as they are.
 
         Args:
@@ -233,7 +231,7 @@ class Environment(Plugin, ABC):
     def step(self) -> None:
         """Advance by one time step under the control inputs that the groups request."""
 
-    def push(self, group: AgentGroup, rows: Sequence[int], change: Array) -> None:
+    def push(self, group: EntityGroup, rows: Sequence[int], change: Array) -> None:
         """Change the true states of some agents all at once, as a fault of a scenario may ask for.
 
         Args:
@@ -247,11 +245,11 @@ class Environment(Plugin, ABC):
         raise NotImplementedError(f"{type(self).__name__} cannot push anybody")
 
     @abstractmethod
-    def state(self, group: AgentGroup) -> Array:
+    def state(self, group: EntityGroup) -> Array:
         """The true states of a group, read-only; shape (n, nx)."""
 
     @abstractmethod
-    def applied_input(self, group: AgentGroup) -> Array:
+    def applied_input(self, group: EntityGroup) -> Array:
         """The control inputs in force during the last step, after saturation, read-only; shape (n, nu)."""
 
     @abstractmethod

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core import AgentGroup, Contact, Environment, Obstacle, Snapshot
+from symaware_cli.core import Contact, EntityGroup, Environment, Obstacle, Snapshot
 from symaware_cli.environments.contact import ContactDetector
 
 Array = NDArray[np.float64]
@@ -19,7 +19,7 @@ class ColumnEnvironment(Environment):
     is_open = True
     is_shared = True
 
-    def initialise(self, groups: Sequence[AgentGroup], obstacles: Mapping[str, Obstacle], seed: int) -> None:
+    def initialise(self, groups: Sequence[EntityGroup], obstacles: Mapping[str, Obstacle], seed: int) -> None:
         """Put everybody into the state of the beginning, at time 0."""
         super().initialise(groups, obstacles, seed)
         self._time = 0
@@ -32,12 +32,12 @@ class ColumnEnvironment(Environment):
         self._snapshot: Snapshot | None = None
         self._contacts: Sequence[Contact] | None = None
 
-    def admit(self, group: AgentGroup, rows: Sequence[int]) -> None:
+    def admit(self, group: EntityGroup, rows: Sequence[int]) -> None:
         """Let agents enter who were not there, in their initial states."""
         self._count_present()
         self._snapshot = None
 
-    def dismiss(self, group: AgentGroup, rows: Sequence[int]) -> None:
+    def dismiss(self, group: EntityGroup, rows: Sequence[int]) -> None:
         """Let agents leave for good; their states stay as they are."""
         self._count_present()
         self._snapshot = None
@@ -55,11 +55,11 @@ class ColumnEnvironment(Environment):
             applied.flags.writeable = False
             self._applied[number] = applied
 
-    def state(self, group: AgentGroup) -> Array:
+    def state(self, group: EntityGroup) -> Array:
         """The true states of a group, read-only; shape (n, nx)."""
         return self._states[self._number[group.name]]
 
-    def applied_input(self, group: AgentGroup) -> Array:
+    def applied_input(self, group: EntityGroup) -> Array:
         """The control inputs of the last step after saturation, read-only; shape (n, nu)."""
         return self._applied[self._number[group.name]]
 

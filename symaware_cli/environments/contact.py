@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core import AgentGroup, Contact, Scenery, Snapshot
+from symaware_cli.core import Contact, EntityGroup, Scenery, Snapshot
 from symaware_cli.geometry.bodies import Bodies
 from symaware_cli.geometry.pieces import Pieces, Separation, separation
 from symaware_cli.geometry.proximity import Pairs, Proximity
@@ -27,7 +27,7 @@ class ContactDetector:
     from above, too, as high as the world.
     """
 
-    def __init__(self, groups: Sequence[AgentGroup], scenery: Scenery, proximity: Proximity) -> None:
+    def __init__(self, groups: Sequence[EntityGroup], scenery: Scenery, proximity: Proximity) -> None:
         """Look at who there is.
 
         Args:

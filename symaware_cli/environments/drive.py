@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core import AgentGroup, WorldError, nanoseconds
+from symaware_cli.core import EntityGroup, WorldError, nanoseconds
 from symaware_cli.core.integration import integrate
 from symaware_cli.environments.noise import ProcessNoise
 
@@ -30,7 +30,7 @@ class Drive:
         turns: Whether it turns bodies; those of models without a heading never turn.
     """
 
-    def __init__(self, group: AgentGroup, time_step: int, substeps: int, seed: int) -> None:
+    def __init__(self, group: EntityGroup, time_step: int, substeps: int, seed: int) -> None:
         """Look at a model.
 
         Args:
@@ -118,7 +118,7 @@ class Drive:
         return state
 
 
-def check_time_step(group: AgentGroup, time_step: int) -> None:
+def check_time_step(group: EntityGroup, time_step: int) -> None:
     """See whether a model can take the environment's time step, in nanoseconds.
 
     Raises:

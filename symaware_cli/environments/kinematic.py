@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from symaware_cli.core import (
-    AgentGroup,
     Attempts,
     Contact,
+    EntityGroup,
     EnvironmentParameters,
     Model,
     Obstacle,
@@ -48,7 +48,7 @@ class KinematicEnvironment(ColumnEnvironment):
             1, ge=1, le=1000, description="Into how many parts a time step is divided where rk4 or euler integrate it."
         )
 
-    def initialise(self, groups: Sequence[AgentGroup], obstacles: Mapping[str, Obstacle], seed: int) -> None:
+    def initialise(self, groups: Sequence[EntityGroup], obstacles: Mapping[str, Obstacle], seed: int) -> None:
         """Put everybody in place.
 
         Raises:
@@ -87,7 +87,7 @@ class KinematicEnvironment(ColumnEnvironment):
         self._time += self.time_step
         self._snapshot = self._contacts = None
 
-    def push(self, group: AgentGroup, rows: Sequence[int], change: Array) -> None:
+    def push(self, group: EntityGroup, rows: Sequence[int], change: Array) -> None:
         """Change the true states of some agents all at once."""
         number = self._number[group.name]
         state = self._states[number].copy()

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 
-from symaware_cli.core import AgentGroup, Obstacle, Shape, Wall, WorldError
+from symaware_cli.core import EntityGroup, Obstacle, Shape, Wall, WorldError
 from symaware_cli.environments import asset
 from symaware_cli.environments.description import DescriptionError, articulation, material_colour
 from symaware_cli.environments.vehicle import Vehicle
@@ -16,7 +16,7 @@ from symaware_cli.geometry.rotation import about
 
 
 def likenesses(
-    groups: Sequence[AgentGroup],
+    groups: Sequence[EntityGroup],
     obstacles: Mapping[str, Obstacle],
     vehicles: Mapping[str, Vehicle],
     folder: Path,

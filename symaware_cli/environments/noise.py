@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core import AgentGroup
+from symaware_cli.core import EntityGroup
 from symaware_cli.core.chance import GroupChance, Turn, agent_numbers
 
 Array = NDArray[np.float64]
@@ -17,7 +17,7 @@ class ProcessNoise:
     What an agent draws is keyed by its id and the step, so nobody else changes its noise.
     """
 
-    def __init__(self, group: AgentGroup, covariance: Array, seed: int) -> None:
+    def __init__(self, group: EntityGroup, covariance: Array, seed: int) -> None:
         self._chance = GroupChance(seed, "environment", agent_numbers(group.ids))
         self._deviation = np.sqrt(np.diag(covariance))
         self._factor = None if _is_diagonal(covariance) else cholesky(covariance)
@@ -37,7 +37,7 @@ class ProcessNoise:
         return noise
 
 
-def process_noise(group: AgentGroup, step: float, seed: int) -> ProcessNoise | None:
+def process_noise(group: EntityGroup, step: float, seed: int) -> ProcessNoise | None:
     """Return what draws the noise of a group over steps [s]; None where its model has none."""
     covariance = group.model.noise_covariance(step)
     return None if covariance is None else ProcessNoise(group, covariance, seed)

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from symaware_cli.core import (
-    AgentGroup,
     Attempts,
     Contact,
+    EntityGroup,
     EnvironmentParameters,
     Obstacle,
     Pose,
@@ -83,7 +83,7 @@ class PhysicsEnvironment(ColumnEnvironment):
     def restored(self, state: object) -> None:
         """Never called, as there is no state."""
 
-    def initialise(self, groups: Sequence[AgentGroup], obstacles: Mapping[str, Obstacle], seed: int) -> None:
+    def initialise(self, groups: Sequence[EntityGroup], obstacles: Mapping[str, Obstacle], seed: int) -> None:
         """Put everybody in place.
 
         Raises:
@@ -121,7 +121,7 @@ class PhysicsEnvironment(ColumnEnvironment):
             self.close()
             raise
 
-    def _drive(self, group: AgentGroup, seed: int) -> Drive | None:
+    def _drive(self, group: EntityGroup, seed: int) -> Drive | None:
         """What moves a group; None where its model does that by itself."""
         return Drive(group, self.time_step, self.parameters.substeps, seed)
 
@@ -165,7 +165,7 @@ class PhysicsEnvironment(ColumnEnvironment):
         """Which of those that have a drive are not there, ascending."""
         return [] if self.present is None else np.flatnonzero(~self.present[self._driven]).tolist()
 
-    def admit(self, group: AgentGroup, rows: Sequence[int]) -> None:
+    def admit(self, group: EntityGroup, rows: Sequence[int]) -> None:
         """Let agents enter who were not there: their bodies meet others from now on."""
         super().admit(group, rows)
         velocities = np.zeros((len(group), self.dimensions))
@@ -174,14 +174,14 @@ class PhysicsEnvironment(ColumnEnvironment):
             self._appear(self._part_of(group).start + row, velocities[row].tolist())
         self._read_between_steps()
 
-    def dismiss(self, group: AgentGroup, rows: Sequence[int]) -> None:
+    def dismiss(self, group: EntityGroup, rows: Sequence[int]) -> None:
         """Let agents leave for good: their bodies meet nobody any more."""
         super().dismiss(group, rows)
         for row in rows:
             self._vanish(self._part_of(group).start + row)
         self._read_between_steps()
 
-    def _part_of(self, group: AgentGroup) -> slice:
+    def _part_of(self, group: EntityGroup) -> slice:
         return next(part for drive, _, part in self._parts if drive.group is group)
 
     @abstractmethod
@@ -253,7 +253,7 @@ class PhysicsEnvironment(ColumnEnvironment):
     def _shake(self, time: int) -> None:
         """Add the noise of a step that began then [ns] to groups without a drive."""
 
-    def push(self, group: AgentGroup, rows: Sequence[int], change: Array) -> None:
+    def push(self, group: EntityGroup, rows: Sequence[int], change: Array) -> None:
         """Put the bodies of some agents elsewhere all at once, and give them another velocity."""
         number, model = self._number[group.name], group.model
         part = next((part for _, driven, part in self._parts if driven == number), None)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from symaware_cli.core import AgentGroup, Attempts, Entity, Image, Obstacle, Scenery, WorldError, seconds
+from symaware_cli.core import Attempts, Entity, EntityGroup, Image, Obstacle, Scenery, WorldError, seconds
 from symaware_cli.environments import collision, sight
 from symaware_cli.environments.bullet import MOST_SHOWN, Client, engine, quiet
 from symaware_cli.environments.collision import Collisions
@@ -73,7 +73,7 @@ class PyBulletEnvironment(PhysicsEnvironment):
         )
         gui: bool = Field(False, description="Whether to show the window of PyBullet; it needs a screen.")
 
-    def initialise(self, groups: Sequence[AgentGroup], obstacles: Mapping[str, Obstacle], seed: int) -> None:
+    def initialise(self, groups: Sequence[EntityGroup], obstacles: Mapping[str, Obstacle], seed: int) -> None:
         """Put everybody in place."""
         step = seconds(self.time_step)
         #: What shakes the groups of vehicles; where there is a drive, that does.
@@ -88,7 +88,7 @@ class PyBulletEnvironment(PhysicsEnvironment):
         given: Sequence[float] = self.parameters.gravity
         return given
 
-    def _drive(self, group: AgentGroup, seed: int) -> Drive | None:
+    def _drive(self, group: EntityGroup, seed: int) -> Drive | None:
         return super()._drive(group, seed) if group.model.vehicle() is None else None
 
     def _build(self) -> None:
@@ -175,7 +175,7 @@ class PyBulletEnvironment(PhysicsEnvironment):
         if starts:
             self._finish(make_slab(self._id, ground.height, starts), index, ground, collision.SLAB)
 
-    def _add_driven(self, group: AgentGroup, state: Array, part: slice) -> None:
+    def _add_driven(self, group: EntityGroup, state: Array, part: slice) -> None:
         model, entity = group.model, group.entity
         turns, planar = model.heading is not None, len(model.position) == 2
         where = ("agents", group.name, "entity")
@@ -217,7 +217,7 @@ class PyBulletEnvironment(PhysicsEnvironment):
         engine.resetBaseVelocity(body, (0, 0, 0), (0, 0, 0), self._id)
         self._velocity[row] = 0.0
 
-    def _add_vehicles(self, group: AgentGroup, number: int) -> None:
+    def _add_vehicles(self, group: EntityGroup, number: int) -> None:
         vehicle = group.model.vehicle()
         assert vehicle is not None
         if group.present is not None:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Iterable
+from typing import Any, NamedTuple
 
 import casadi
 import numpy as np
@@ -11,9 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from symaware_cli.core import Model
 from symaware_cli.optimal_control.dynamics import Dynamics, Integrator
-
-if TYPE_CHECKING:
-    from symaware_cli.optimal_control.solver import Solver
 
 Array = NDArray[np.float64]
 
@@ -194,12 +191,6 @@ class OptimalControlProblem:
         """
         low, high = self.input_bounds
         self.input_bounds = np.maximum(low, lower), np.minimum(high, upper)
-
-    def solver(self, solvers: Sequence[str] = ("fatrop", "ipopt"), **options: Any) -> Solver:
-        """Build what solves the problem as it stands now; see `Solver` for the options."""
-        from symaware_cli.optimal_control.solver import Solver
-
-        return Solver(self, solvers, **options)
 
     def _needs_input(self, expression: Any) -> bool:
         return bool(casadi.depends_on(expression, self.control_input))

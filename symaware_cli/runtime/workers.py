@@ -124,7 +124,7 @@ class _Office:
         self.slot = slot
         self.number = number
         group = slot.group
-        self.codec = Codec(group, group.surroundings, simulation.environment.groups)
+        self.codec = Codec(group, group.surroundings, simulation.groups)
         first = slot.components[0]
         if not isinstance(first, GroupComponent):
             self.codec.name_agents()
@@ -138,7 +138,7 @@ class _Office:
             parameters=own,
             attributes=[_attributes(each) for each in slot.components],
             group=group.name,
-            groups=[_arguments(each) for each in environment.groups],
+            groups=[_arguments(each) for each in simulation.groups],
             time_step=environment.time_step,
             world=_world(environment) if first.sees_world else None,
             seed=simulation.seed,

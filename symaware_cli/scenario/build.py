@@ -35,7 +35,7 @@ from symaware_cli.runtime.terms import Terms
 from symaware_cli.scenario.assets import assets, check_assets
 from symaware_cli.scenario.catalogue import Catalogue
 from symaware_cli.scenario.check import check
-from symaware_cli.scenario.compose import Composition, compose
+from symaware_cli.scenario.compose import Composition, CompositionError, compose
 from symaware_cli.scenario.consensus import check_consensus, check_metropolis
 from symaware_cli.scenario.document import Scenario
 from symaware_cli.scenario.faults import FaultBuilder
@@ -112,9 +112,7 @@ def build(
     found: Sequence[Problem] = ()
     try:
         composition = compose(path, overrides, name)
-    except ScenarioError as error:
-        if error.partial is None:
-            raise
+    except CompositionError as error:
         # What is wrong so far lies in single values; the rest can be looked at in the same pass.
         composition, found = error.partial, error.problems
     if seed is not None:

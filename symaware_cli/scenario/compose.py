@@ -5,7 +5,7 @@ which `--set`) it came from.
 """
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path as FilePath
 from pathlib import PurePath, PurePosixPath, PureWindowsPath
 from typing import Any
@@ -13,15 +13,9 @@ from typing import Any
 from symaware_cli.environments.asset import is_packaged
 from symaware_cli.scenario.overrides import Override
 from symaware_cli.scenario.parameters import substitute
+from symaware_cli.scenario.parser import nearest_file, read
 from symaware_cli.scenario.problem import Problem, ScenarioError, Span, dotted, quoted
-from symaware_cli.scenario.source import (
-    Entry,
-    Node,
-    Path,
-    Source,
-    nearest_file,
-    read,
-)
+from symaware_cli.scenario.source import Entry, Node, Path, Source
 
 MAX_EXTENDS_DEPTH = 16
 # A diamond of bases merges the same file again and again; this bounds the work.
@@ -90,6 +84,18 @@ class Composition:
         return Problem(code, message, span, dotted(path), expected, suggestion, line)
 
 
+class CompositionError(ScenarioError):
+    """Every problem so far is with a single value, so that whoever checks further can report everything in one pass.
+
+    Attributes:
+        partial: The document in spite of them; a bad value is null in it, or its text as written.
+    """
+
+    def __init__(self, problems: Iterable[Problem], partial: Composition) -> None:
+        super().__init__(problems)
+        self.partial = partial
+
+
 def compose(path: FilePath, overrides: Sequence[str] = (), name: str | None = None) -> Composition:
     """Reads a scenario and resolves it.
 
@@ -102,7 +108,7 @@ def compose(path: FilePath, overrides: Sequence[str] = (), name: str | None = No
         name: What to call the file in messages; by default its path.
 
     Raises:
-        ScenarioError: With every problem found.
+        ScenarioError: With every problem found; a `CompositionError` if the document can be checked further.
     """
     files = _Files(path, str(path) if name is None else name)
     root = files.compose_top()
@@ -117,10 +123,12 @@ def compose(path: FilePath, overrides: Sequence[str] = (), name: str | None = No
     if any(files.folders.values()):
         root = _found_beside(root, files.folders)
     problems = _problems(sources)
-    partial = Composition(files.name, root, files.raw, sources) if _is_whole(sources) else None
-    if problems or partial is None:
-        raise ScenarioError(problems, partial)
-    return partial
+    if not _is_whole(sources):
+        raise ScenarioError(problems)
+    composition = Composition(files.name, root, files.raw, sources)
+    if problems:
+        raise CompositionError(problems, composition)
+    return composition
 
 
 def _found_beside(root: Node, folders: Mapping[str, str], inside: str = "", around: str = "") -> Node:

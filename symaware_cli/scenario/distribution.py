@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from symaware_cli import __version__
 from symaware_cli.network.transport.address import is_loopback, parse_address
 from symaware_cli.network.transport.transport import Transport
 from symaware_cli.runtime.distributed.company import Company, Identity
@@ -16,6 +15,7 @@ from symaware_cli.scenario.build import Built
 from symaware_cli.scenario.catalogue import Catalogue
 from symaware_cli.scenario.place import DistributionError, Place
 from symaware_cli.scenario.problem import nearest
+from symaware_cli.version import __version__
 
 #: What carries frames where a scenario does not say.
 _DEFAULT = "tcp"

@@ -5,10 +5,6 @@ import unicodedata
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from itertools import islice
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from symaware_cli.scenario.compose import Composition
 
 # A scenario can be broken in every line; beyond this many problems nobody reads on.
 MAX_PROBLEMS = 100
@@ -62,13 +58,10 @@ class ScenarioError(Exception):
 
     Attributes:
         problems: Why, in the order of files and lines, each once.
-        partial: The document in spite of them, if every problem is with a single value: whoever checks the document
-            further can then report everything in one pass. A bad value is null in it, or its text as written.
     """
 
-    def __init__(self, problems: Iterable[Problem], partial: "Composition | None" = None) -> None:
+    def __init__(self, problems: Iterable[Problem]) -> None:
         self.problems = tuple(dict.fromkeys(sorted(problems, key=_position)))
-        self.partial = partial
         super().__init__(self.problems)
 
     def __str__(self) -> str:

@@ -5,15 +5,12 @@ Whatever comes from outside is bounded here: the size of the file, its nesting a
 """
 
 import math
-import os
 import re
-import stat
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path as FilePath
 from typing import Any, NamedTuple, TypeAlias
 
-from symaware_cli.scenario.problem import Problem, ScenarioError, Span, dotted, nearest, quoted
+from symaware_cli.scenario.problem import Problem, Span, dotted
 
 Path: TypeAlias = tuple[str | int, ...]
 Scalar: TypeAlias = str | int | float | bool | None
@@ -166,77 +163,6 @@ class Source:
         self.problems.append(Problem(code, message, span, dotted(path), expected, suggestion, line))
 
 
-def load(path: FilePath, name: str) -> Source:
-    """Reads a scenario file.
-
-    Args:
-        path: Where it is.
-        name: What to call it in messages.
-
-    Raises:
-        ScenarioError: The file cannot be read or understood; carries every problem found in it.
-    """
-    source = read(path, name)
-    if source.problems:
-        raise ScenarioError(source.problems)
-    return source
-
-
-def read(path: FilePath, name: str) -> Source:
-    """Reads a scenario file and leaves what is wrong with it in `problems`."""
-    source = _read_text(path, name)
-    if source.problems:
-        return source
-    # Imported here because reading one format should not cost the import of the other's parser.
-    if path.suffix.lower() == ".toml":
-        from symaware_cli.scenario.toml_source import parse_toml as parse
-    else:
-        from symaware_cli.scenario.yaml_source import parse_yaml as parse
-    parse(source)
-    _check_top(source)
-    return source
-
-
-def _read_text(path: FilePath, name: str) -> Source:
-    source, shown = Source(name, b""), quoted(name, 200)
-    try:
-        mode = os.stat(path).st_mode
-        if stat.S_ISDIR(mode):
-            source.report("not-a-file", f"{shown} is a folder", None, expected="a scenario file")
-            return source
-        if not stat.S_ISREG(mode):
-            # A pipe or a device could block or never end.
-            source.report("not-a-file", f"{shown} is not a regular file", None, expected="a scenario file")
-            return source
-        if path.suffix.lower() not in (".yaml", ".yml", ".toml"):
-            source.report("unknown-format", f"{shown} has an unknown suffix", None, expected=".yaml, .yml or .toml")
-            return source
-        with open(path, "rb") as file:
-            raw = file.read(MAX_BYTES + 1)
-    except FileNotFoundError:
-        suggestion = nearest_file(path)
-        source.report("missing-file", f"there is no file {shown}", None, suggestion=suggestion)
-        return source
-    except (OSError, ValueError) as error:
-        reason = (error.strerror if isinstance(error, OSError) else None) or str(error)
-        source.report("unreadable", f"{shown} cannot be read: {reason}", None)
-        return source
-    if len(raw) > MAX_BYTES:
-        source.report("too-large", f"{shown} is larger than 1 MiB, the most a scenario file may have", None)
-        return source
-    return decode(name, raw)
-
-
-def nearest_file(path: FilePath) -> str | None:
-    """Returns the name of the scenario file beside a missing one that was probably meant."""
-    try:
-        with os.scandir(path.parent) as entries:
-            names = sorted(entry.name for entry in entries if entry.name.endswith((".yaml", ".yml", ".toml")))
-    except (OSError, ValueError):
-        return None
-    return nearest(path.name, names)
-
-
 def decode(name: str, raw: bytes) -> Source:
     """Turns bytes into a source; its text holds no character that could confuse a parser or a terminal."""
     try:
@@ -305,18 +231,3 @@ def report_depth(source: Source, span: Span | None, path: Sequence[str | int] = 
 def report_nodes(source: Source, span: Span | None, path: Sequence[str | int] = ()) -> None:
     """Reports more values than a scenario may hold."""
     source.report("too-large", f"the file expands to more than {MAX_NODES:,} values", span, path)
-
-
-def _check_top(source: Source) -> None:
-    """Reports a document that is not a mapping, once it could be read at all."""
-    root = source.root
-    if root is None:
-        if not source.problems:
-            source.report("empty", "the file is empty", source.stretch(1, 1, 1, 2), expected="a scenario")
-    elif not isinstance(root.value, dict):
-        source.root = None
-        if source.problems:
-            return
-        kind = "a list" if isinstance(root.value, list) else "a single value"
-        message = f"the file holds {kind} instead of keys and values"
-        source.report("not-a-mapping", message, root.span, expected="keys and values at the top level")

@@ -14,7 +14,7 @@ from symaware_cli.models.bicycle import Bicycle  # noqa: E402
 from symaware_cli.models.integrator import DoubleIntegrator, SingleIntegrator  # noqa: E402
 from symaware_cli.models.linear import Linear  # noqa: E402
 from symaware_cli.models.unicycle import Unicycle  # noqa: E402
-from symaware_cli.optimal_control import Dynamics, OptimalControlProblem  # noqa: E402
+from symaware_cli.optimal_control import Dynamics, OptimalControlProblem, Solver  # noqa: E402
 
 
 class Pendulum(Model):
@@ -86,7 +86,7 @@ def test_an_open_loop_plan_is_what_the_kinematic_world_does(model, integrator):
     problem.add_cost(casadi.sumsqr(x[:2] - 0.3) + 0.1 * casadi.sumsqr(u))
     problem.bound_input(-0.9, 0.9 if len(model.control_input) == 1 else np.inf)
     start, _ = some(model, 1)
-    plan = problem.solver(tolerance=1e-9).solve(start[0])
+    plan = Solver(problem, tolerance=1e-9).solve(start[0])
     assert plan.solved
     plan = plan.plan
     parameters = KinematicEnvironment.Parameters(time_step=0.05, integrator=integrator, substeps=2)

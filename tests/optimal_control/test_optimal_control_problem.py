@@ -7,7 +7,7 @@ casadi = pytest.importorskip("casadi", reason="CasADi is an extra")
 
 from symaware_cli.models.integrator import DoubleIntegrator, SingleIntegrator  # noqa: E402
 from symaware_cli.models.unicycle import Unicycle  # noqa: E402
-from symaware_cli.optimal_control import OptimalControlProblem  # noqa: E402
+from symaware_cli.optimal_control import OptimalControlProblem, Solver  # noqa: E402
 
 
 def problem_of(model=None, steps=5):
@@ -23,7 +23,7 @@ def test_costs_and_constraints_count_at_the_stages_they_are_asked_for():
     problem = least_effort(problem_of())
     problem.add_constraint(problem.state, [1.0, -1.0], [1.0, -1.0], stages=[2])
     problem.add_constraint(problem.state[1], upper=-2.0, stages=[5])
-    states = problem.solver().solve([0.0, 0.0]).plan.states
+    states = Solver(problem).solve([0.0, 0.0]).plan.states
     assert states[:3, 0] == pytest.approx([0.0, 0.5, 1.0])
     assert states[3:, 0] == pytest.approx(1.0)
     assert states[2:, 1] == pytest.approx([-1.0, -4 / 3, -5 / 3, -2.0])
@@ -33,7 +33,7 @@ def test_nothing_can_be_done_about_the_present_state():
     problem = least_effort(problem_of())
     problem.add_constraint(problem.state[0], lower=1.0)
     problem.bound_state([-np.inf, 2.0])
-    states = problem.solver().solve([0.0, 0.0]).plan.states
+    states = Solver(problem).solve([0.0, 0.0]).plan.states
     assert states[0] == pytest.approx(0.0)
     assert states[1:] == pytest.approx(np.tile([1.0, 2.0], (5, 1)), abs=2e-3)
 
@@ -41,9 +41,9 @@ def test_nothing_can_be_done_about_the_present_state():
 def test_the_limits_of_the_model_hold_by_themselves_and_may_be_tightened():
     problem = problem_of(Unicycle(Unicycle.Parameters(max_speed=1.0, max_turn_rate=2.0)))
     problem.add_cost(-problem.control_input[0] - problem.control_input[1])
-    assert problem.solver().solve([0.0, 0.0, 0.0]).plan.inputs == pytest.approx(np.tile([1.0, 2.0], (5, 1)), abs=1e-5)
+    assert Solver(problem).solve([0.0, 0.0, 0.0]).plan.inputs == pytest.approx(np.tile([1.0, 2.0], (5, 1)), abs=1e-5)
     problem.bound_input(upper=[0.5, np.inf])
-    assert problem.solver().solve([0.0, 0.0, 0.0]).plan.inputs == pytest.approx(np.tile([0.5, 2.0], (5, 1)), abs=1e-5)
+    assert Solver(problem).solve([0.0, 0.0, 0.0]).plan.inputs == pytest.approx(np.tile([0.5, 2.0], (5, 1)), abs=1e-5)
 
 
 @pytest.mark.parametrize("dimensions", [2, 3])
@@ -51,7 +51,7 @@ def test_where_a_model_limits_the_length_of_its_input_so_does_the_problem(dimens
     model = SingleIntegrator(SingleIntegrator.Parameters(max_speed=2.0, dimensions=dimensions))
     problem = problem_of(model)
     problem.add_cost(-casadi.sum1(problem.control_input))
-    inputs = problem.solver().solve(np.zeros(dimensions)).plan.inputs
+    inputs = Solver(problem).solve(np.zeros(dimensions)).plan.inputs
     assert inputs == pytest.approx(2.0 / np.sqrt(dimensions), abs=1e-5)
     assert model.limit(inputs) == pytest.approx(inputs, abs=1e-6)
 
@@ -67,7 +67,7 @@ def test_the_previous_input_is_that_of_the_stage_before():
     change = problem.control_input - problem.previous_input
     problem.add_cost(casadi.sumsqr(change))
     problem.add_constraint(problem.control_input[0], 4.0, 4.0, stages=[4])
-    solver = problem.solver()
+    solver = Solver(problem)
     # The least sum of squares climbs in equal parts.
     assert solver.solve([0, 0], previous_input=[-1, 3]).plan.inputs[:, 0] == pytest.approx([0, 1, 2, 3, 4])
     assert solver.solve([0, 0], previous_input=[-1, 3]).plan.inputs[:, 1] == pytest.approx(3)
@@ -77,8 +77,8 @@ def test_the_previous_input_is_that_of_the_stage_before():
 def test_only_what_is_used_of_the_previous_input_is_carried():
     problem = problem_of()
     problem.add_cost((problem.control_input[1] - problem.previous_input[1]) ** 2, stages=range(1, 5))
-    assert problem.solver().program.carried_inputs.tolist() == [1]
-    assert problem_of().solver().program.carried_inputs.tolist() == []
+    assert Solver(problem).program.carried_inputs.tolist() == [1]
+    assert Solver(problem_of()).program.carried_inputs.tolist() == []
 
 
 def test_parameters_are_columns_matrices_and_numbers_for_all_stages_or_for_each():
@@ -88,7 +88,7 @@ def test_parameters_are_columns_matrices_and_numbers_for_all_stages_or_for_each(
     turn = problem.parameter("turn", (2, 3))
     problem.add_constraint(problem.state - place, 0.0, 0.0, stages=[2, 4])
     problem.add_constraint(problem.state[0] - turn[1, 2] * speed, 0.0, 0.0, stages=[5])
-    solver = problem.solver()
+    solver = Solver(problem)
     places = np.arange(12.0).reshape(6, 2)
     values = {"speed": 2.0, "place": places, "turn": [[0, 1, 2], [3, 4, 5]]}
     states = solver.solve([0.0, 0.0], values).plan.states
@@ -113,7 +113,7 @@ def test_wrong_values_of_parameters_are_refused(values, said):
     place = problem.parameter("place", 2, per_stage=True)
     problem.add_cost(casadi.sumsqr(problem.state - place))
     with pytest.raises(ValueError, match=said):
-        problem.solver().solve([0.0, 0.0], values)
+        Solver(problem).solve([0.0, 0.0], values)
 
 
 @pytest.mark.parametrize(
@@ -121,7 +121,7 @@ def test_wrong_values_of_parameters_are_refused(values, said):
 )
 def test_wrong_states_are_refused(state, said):
     with pytest.raises(ValueError, match=said):
-        least_effort(problem_of()).solver().solve(state)
+        Solver(least_effort(problem_of())).solve(state)
 
 
 def test_wrong_problems_are_refused():
@@ -138,16 +138,16 @@ def test_wrong_problems_are_refused():
     with pytest.raises(ValueError, match="a parameter `goal` already"):
         problem.parameter("goal")
     with pytest.raises(ValueError, match="at least one solver"):
-        problem.solver(())
+        Solver(problem, ())
     with pytest.raises(ValueError, match="no solver `ipotp`"):
-        problem.solver(("ipotp",))
+        Solver(problem, ("ipotp",))
     with pytest.raises(ValueError, match="a horizon of 0 steps"):
         problem_of(steps=0)
 
 
 def test_later_changes_of_a_problem_do_not_reach_its_solver():
     problem = least_effort(problem_of())
-    solver = problem.solver()
+    solver = Solver(problem)
     problem.parameter("goal")
     problem.bound_input(lower=1.0)
     assert solver.solve([0.0, 0.0]).plan.inputs == pytest.approx(0.0)

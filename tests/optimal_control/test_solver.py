@@ -14,7 +14,7 @@ casadi = pytest.importorskip("casadi", reason="CasADi is an extra")
 from symaware_cli.models.integrator import DoubleIntegrator, SingleIntegrator  # noqa: E402
 from symaware_cli.models.linear import Linear  # noqa: E402
 from symaware_cli.models.unicycle import Unicycle  # noqa: E402
-from symaware_cli.optimal_control import OptimalControlProblem  # noqa: E402
+from symaware_cli.optimal_control import OptimalControlProblem, Solver  # noqa: E402
 
 SEEDS = st.integers(0, 2**32 - 1)
 both = pytest.mark.parametrize("name", ["fatrop", "ipopt"])
@@ -64,7 +64,7 @@ def test_a_linear_quadratic_problem_has_the_solution_of_riccati(name, seed, step
     for _ in range(steps):
         gains.append(np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A))
         P = Q + A.T @ P @ (A - B @ gains[-1])
-    solution = problem.solver((name,), tolerance=1e-10).solve(state)
+    solution = Solver(problem, (name,), tolerance=1e-10).solve(state)
     assert solution.solved
     assert solution.status == "solved"
     assert solution.cost == pytest.approx(state @ P @ state, rel=1e-6, abs=1e-9)
@@ -80,7 +80,7 @@ def test_solvers_agree_on_convex_problems(seed):
     problem, _, state = regulator(seed, 8, max_input=0.3)
     problem.add_constraint(problem.state[0] + problem.state[1], -1.0, 1.0, penalty=20.0)
     problem.add_constraint(problem.control_input[0] - problem.previous_input[0], -0.2, 0.2)
-    first, second = (problem.solver((name,)).solve(state) for name in ("fatrop", "ipopt"))
+    first, second = (Solver(problem, (name,)).solve(state) for name in ("fatrop", "ipopt"))
     assert first.solved
     assert second.solved
     assert (first.solver, second.solver) == ("fatrop", "ipopt")
@@ -100,7 +100,7 @@ def detour(penalty=None, **options):
     problem.add_cost(casadi.sumsqr(x[:2] - goal) + 0.1 * casadi.sumsqr(u))
     problem.add_terminal_cost(10.0 * casadi.sumsqr(x[:2] - goal))
     problem.add_constraint(casadi.sumsqr(x[:2] - disc), lower=1.0, penalty=penalty)
-    return problem.solver(**options)
+    return Solver(problem, **options)
 
 
 DETOUR = detour()
@@ -276,7 +276,7 @@ def test_the_next_solver_is_tried_where_one_fails():
 def test_a_cost_that_is_not_a_number_is_a_failure(name, capfd):
     problem = OptimalControlProblem(SingleIntegrator(), steps=5, time_step=0.2)
     problem.add_cost(casadi.log(problem.state[0]) + casadi.sumsqr(problem.control_input))
-    solution = problem.solver((name,), iterations=20).solve([-1.0, 0.0])
+    solution = Solver(problem, (name,), iterations=20).solve([-1.0, 0.0])
     assert not solution.solved
     capfd.readouterr()
 
@@ -304,7 +304,7 @@ def test_scales_change_nothing_but_the_numbers_that_solvers_see():
     problem.add_cost(1e4 * (casadi.sumsqr(x[:2] - goal) + 0.1 * casadi.sumsqr(u)))
     problem.add_terminal_cost(1e5 * casadi.sumsqr(x[:2] - goal))
     problem.add_constraint(1e6 * casadi.sumsqr(x[:2] - disc), lower=1e6, scale=1e6)
-    scaled, plain = problem.solver(cost_scale=1e-4).solve(state, values), DETOUR.solve(state, values)
+    scaled, plain = Solver(problem, cost_scale=1e-4).solve(state, values), DETOUR.solve(state, values)
     assert scaled.cost == pytest.approx(1e4 * plain.cost, rel=1e-6)
     assert scaled.plan.inputs == pytest.approx(plain.plan.inputs, abs=1e-4)
 
@@ -313,7 +313,7 @@ def test_a_plan_shifts_and_tells_where_it_leads():
     problem = OptimalControlProblem(DoubleIntegrator(), steps=4, time_step=0.5)
     problem.add_cost(casadi.sumsqr(problem.control_input))
     problem.add_terminal_cost(casadi.sumsqr(problem.state[:2] - 1.0))
-    plan = problem.solver().solve([0.0, 0.0, 0.0, 0.0]).plan
+    plan = Solver(problem).solve([0.0, 0.0, 0.0, 0.0]).plan
     shifted = plan.shifted()
     assert np.array_equal(shifted.states[:4], plan.states[1:])
     assert np.array_equal(shifted.inputs, plan.inputs[[1, 2, 3, 3]])
@@ -331,6 +331,6 @@ def test_other_solvers_of_casadi_may_be_named():
     problem, _, state = regulator(7, 5)
     if not casadi.has_conic("osqp"):
         pytest.skip("CasADi has no OSQP here")
-    solution = problem.solver(("sqpmethod",), options=options).solve(state)
+    solution = Solver(problem, ("sqpmethod",), options=options).solve(state)
     assert solution.solved
-    assert solution.cost == pytest.approx(problem.solver().solve(state).cost, rel=1e-2)
+    assert solution.cost == pytest.approx(Solver(problem).solve(state).cost, rel=1e-2)

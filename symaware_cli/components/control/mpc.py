@@ -233,7 +233,7 @@ class ModelPredictiveControl(Component):
         key = (parameters.model_dump_json(), dynamics.step, dynamics.integrator, dynamics.substeps, room)
         if key not in same:
             problem = tracking_problem(dynamics, parameters.steps, parameters, room)
-            same[key] = problem.solver(parameters.solvers, iterations=parameters.iterations, barrier=_BARRIER)
+            same[key] = Solver(problem, parameters.solvers, iterations=parameters.iterations, barrier=_BARRIER)
         return same[key]
 
     def _shared_routes(self) -> Routes | None:

@@ -1,0 +1,94 @@
+"""From a file to its source: read it within bounds, and parse it as what its suffix says, YAML or TOML."""
+
+import os
+import stat
+from pathlib import Path as FilePath
+
+from symaware_cli.scenario.problem import ScenarioError, nearest, quoted
+from symaware_cli.scenario.source import MAX_BYTES, Source, decode
+
+
+def load(path: FilePath, name: str) -> Source:
+    """Reads a scenario file.
+
+    Args:
+        path: Where it is.
+        name: What to call it in messages.
+
+    Raises:
+        ScenarioError: The file cannot be read or understood; carries every problem found in it.
+    """
+    source = read(path, name)
+    if source.problems:
+        raise ScenarioError(source.problems)
+    return source
+
+
+def read(path: FilePath, name: str) -> Source:
+    """Reads a scenario file and leaves what is wrong with it in `problems`."""
+    source = _read_text(path, name)
+    if source.problems:
+        return source
+    # Reading one format does not cost the import of the other's parser.
+    if path.suffix.lower() == ".toml":
+        from symaware_cli.scenario.toml_source import parse_toml as parse
+    else:
+        from symaware_cli.scenario.yaml_source import parse_yaml as parse
+    parse(source)
+    _check_top(source)
+    return source
+
+
+def _read_text(path: FilePath, name: str) -> Source:
+    source, shown = Source(name, b""), quoted(name, 200)
+    try:
+        mode = os.stat(path).st_mode
+        if stat.S_ISDIR(mode):
+            source.report("not-a-file", f"{shown} is a folder", None, expected="a scenario file")
+            return source
+        if not stat.S_ISREG(mode):
+            # A pipe or a device could block or never end.
+            source.report("not-a-file", f"{shown} is not a regular file", None, expected="a scenario file")
+            return source
+        if path.suffix.lower() not in (".yaml", ".yml", ".toml"):
+            source.report("unknown-format", f"{shown} has an unknown suffix", None, expected=".yaml, .yml or .toml")
+            return source
+        with open(path, "rb") as file:
+            raw = file.read(MAX_BYTES + 1)
+    except FileNotFoundError:
+        suggestion = nearest_file(path)
+        source.report("missing-file", f"there is no file {shown}", None, suggestion=suggestion)
+        return source
+    except (OSError, ValueError) as error:
+        reason = (error.strerror if isinstance(error, OSError) else None) or str(error)
+        source.report("unreadable", f"{shown} cannot be read: {reason}", None)
+        return source
+    if len(raw) > MAX_BYTES:
+        source.report("too-large", f"{shown} is larger than 1 MiB, the most a scenario file may have", None)
+        return source
+    return decode(name, raw)
+
+
+def nearest_file(path: FilePath) -> str | None:
+    """Returns the name of the scenario file beside a missing one that was probably meant."""
+    try:
+        with os.scandir(path.parent) as entries:
+            names = sorted(entry.name for entry in entries if entry.name.endswith((".yaml", ".yml", ".toml")))
+    except (OSError, ValueError):
+        return None
+    return nearest(path.name, names)
+
+
+def _check_top(source: Source) -> None:
+    """Reports a document that is not a mapping, once it could be read at all."""
+    root = source.root
+    if root is None:
+        if not source.problems:
+            source.report("empty", "the file is empty", source.stretch(1, 1, 1, 2), expected="a scenario")
+    elif not isinstance(root.value, dict):
+        source.root = None
+        if source.problems:
+            return
+        kind = "a list" if isinstance(root.value, list) else "a single value"
+        message = f"the file holds {kind} instead of keys and values"
+        source.report("not-a-mapping", message, root.span, expected="keys and values at the top level")
