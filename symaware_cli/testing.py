@@ -22,11 +22,11 @@ from pathlib import Path
 import numpy as np
 
 from symaware_cli import processor
-from symaware_cli.core.model import Model
 from symaware_cli.models.conformity import faults_of
 from symaware_cli.recording.digest import Digest, digest
 from symaware_cli.recording.error import LogError
 from symaware_cli.recording.reader import Log, LogMessage, open_log
+from symaware_cli.world.model import Model
 
 __all__ = ["assert_conforming", "assert_repeatable"]
 

@@ -14,11 +14,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from symaware_cli.api.report import Report, number
 from symaware_cli.api.result import RunResult, result_of
-from symaware_cli.core.column import frozen, is_finite
 from symaware_cli.runtime.state.state import SimulationState, put, take
 from symaware_cli.scenario.execution import prepared
 from symaware_cli.scenario.problem import nearest
 from symaware_cli.version import __version__
+from symaware_cli.world.arrays import frozen, is_finite
 
 if TYPE_CHECKING:
     from symaware_cli.core import AgentGroup, Event, Quantity

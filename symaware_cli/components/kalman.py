@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core.integration import integrate
-from symaware_cli.core.model import Model
+from symaware_cli.world.integration import integrate
+from symaware_cli.world.model import Model
 
 Array = NDArray[np.float64]
 

@@ -14,7 +14,7 @@ from pydantic import Field
 from symaware_cli.components.kalman import Belief, corrected, predicted
 from symaware_cli.components.tracker import Tracker
 from symaware_cli.core import AgentGroup, GroupComponent, Model, Observation, Parameters, Quantity, Tracks
-from symaware_cli.core.time import nanoseconds
+from symaware_cli.world.time import nanoseconds
 
 Array = NDArray[np.float64]
 NotNegative = Annotated[float, Field(ge=0)]

@@ -1,9 +1,12 @@
-"""The vocabulary: time, awareness, knowledge, agent, component, entity, model, environment, message, event."""
+"""The vocabulary of plugins: agents, components, environments, messages, events, and what these are made of."""
 
+from symaware_cli.awareness.awareness import AwarenessVector, GroupAwareness, Observation
+from symaware_cli.awareness.database import AwarenessDatabase
+from symaware_cli.awareness.knowledge import KnowledgeDatabase
+from symaware_cli.awareness.part import PARTS, Part
+from symaware_cli.awareness.series import TimeSeries
+from symaware_cli.awareness.tracks import Tracks
 from symaware_cli.core.agent import Agent, AgentGroup, Surroundings
-from symaware_cli.core.awareness import AwarenessVector, GroupAwareness, Observation
-from symaware_cli.core.awareness_database import AwarenessDatabase
-from symaware_cli.core.chance import Turn, generator
 from symaware_cli.core.component import (
     CommunicationReceiver,
     CommunicationSender,
@@ -15,32 +18,30 @@ from symaware_cli.core.component import (
     RiskEstimator,
     UncertaintyEstimator,
 )
-from symaware_cli.core.entity import Entity, Obstacle
 from symaware_cli.core.entity_group import EntityGroup
 from symaware_cli.core.environment import Environment, EnvironmentParameters, WorldError
 from symaware_cli.core.event import Event, EventBus, Level, SubscriberError, Subscription
-from symaware_cli.core.knowledge import KnowledgeDatabase
 from symaware_cli.core.links import Links
 from symaware_cli.core.message import EVERYBODY, Delivery, Exchange, Message, MessageBatch
-from symaware_cli.core.model import Model, Quantity
-from symaware_cli.core.part import PARTS, Part
-from symaware_cli.core.plugin import Parameters, Plugin
-from symaware_cli.core.reading import Frame, Image, Measurement, Reading, Scan
-from symaware_cli.core.refusal import Attempts, RefusalError
-from symaware_cli.core.series import TimeSeries
-from symaware_cli.core.time import Clock, nanoseconds, seconds
-from symaware_cli.core.tracks import Tracks
-from symaware_cli.core.world import Contact, Roster, Snapshot
 from symaware_cli.geometry.path import Pose, ScriptedPath
 from symaware_cli.geometry.scenery import Scenery
 from symaware_cli.geometry.shape import Box, Circle, Cylinder, Mesh, Polygon, Shape, Urdf, Wall
+from symaware_cli.world.chance import Turn, generator
+from symaware_cli.world.contact import Contact
+from symaware_cli.world.entity import Entity, Obstacle
+from symaware_cli.world.model import Model, Quantity
+from symaware_cli.world.plugin import Parameters, Plugin
+from symaware_cli.world.reading import Frame, Image, Measurement, Reading, Scan
+from symaware_cli.world.roster import Roster
+from symaware_cli.world.snapshot import Snapshot
+from symaware_cli.world.time import Clock, nanoseconds, seconds
+from symaware_cli.world.unsupported import ErrorCollector, UnsupportedError
 
 __all__ = [
     "EVERYBODY",
     "PARTS",
     "Agent",
     "AgentGroup",
-    "Attempts",
     "AwarenessDatabase",
     "AwarenessVector",
     "Box",
@@ -57,6 +58,7 @@ __all__ = [
     "EntityGroup",
     "Environment",
     "EnvironmentParameters",
+    "ErrorCollector",
     "Event",
     "EventBus",
     "Exchange",
@@ -83,7 +85,6 @@ __all__ = [
     "Pose",
     "Quantity",
     "Reading",
-    "RefusalError",
     "RiskEstimator",
     "Roster",
     "Scan",
@@ -98,6 +99,7 @@ __all__ = [
     "Tracks",
     "Turn",
     "UncertaintyEstimator",
+    "UnsupportedError",
     "Urdf",
     "Wall",
     "WorldError",

@@ -9,20 +9,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from symaware_cli.core.awareness import GroupAwareness, SelfAwareness
-from symaware_cli.core.awareness_database import AwarenessDatabase
-from symaware_cli.core.column import Column
-from symaware_cli.core.entity import Entity
+from symaware_cli.awareness.awareness import GroupAwareness, SelfAwareness
+from symaware_cli.awareness.column import Column
+from symaware_cli.awareness.database import AwarenessDatabase
+from symaware_cli.awareness.knowledge import Changes, KnowledgeDatabase, KnownColumn
+from symaware_cli.awareness.part import STATE, Part
+from symaware_cli.awareness.tracks import Tracks
 from symaware_cli.core.entity_group import EntityGroup
 from symaware_cli.core.environment import Environment
 from symaware_cli.core.event import EventBus
-from symaware_cli.core.knowledge import Changes, KnowledgeDatabase, KnownColumn
 from symaware_cli.core.message import Exchange
-from symaware_cli.core.model import Model
-from symaware_cli.core.part import STATE, Part
-from symaware_cli.core.time import Clock
-from symaware_cli.core.tracks import Tracks
-from symaware_cli.core.world import Roster
+from symaware_cli.world.entity import Entity
+from symaware_cli.world.model import Model
+from symaware_cli.world.roster import Roster
+from symaware_cli.world.time import Clock
 
 Array = NDArray[np.float64]
 

@@ -10,20 +10,20 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from symaware_cli.awareness.database import AwarenessDatabase
+from symaware_cli.awareness.knowledge import KnowledgeDatabase
+from symaware_cli.awareness.part import Part
+from symaware_cli.awareness.series import TimeSeries
 from symaware_cli.core.agent import Agent, AgentGroup, Surroundings
-from symaware_cli.core.awareness_database import AwarenessDatabase
-from symaware_cli.core.chance import AgentChance, GroupChance, Turn
 from symaware_cli.core.event import Event, Level, Subscriber, Subscription
-from symaware_cli.core.knowledge import KnowledgeDatabase
 from symaware_cli.core.message import Delivery, Message
-from symaware_cli.core.model import Quantity
-from symaware_cli.core.part import Part
-from symaware_cli.core.plugin import Plugin
-from symaware_cli.core.real import real
-from symaware_cli.core.series import TimeSeries
-from symaware_cli.core.time import SECOND, nanoseconds
 from symaware_cli.core.waiting import AllOf, AnyOf, EventWait, MessageWait, Sleep, Wait
-from symaware_cli.core.world import Snapshot
+from symaware_cli.world.arrays import real
+from symaware_cli.world.chance import AgentChance, GroupChance, Turn
+from symaware_cli.world.model import Quantity
+from symaware_cli.world.plugin import Plugin
+from symaware_cli.world.snapshot import Snapshot
+from symaware_cli.world.time import SECOND, nanoseconds
 
 if TYPE_CHECKING:
     from symaware_cli.core.environment import Environment

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from symaware_cli.core.column import Column
-from symaware_cli.core.entity import Entity
-from symaware_cli.core.model import Model
-from symaware_cli.core.world import Roster
+from symaware_cli.awareness.column import Column
+from symaware_cli.world.entity import Entity
+from symaware_cli.world.model import Model
+from symaware_cli.world.roster import Roster
 
 Array = NDArray[np.float64]
 

@@ -11,18 +11,20 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, Field
 
-from symaware_cli.core.entity import Obstacle
 from symaware_cli.core.entity_group import EntityGroup
-from symaware_cli.core.plugin import Parameters, Plugin
-from symaware_cli.core.reading import Image
-from symaware_cli.core.refusal import Attempts, RefusalError
-from symaware_cli.core.time import nanoseconds, seconds
-from symaware_cli.core.world import Contact, Roster, Snapshot
 from symaware_cli.geometry.articulation import Articulation
 from symaware_cli.geometry.path import Pose
 from symaware_cli.geometry.proximity import Proximity
 from symaware_cli.geometry.rays import BodiesInPlane, rays_in_plane
 from symaware_cli.geometry.scenery import Scenery
+from symaware_cli.world.contact import Contact
+from symaware_cli.world.entity import Obstacle
+from symaware_cli.world.plugin import Parameters, Plugin
+from symaware_cli.world.reading import Image
+from symaware_cli.world.roster import Roster
+from symaware_cli.world.snapshot import Snapshot
+from symaware_cli.world.time import nanoseconds, seconds
+from symaware_cli.world.unsupported import ErrorCollector, UnsupportedError
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -34,7 +36,7 @@ class EnvironmentParameters(Parameters):
     time_step: float = Field(0.05, ge=1e-6, le=1e6, description="Simulated time between two steps [s].")
 
 
-class WorldError(RefusalError):
+class WorldError(UnsupportedError):
     """A world cannot do what a scenario asks of it; `path` is one of the scenario."""
 
     def __init__(self, message: str, *path: str | int) -> None:
@@ -98,15 +100,15 @@ class Environment(Plugin, ABC):
             raise ValueError(f"there is both a group and an entity of the name `{name}`")
         self.groups = tuple(sorted(groups, key=lambda group: group.name))
         self.obstacles = dict(sorted(obstacles.items()))
-        attempts = Attempts()
+        errors = ErrorCollector()
         for name, obstacle in self.obstacles.items():
-            with attempts.one():
+            with errors.catch():
                 if obstacle.is_tilted and "tilt" not in self.provides:
                     raise WorldError(
                         "this world has no third dimension to tilt anything in; `pybullet` has one",
                         *("environment", "entities", name, "roll" if obstacle.roll else "pitch"),
                     )
-        attempts.conclude()
+        errors.raise_first()
         self._scenery = Scenery(self.obstacles)
         self.proximity = Proximity()
         self._bodies_in_plane: BodiesInPlane | None = None

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core.awareness import AwarenessVector
+from symaware_cli.awareness.awareness import AwarenessVector
 from symaware_cli.core.links import Links
 
 Indices = NDArray[np.intp]

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 import pymunk
 from pydantic import Field, model_validator
 
-from symaware_cli.core import Attempts, Parameters, WorldError
+from symaware_cli.core import ErrorCollector, Parameters, WorldError
 
 _Coordinate = Annotated[float, Field(ge=-1e9, le=1e9)]
 _Point = tuple[_Coordinate, _Coordinate]
@@ -63,10 +63,10 @@ def joined(joints: Mapping[str, Joint], bodies: Mapping[str, pymunk.Body], world
     Raises:
         WorldError: There is no body of a name, or nothing that could move.
     """
-    made, attempts = [], Attempts()
+    made, errors = [], ErrorCollector()
     for name, joint in sorted(joints.items()):
         where = ("environment", "with", "joints", name)
-        with attempts.one():
+        with errors.catch():
             missing = [each for each in joint.between if each is not None and each not in bodies]
             if missing:
                 message = f"the joint `{name}` names `{missing[0]}`, and there is no such agent or entity"
@@ -79,7 +79,7 @@ def joined(joints: Mapping[str, Joint], bodies: Mapping[str, pymunk.Body], world
                 constraint.max_force = joint.max_force
             constraint.collide_bodies = joint.collide
             made.append(constraint)
-    attempts.conclude()
+    errors.raise_first()
     return made
 
 

@@ -10,19 +10,19 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from symaware_cli.core import (
-    Attempts,
     Contact,
     EntityGroup,
     EnvironmentParameters,
+    ErrorCollector,
     Model,
     Obstacle,
     WorldError,
 )
-from symaware_cli.core.integration import euler, rk4
 from symaware_cli.environments.columns import ColumnEnvironment
 from symaware_cli.environments.contact import ContactDetector
 from symaware_cli.environments.drive import check_time_step
 from symaware_cli.environments.noise import process_noise
+from symaware_cli.world.integration import euler, rk4
 
 Array = NDArray[np.float64]
 
@@ -56,9 +56,9 @@ class KinematicEnvironment(ColumnEnvironment):
                 step than that of the environment.
         """
         super().initialise(groups, obstacles, seed)
-        attempts = Attempts()
+        errors = ErrorCollector()
         for name, obstacle in self.obstacles.items():
-            with attempts.one():
+            with errors.catch():
                 if obstacle.velocity or obstacle.turn_rate:
                     raise WorldError(
                         "what moves at the start goes on by its mass, in worlds of forces only: `pymunk` and "
@@ -66,9 +66,9 @@ class KinematicEnvironment(ColumnEnvironment):
                         *("environment", "entities", name),
                     )
         for group in self.groups:
-            with attempts.one():
+            with errors.catch():
                 check_time_step(group, self.time_step)
-        attempts.conclude()
+        errors.raise_first()
         self._noises = [process_noise(group, self.parameters.time_step, seed) for group in self.groups]
         self._detector = ContactDetector(self.groups, self.scenery, self.proximity)
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.core import EntityGroup
-from symaware_cli.core.chance import GroupChance, Turn, agent_numbers
+from symaware_cli.world.chance import GroupChance, Turn, agent_numbers
 
 Array = NDArray[np.float64]
 

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from symaware_cli.core import (
-    Attempts,
     Contact,
     EntityGroup,
     EnvironmentParameters,
+    ErrorCollector,
     Obstacle,
     Pose,
     Scenery,
@@ -92,17 +92,17 @@ class PhysicsEnvironment(ColumnEnvironment):
         """
         super().initialise(groups, obstacles, seed)
         self.step_time = seconds(self.time_step) / self.parameters.substeps
-        attempts = Attempts()
+        errors = ErrorCollector()
         self._drives: list[Drive | None] = []
         for group in self.groups:
-            with attempts.one():
+            with errors.catch():
                 if len(group.model.position) > self.dimensions:
                     raise WorldError(
                         f"a model that moves in {len(group.model.position)} dimensions has no place in a plane",
                         *("agents", group.name, "model"),
                     )
                 self._drives.append(self._drive(group, seed))
-        attempts.conclude()
+        errors.raise_first()
         self._width = max((len(group.model.position) for group in self.groups), default=2)
         self._velocities: Array = np.zeros((len(self.roster), self._width))
         self._free = [name for name, obstacle in self.obstacles.items() if obstacle.is_free]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from symaware_cli.core import Attempts, Entity, EntityGroup, Image, Obstacle, Scenery, WorldError, seconds
+from symaware_cli.core import Entity, EntityGroup, ErrorCollector, Image, Obstacle, Scenery, WorldError, seconds
 from symaware_cli.environments import collision, sight
 from symaware_cli.environments.bullet import MOST_SHOWN, Client, engine, quiet
 from symaware_cli.environments.collision import Collisions
@@ -125,18 +125,18 @@ class PyBulletEnvironment(PhysicsEnvironment):
         self._heights = np.zeros(len(self._driven))
         self._planar = np.zeros(len(self._driven), bool)
         parts = {number: part for _, number, part in self._parts}
-        attempts = Attempts()
+        errors = ErrorCollector()
         for number, group in enumerate(self.groups):
-            with attempts.one():
+            with errors.catch():
                 if number in parts:
                     self._add_driven(group, self._states[number], parts[number])
                 else:
                     self._add_vehicles(group, number)
         first = len(self.roster)
         for index, (name, obstacle) in enumerate(self.obstacles.items()):
-            with attempts.one():
+            with errors.catch():
                 self._add_obstacle(first + index, name, obstacle)
-        attempts.conclude()
+        errors.raise_first()
         vehicles = {self.groups[number].name: vehicle for vehicle, number in self._vehicles}
         self._articulations = likenesses(self.groups, self.obstacles, vehicles, self.folder, parameters.height)
         self._drifts = bool(self._planar.any())

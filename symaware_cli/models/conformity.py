@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core.model import Model, columns
+from symaware_cli.world.model import Model, columns
 
 Array = NDArray[np.float64]
 

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core.model import columns
 from symaware_cli.models.noise import NoisyModel
+from symaware_cli.world.model import columns
 
 Array = NDArray[np.float64]
 

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from symaware_cli.core import Cylinder, Entity, Parameters, Quantity, Shape
-from symaware_cli.core.model import columns, rows
 from symaware_cli.environments.vehicle import Vehicle
 from symaware_cli.models.crazyflie import (
     INERTIA,
@@ -25,6 +24,7 @@ from symaware_cli.models.crazyflie import (
 from symaware_cli.models.noise import Deviation, NoisyModel
 from symaware_cli.models.quadrotor_vehicle import QuadrotorVehicle
 from symaware_cli.models.vector import Axes, Vector, added, body_axes, cross, dot, to_world, unit
+from symaware_cli.world.model import columns, rows
 
 Array = NDArray[np.float64]
 

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.core import WorldError
-from symaware_cli.core.model import columns
 from symaware_cli.environments.vehicle import Vehicle, place_body, read_bodies
 from symaware_cli.geometry.rotation import attitude, continued
 from symaware_cli.models import crazyflie
 from symaware_cli.models.vector import Vector, added, body_axes, dot, quaternion_axes, to_world
+from symaware_cli.world.model import columns
 
 Array = NDArray[np.float64]
 

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.core import Delivery
-from symaware_cli.core.chance import key_of, message_fractions
 from symaware_cli.core.message import Indices, Times
 from symaware_cli.network.channel.channel import NO_LINK, REASONS, Channel, Fates
 from symaware_cli.network.channel.impairment import Impairment
@@ -20,6 +19,7 @@ from symaware_cli.network.channel.link_states import LinkStates
 from symaware_cli.network.channel.parameters import ChannelParameters
 from symaware_cli.network.disturbance import Disturbance
 from symaware_cli.network.network import Network
+from symaware_cli.world.chance import key_of, message_fractions
 
 #: Stands among the reasons for what is not decided yet.
 WAITS = 255

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from symaware_cli.core import Model
-from symaware_cli.core.integration import euler, rk4
+from symaware_cli.world.integration import euler, rk4
 
 Array = NDArray[np.float64]
 Integrator = Literal["exact", "rk4", "euler"]

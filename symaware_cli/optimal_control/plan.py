@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.core import TimeSeries
-from symaware_cli.core.time import SECOND
 from symaware_cli.optimal_control.dynamics import Dynamics
+from symaware_cli.world.time import SECOND
 
 Array = NDArray[np.float64]
 

@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core.motion import motion_quantities
 from symaware_cli.recording import wire
 from symaware_cli.recording.series import Prediction, Series, place_of
+from symaware_cli.world.motion import motion_quantities
 
 Array = NDArray[np.float64]
 

@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from symaware_cli.awareness.column import Column, SeriesColumn
 from symaware_cli.core import AgentGroup, Environment
-from symaware_cli.core.column import Column, SeriesColumn
-from symaware_cli.core.motion import motion_quantities
 from symaware_cli.recording import symaware_v1_pb2 as v1
 from symaware_cli.recording import wire
 from symaware_cli.recording.fields import PART_MESSAGES, columns_metadata, part_metadata
@@ -20,6 +19,7 @@ from symaware_cli.recording.sensing import SensorChannels
 from symaware_cli.recording.shared import POSE, SHARED, shared_metadata
 from symaware_cli.recording.text import as_json
 from symaware_cli.recording.writer import LogWriter
+from symaware_cli.world.motion import motion_quantities
 
 
 class EntityChannels:

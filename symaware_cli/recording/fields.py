@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from itertools import zip_longest
 from typing import get_args
 
+from symaware_cli.awareness.part import Drawn
 from symaware_cli.core import PARTS, Part, Quantity
-from symaware_cli.core.part import Drawn
 from symaware_cli.recording.index import ChannelInfo
 
 PART_MESSAGES = {"vector": "Rows", "series": "SeriesRows"}

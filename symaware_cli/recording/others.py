@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.core import AgentGroup, AwarenessDatabase, Roster, Snapshot, Tracks
-from symaware_cli.core.time import SECOND
 from symaware_cli.recording import wire
 from symaware_cli.recording.rows import RecordedRows
 from symaware_cli.recording.writer import LogWriter
+from symaware_cli.world.time import SECOND
 
 #: No row changed, and nothing is to be said.
 _NOTHING = (0, b"")

@@ -6,7 +6,6 @@ from collections.abc import Callable, Coroutine, Sequence
 from typing import Any
 
 from symaware_cli.core import Component, GroupComponent, Level, SubscriberError
-from symaware_cli.core.chance import Turn
 from symaware_cli.core.waiting import Sleep, said
 from symaware_cli.runtime.awaiting import REAL_TIME, Awaiter, ForeignWaitError, Pending, Wakeups
 from symaware_cli.runtime.failure import describe
@@ -16,6 +15,7 @@ from symaware_cli.runtime.progress import Progress
 from symaware_cli.runtime.queue import Queue
 from symaware_cli.runtime.simulation import Simulation, Slot
 from symaware_cli.runtime.turn import computed_at, in_turn
+from symaware_cli.world.chance import Turn
 
 #: What a coroutine comes to when it is done.
 _DONE = object()

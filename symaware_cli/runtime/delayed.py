@@ -6,13 +6,13 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 from symaware_cli.core import Event, Level
-from symaware_cli.core.chance import Turn
 from symaware_cli.runtime.guard import FAILED, Guard
 from symaware_cli.runtime.progress import Progress
 from symaware_cli.runtime.queue import Phase, Queue
 from symaware_cli.runtime.simulation import Simulation, Slot
 from symaware_cli.runtime.turn import computed_at, in_turn
 from symaware_cli.runtime.workers import Computed, WorkerError, Workers
+from symaware_cli.world.chance import Turn
 
 #: A row, the turn that it is busy with, and what it computed then.
 Landing = tuple[int, Turn, Any]

@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.core import AgentGroup
-from symaware_cli.core.chance import GroupChance, agent_numbers
 from symaware_cli.network.disturbance import Disturbance
 from symaware_cli.runtime.simulation import Simulation, Slot
 from symaware_cli.runtime.timing import Duration, Trigger
 from symaware_cli.runtime.turn import Turns
+from symaware_cli.world.chance import GroupChance, agent_numbers
 
 if TYPE_CHECKING:
     # Whoever validates a scenario need not import what runs it.

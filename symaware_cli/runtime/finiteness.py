@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+from symaware_cli.awareness.column import Array
 from symaware_cli.core import AgentGroup
-from symaware_cli.core.column import FARTHEST, MOST, Array, said_of
+from symaware_cli.world.arrays import FARTHEST, MOST, said_of
 
 
 class FinitenessCheck:

@@ -6,8 +6,8 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from symaware_cli.awareness.column import Array
 from symaware_cli.core import AgentGroup, Component, GroupComponent, Level, SubscriberError
-from symaware_cli.core.column import Array
 from symaware_cli.runtime.failure import RunError, describe
 from symaware_cli.runtime.finiteness import FinitenessCheck
 from symaware_cli.runtime.interruption import Interrupted, Interruption

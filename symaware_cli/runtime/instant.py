@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from symaware_cli.awareness.column import Array, Column
 from symaware_cli.core import AgentGroup
-from symaware_cli.core.column import Array, Column
 from symaware_cli.runtime.expression import EvaluationError, Expression
 from symaware_cli.runtime.failure import RunError
 from symaware_cli.runtime.interruption import Interruption

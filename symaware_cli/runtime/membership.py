@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, ClassVar, NoReturn
 
 import numpy as np
 
+from symaware_cli.awareness.column import Array, Column, SeriesColumn
 from symaware_cli.core import AgentGroup, Event, Level, Model, TimeSeries
-from symaware_cli.core.column import Array, Column, SeriesColumn, is_finite
 from symaware_cli.runtime.expression import EvaluationError, Expression, Lookup
 from symaware_cli.runtime.failure import RunError, describe
 from symaware_cli.runtime.presence import Moment, Span
@@ -20,6 +20,7 @@ from symaware_cli.runtime.summary import Observer
 from symaware_cli.runtime.switchboard import Switchboard
 from symaware_cli.runtime.timing import Coast, Trigger
 from symaware_cli.runtime.trigger import concerned
+from symaware_cli.world.arrays import is_finite
 
 if TYPE_CHECKING:
     from symaware_cli.runtime.scheduler import TurnScheduler

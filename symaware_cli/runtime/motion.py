@@ -7,11 +7,12 @@ from typing import NoReturn
 
 import numpy as np
 
+from symaware_cli.awareness.column import Array
 from symaware_cli.core import AgentGroup, Event, Level
-from symaware_cli.core.column import FARTHEST, Array, is_within, said_of
 from symaware_cli.runtime.failure import RunError, describe
 from symaware_cli.runtime.interruption import Interrupted, Interruption
 from symaware_cli.runtime.simulation import Simulation
+from symaware_cli.world.arrays import FARTHEST, is_within, said_of
 
 
 class Motion:

@@ -8,9 +8,9 @@ from contextlib import contextmanager
 import numpy as np
 from numpy.typing import NDArray
 
+from symaware_cli.awareness.column import Column, SeriesColumn
 from symaware_cli.core import AgentGroup, Tracks
-from symaware_cli.core.column import Column, SeriesColumn
-from symaware_cli.core.time import SECOND
+from symaware_cli.world.time import SECOND
 
 
 @contextmanager

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from symaware_cli.awareness.column import Array
 from symaware_cli.core import AgentGroup, Level, SubscriberError
-from symaware_cli.core.column import Array
 from symaware_cli.recording.error import LogError
 from symaware_cli.runtime.attribution import attribute_livelock, attribute_subscriber_error
 from symaware_cli.runtime.awaiting import Awaiter

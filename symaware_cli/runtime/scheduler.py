@@ -8,7 +8,6 @@ from functools import partial
 from typing import Any
 
 from symaware_cli.core import Event, GroupComponent, Level, SubscriberError
-from symaware_cli.core.chance import key_of
 from symaware_cli.runtime.awaiting import Awaiter
 from symaware_cli.runtime.coroutine import CoroutineTurns, is_coroutine
 from symaware_cli.runtime.delayed import DelayedTurns
@@ -26,6 +25,7 @@ from symaware_cli.runtime.timing import Timetable
 from symaware_cli.runtime.trigger import concerned
 from symaware_cli.runtime.turn import in_turn
 from symaware_cli.runtime.workers import Workers
+from symaware_cli.world.chance import key_of
 
 
 class TurnScheduler:

@@ -20,7 +20,6 @@ from symaware_cli.core import (
     SubscriberError,
     Surroundings,
 )
-from symaware_cli.core.chance import Turn
 from symaware_cli.core.event import RECURRING
 from symaware_cli.network.exchange import MemoryExchange
 from symaware_cli.network.network import Change, Network, TopologyPhase
@@ -29,6 +28,7 @@ from symaware_cli.runtime.failure import RunError, describe
 from symaware_cli.runtime.interruption import Interrupted
 from symaware_cli.runtime.timing import STEADY, Timing
 from symaware_cli.runtime.turn import in_turn
+from symaware_cli.world.chance import Turn
 
 #: The links that began or ended are named in the event if they are no more than this.
 _MOST_LINKS_NAMED = 40

@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 
 from symaware_cli.core import AgentGroup, GroupComponent
-from symaware_cli.core.chance import Turn, fraction
 from symaware_cli.runtime.restraint import restrained
 from symaware_cli.runtime.simulation import Simulation, Slot
 from symaware_cli.runtime.timing import Duration
+from symaware_cli.world.chance import Turn, fraction
 
 _NONE = nullcontext()
 

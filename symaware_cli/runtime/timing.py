@@ -9,8 +9,8 @@ from typing import Literal
 import numpy as np
 
 from symaware_cli.core import nanoseconds
-from symaware_cli.core.chance import uniform
 from symaware_cli.runtime.expression import Expression
+from symaware_cli.world.chance import uniform
 
 Overrun = Literal["skip", "queue", "fail"]
 OnFailure = Literal["stop", "isolate", "restart"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from contextlib import AbstractContextManager
 
 from symaware_cli.core import Component, GroupComponent
-from symaware_cli.core.chance import Turn
+from symaware_cli.world.chance import Turn
 
 
 class Turns:

@@ -22,6 +22,7 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
+from symaware_cli.awareness.column import Column, SeriesColumn
 from symaware_cli.core import (
     AgentGroup,
     Clock,
@@ -33,11 +34,10 @@ from symaware_cli.core import (
     Subscription,
     Surroundings,
 )
-from symaware_cli.core.chance import Turn
-from symaware_cli.core.column import Column, SeriesColumn
 from symaware_cli.core.event import RECURRING
 from symaware_cli.runtime.failure import describe
 from symaware_cli.runtime.turn import in_turn
+from symaware_cli.world.chance import Turn
 
 #: What tells the kernel to end a process with the one that started it (Linux).
 _PR_SET_PDEATHSIG = 1

@@ -13,9 +13,9 @@ from typing import Any, BinaryIO, ClassVar
 
 from symaware_cli import processor
 from symaware_cli.core import AgentGroup, Component, Environment, GroupComponent, Plugin
-from symaware_cli.core.chance import Turn
 from symaware_cli.runtime.simulation import Simulation, Slot
 from symaware_cli.runtime.worker import Codec, Part, State, group_data, read, write
+from symaware_cli.world.chance import Turn
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,13 +6,13 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
 from symaware_cli.core import GroupComponent, Plugin
-from symaware_cli.core.column import FARTHEST
 from symaware_cli.runtime.failure import describe
 from symaware_cli.scenario.catalogue import Catalogue, PluginError, place_of
 from symaware_cli.scenario.check import check
 from symaware_cli.scenario.compose import Composition
 from symaware_cli.scenario.problem import Problem, dotted, quoted
 from symaware_cli.scenario.source import Path
+from symaware_cli.world.arrays import FARTHEST
 
 
 class Workshop:

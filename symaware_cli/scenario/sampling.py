@@ -16,14 +16,14 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from symaware_cli.core import Model
-from symaware_cli.core.chance import GroupChance, agent_numbers
-from symaware_cli.core.column import FARTHEST, is_within
 from symaware_cli.geometry.shape import LARGEST, Length, Number
 from symaware_cli.scenario.check import a_number, check, said_of
 from symaware_cli.scenario.compose import Composition
 from symaware_cli.scenario.document import Section
 from symaware_cli.scenario.problem import Problem, dotted, nearest, quoted
 from symaware_cli.scenario.source import Path
+from symaware_cli.world.arrays import FARTHEST, is_within
+from symaware_cli.world.chance import GroupChance, agent_numbers
 
 Array = NDArray[np.float64]
 Plane = Annotated[list[Number], Field(min_length=2, max_length=3)]

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from symaware_cli.core import AgentGroup, Environment, Links, RefusalError, Roster, nanoseconds
+from symaware_cli.core import AgentGroup, Environment, Links, Roster, UnsupportedError, nanoseconds
 from symaware_cli.network.channel.parameters import ChannelParameters
 from symaware_cli.network.network import ChannelOverride, Network, TopologyPhase, links_of
 from symaware_cli.network.topology.topology import Topology, TopologyError
@@ -130,7 +130,7 @@ class NetworkBuilder:
     def _blame(self, phase: TopologyPhase, path: Path, error: BaseException) -> None:
         self._report("broken-plugin", f"{quoted(phase.use)} cannot lay its links: {words(error)}", (*path, "use"))
 
-    def _explain(self, error: RefusalError, path: Path) -> None:
+    def _explain(self, error: UnsupportedError, path: Path) -> None:
         listed = ", ".join(error.names[:6]) + (", ..." if len(error.names) > 6 else "")
         self._report(
             "unknown-target" if error.name is not None else "invalid-value",

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
+from symaware_cli.awareness.part import Drawn
 from symaware_cli.core import Part, Shape
-from symaware_cli.core.part import Drawn
 from symaware_cli.geometry.footprint import footprint
 from symaware_cli.geometry.rotation import about, attitude, attitude_columns, rotated
 from symaware_cli.recording.error import LogError

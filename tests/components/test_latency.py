@@ -14,7 +14,6 @@ from simulating import STEP, Team, execute, simulation
 from symaware_cli import Entity, Environment, GroupComponent, Model
 from symaware_cli.components.perception import OmniscientPerception
 from symaware_cli.core import Agent, AgentGroup, Parameters, Snapshot, Subscription, Surroundings, Tracks
-from symaware_cli.core.chance import AgentChance, GroupChance
 from symaware_cli.environments.kinematic import KinematicEnvironment
 from symaware_cli.models.bicycle import Bicycle
 from symaware_cli.models.integrator import SingleIntegrator
@@ -22,6 +21,7 @@ from symaware_cli.models.quadrotor import Quadrotor
 from symaware_cli.models.unicycle import Unicycle
 from symaware_cli.runtime.timing import STEADY, Duration, Timing
 from symaware_cli.scenario.catalogue import Catalogue
+from symaware_cli.world.chance import AgentChance, GroupChance
 
 #: Steps between two turns, and what their latency is; less, so that no turn is put off.
 PERIOD, LATENCY, STEPS = 4, 2, 26

@@ -23,11 +23,11 @@ from symaware_cli import (
     open_log,
 )
 from symaware_cli.core import AgentGroup, Scenery, Snapshot
-from symaware_cli.core.world import Roster
 from symaware_cli.environments.contact import ContactDetector
 from symaware_cli.geometry.proximity import Proximity
 from symaware_cli.models.integrator import SingleIntegrator
 from symaware_cli.models.unicycle import Unicycle
+from symaware_cli.world.roster import Roster
 
 DISC = Shape(circle=Circle(radius=0.5))
 BOX = Shape(box=Box(length=2.0, width=0.5))

@@ -6,7 +6,6 @@ from scipy import stats
 from simulating import Team, simulate
 
 from symaware_cli.core import AgentGroup, Entity, GroupComponent, WorldError
-from symaware_cli.core.integration import euler, rk4
 from symaware_cli.environments.kinematic import KinematicEnvironment
 from symaware_cli.environments.noise import cholesky
 from symaware_cli.models.aircraft import DubinsAircraft
@@ -14,6 +13,7 @@ from symaware_cli.models.integrator import DoubleIntegrator, SingleIntegrator
 from symaware_cli.models.linear import Linear
 from symaware_cli.models.unicycle import Unicycle
 from symaware_cli.recording.reader import open_log
+from symaware_cli.world.integration import euler, rk4
 
 
 def made(kind, **parameters):

@@ -8,11 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from specimens import SPECIMENS, VEHICLES, made, numbers, states_and_inputs, step_of
 
-from symaware_cli.core.integration import derivative, euler, rk4
 from symaware_cli.models.aircraft import DubinsAircraft
 from symaware_cli.models.bicycle import Bicycle
 from symaware_cli.models.integrator import DoubleIntegrator, SingleIntegrator
 from symaware_cli.models.unicycle import Unicycle
+from symaware_cli.world.integration import derivative, euler, rk4
 
 EVERYTHING = SPECIMENS | VEHICLES
 every_model = pytest.mark.parametrize("model", EVERYTHING.values(), ids=EVERYTHING)

@@ -5,11 +5,11 @@ import pytest
 from scipy.integrate import solve_ivp
 from specimens import made
 
-from symaware_cli.core.integration import euler, rk4
 from symaware_cli.models.aircraft import DubinsAircraft
 from symaware_cli.models.bicycle import Bicycle
 from symaware_cli.models.heading import sinc
 from symaware_cli.models.unicycle import Unicycle
+from symaware_cli.world.integration import euler, rk4
 
 AIRCRAFT = {"min_speed": 6.0, "max_speed": 9.0, "max_turn_rate": 0.1}
 # The equations of motion, written here once more and for one vehicle.

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from specimens import made
 
-from symaware_cli.core.integration import euler, rk4
 from symaware_cli.models.integrator import DoubleIntegrator, SingleIntegrator
+from symaware_cli.world.integration import euler, rk4
 
 
 def test_a_point_goes_where_its_velocity_takes_it():

@@ -10,12 +10,12 @@ from simulating import STEP, Team, execute, simulation
 
 from symaware_cli import Component, GroupComponent
 from symaware_cli.components.perception_range import RangePerception
-from symaware_cli.core.chance import Turn
 from symaware_cli.models.integrator import SingleIntegrator
 from symaware_cli.runtime.faults import Agents, Blind, Components, Error, Fault, Slow, Stop
 from symaware_cli.runtime.terms import Terms
 from symaware_cli.runtime.timing import Duration, Timing, Trigger
 from symaware_cli.scenario.build import build
+from symaware_cli.world.chance import Turn
 
 MILLISECOND = 1_000_000
 STEPS = 12

@@ -12,8 +12,8 @@ from pydantic import Field, model_validator
 
 from symaware_cli.components.communication.running_sums import Flows, History
 from symaware_cli.core import AgentGroup, Delivery, GroupCommunicationReceiver, Level, MessageBatch, Parameters
-from symaware_cli.core.column import is_finite
 from symaware_cli.core.message import Indices
+from symaware_cli.world.arrays import is_finite
 
 Array = NDArray[np.float64]
 

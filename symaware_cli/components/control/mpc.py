@@ -27,8 +27,8 @@ from symaware_cli.core import (
     Quantity,
     TimeSeries,
 )
-from symaware_cli.core.time import SECOND
 from symaware_cli.optimal_control import Decision, Dynamics, Plan, Solver
+from symaware_cli.world.time import SECOND
 
 Array = NDArray[np.float64]
 

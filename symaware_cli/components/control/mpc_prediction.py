@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from symaware_cli.components.control.mpc_problem import Sizes
 from symaware_cli.core import Agent, Environment, Scenery
-from symaware_cli.core.time import SECOND
 from symaware_cli.geometry.pieces import Pieces, separation_from_points
+from symaware_cli.world.time import SECOND
 
 Array = NDArray[np.float64]
 Times = NDArray[np.int64]

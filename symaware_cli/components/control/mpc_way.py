@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from symaware_cli.components.control.mpc_problem import Tracking, weights_of
 from symaware_cli.components.control.mpc_route import Route, Routes
 from symaware_cli.core import Model
-from symaware_cli.core.real import real
+from symaware_cli.world.arrays import real
 
 Array = NDArray[np.float64]
 

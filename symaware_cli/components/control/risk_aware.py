@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from symaware_cli.core import AgentGroup, GroupComponent, Parameters
-from symaware_cli.core.time import SECOND
+from symaware_cli.world.time import SECOND
 
 Array = NDArray[np.float64]
 

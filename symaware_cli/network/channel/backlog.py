@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core.chance import Array
 from symaware_cli.core.message import Indices, Times
+from symaware_cli.world.chance import Array
 
 
 class Backlog:

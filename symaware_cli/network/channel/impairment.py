@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core.chance import Array
 from symaware_cli.core.message import Indices, Times
+from symaware_cli.world.chance import Array
 
 
 class Impairment(NamedTuple):

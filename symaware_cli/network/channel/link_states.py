@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core.chance import Numbers, agent_numbers, combined, key_of
 from symaware_cli.core.message import Indices
 from symaware_cli.network.channel.backlog import Backlog, Recent
+from symaware_cli.world.chance import Numbers, agent_numbers, combined, key_of
 
 #: Later than any run ends, and early enough for sums of it not to overflow, in nanoseconds.
 FOREVER = 3 * 10**18

@@ -9,10 +9,10 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BeforeValidator, Field
 
-from symaware_cli.core import Attempts, Environment, Links
-from symaware_cli.core.chance import Numbers, combined, key_of, uniform
+from symaware_cli.core import Environment, ErrorCollector, Links
 from symaware_cli.core.message import Indices
 from symaware_cli.network.topology.topology import Topology, TopologyError, TopologyParameters
+from symaware_cli.world.chance import Numbers, combined, key_of, uniform
 
 Id = Annotated[str, Field(min_length=1, max_length=200)]
 
@@ -162,19 +162,19 @@ class Graph(FixedTopology):
         """The links of every pair."""
         senders: list[int] = []
         receivers: list[int] = []
-        attempts = Attempts()
+        errors = ErrorCollector()
         for number, (one, other) in enumerate(self.parameters.edges):
             ends: list[list[int]] = []
-            with attempts.one():
+            with errors.catch():
                 if one == other and one in self.roster:
                     raise TopologyError(f"`{one}` cannot be linked with itself", "edges", number)
             for place, end in enumerate((one, other)):
-                with attempts.one():
+                with errors.catch():
                     ends.append(self.find_members(end, "edges", number, place))
             if len(ends) == 2:
                 senders += [each for each in ends[0] for _ in ends[1]]
                 receivers += [each for _ in ends[0] for each in ends[1]]
-        attempts.conclude()
+        errors.raise_first()
         both_ways = not self.parameters.directed
         return Links.of(len(self.roster), np.array(senders), np.array(receivers), both_ways=both_ways)
 

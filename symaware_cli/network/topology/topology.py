@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, Field
 
-from symaware_cli.core import Environment, Links, Parameters, Plugin, RefusalError, Roster
+from symaware_cli.core import Environment, Links, Parameters, Plugin, Roster, UnsupportedError
 
 Indices = NDArray[np.intp]
 
 
-class TopologyError(RefusalError):
+class TopologyError(UnsupportedError):
     """A topology cannot be as its parameters want it; `path` is one of these, such as ``("edges", 3)``."""
 
 

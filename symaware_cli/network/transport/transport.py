@@ -9,7 +9,7 @@ from typing import ClassVar, Literal, NamedTuple, Self
 
 from pydantic import BaseModel, Field
 
-from symaware_cli.core.plugin import Parameters, Plugin
+from symaware_cli.world.plugin import Parameters, Plugin
 
 #: What has become of a frame that was not taken.
 Rejection = Literal["garbage", "oversized", "unauthenticated", "replayed", "crowded"]

@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from symaware_cli.awareness.column import Array, Column
 from symaware_cli.core import AgentGroup, Delivery, Level
-from symaware_cli.core.column import Array, Column
 from symaware_cli.core.message import Indices
 from symaware_cli.network.transport.codec import decode
 from symaware_cli.network.transport.frame import (

@@ -10,8 +10,8 @@ from dataclasses import is_dataclass
 from functools import cache
 from typing import Any, NamedTuple
 
+from symaware_cli.awareness.readonly import KnownVector
 from symaware_cli.core import AwarenessVector, Scenery, Snapshot, TimeSeries, Tracks
-from symaware_cli.core.readonly import KnownVector
 
 _NO_ATTRIBUTES: Mapping[str, Any] = types.MappingProxyType({})
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Self
 
-from symaware_cli.core.column import SeriesColumn
+from symaware_cli.awareness.column import SeriesColumn
 from symaware_cli.core.state import StateError
 from symaware_cli.runtime.state.counterparts import Counterparts
 from symaware_cli.runtime.state.layout import layout

@@ -26,10 +26,10 @@ from google.protobuf.timestamp_pb2 import Timestamp
 from numpy.typing import NDArray
 
 from symaware_cli.core import Shape
-from symaware_cli.core.time import SECOND
 from symaware_cli.viewing.cast import Prop, Troupe
 from symaware_cli.viewing.foxglove.output import Output
 from symaware_cli.viewing.outline import circle, mesh, outlines
+from symaware_cli.world.time import SECOND
 
 Array = NDArray[np.float64]
 

@@ -8,18 +8,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from symaware_cli.core.awareness import AwarenessVector, GroupAwareness, SelfAwareness
-from symaware_cli.core.column import frozen
-from symaware_cli.core.held import HeldBeliefs, Said
-from symaware_cli.core.motion import motion_quantities
-from symaware_cli.core.part import PARTS
-from symaware_cli.core.series import TimeSeries
-from symaware_cli.core.time import SECOND
-from symaware_cli.core.tracks import Tracks
-from symaware_cli.core.world import StatesById
+from symaware_cli.awareness.awareness import AwarenessVector, GroupAwareness, SelfAwareness
+from symaware_cli.awareness.own_beliefs import OwnBeliefs, Said
+from symaware_cli.awareness.part import PARTS
+from symaware_cli.awareness.series import TimeSeries
+from symaware_cli.awareness.tracks import Tracks
+from symaware_cli.world.arrays import frozen
+from symaware_cli.world.motion import motion_quantities
+from symaware_cli.world.snapshot import StatesById
+from symaware_cli.world.time import SECOND
 
 if TYPE_CHECKING:
-    from symaware_cli.core.world import Snapshot
+    from symaware_cli.world.snapshot import Snapshot
 
 Array = NDArray[np.float64]
 
@@ -117,8 +117,8 @@ class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
         self._awareness = awareness
         self._row = row
         self._world: Snapshot | None = None
-        self.others = HeldBeliefs()
-        self.told = HeldBeliefs()
+        self.others = OwnBeliefs()
+        self.told = OwnBeliefs()
         #: The states that were looked up since something changed, or those that all agents share.
         self._states: dict[str, Array] = {}
         self._keeps = True
@@ -252,12 +252,12 @@ class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
         return int(tracks.pointers[self._row]) + place  # type: ignore[union-attr]
 
     @property
-    def held(self) -> tuple[HeldBeliefs, Snapshot | None, HeldBeliefs]:
+    def held(self) -> tuple[OwnBeliefs, Snapshot | None, OwnBeliefs]:
         """All that this agent holds by itself, for another process."""
         return self.others, self._world, self.told
 
     @held.setter
-    def held(self, held: tuple[HeldBeliefs, Snapshot | None, HeldBeliefs]) -> None:
+    def held(self, held: tuple[OwnBeliefs, Snapshot | None, OwnBeliefs]) -> None:
         self.others, self._world, self.told = held
         self._version = None
 

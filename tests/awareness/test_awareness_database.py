@@ -7,8 +7,8 @@ import pytest
 from simulating import Team, execute, simulation
 
 from symaware_cli import AwarenessVector, Component, PerceptionSystem, TimeSeries
+from symaware_cli.awareness.tracks import Tracks
 from symaware_cli.components.perception import OmniscientPerception, SelfPerception
-from symaware_cli.core.tracks import Tracks
 from symaware_cli.models.integrator import DoubleIntegrator
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core.model import Quantity
+from symaware_cli.world.model import Quantity
 
 Array = NDArray[np.float64]
 

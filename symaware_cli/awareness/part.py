@@ -8,8 +8,8 @@ from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 
-from symaware_cli.core.column import Column, SeriesColumn
-from symaware_cli.core.model import Quantity
+from symaware_cli.awareness.column import Column, SeriesColumn
+from symaware_cli.world.model import Quantity
 
 Kind = Literal["vector", "series"]
 Merge = Literal["latest", "seen-first"]

@@ -8,14 +8,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from symaware_cli.core.column import frozen
-from symaware_cli.core.motion import as_motion
-from symaware_cli.core.part import Part
-from symaware_cli.core.tracks import Tracks
+from symaware_cli.awareness.part import Part
+from symaware_cli.awareness.tracks import Tracks
+from symaware_cli.world.arrays import frozen
+from symaware_cli.world.motion import as_motion
 
 if TYPE_CHECKING:
-    from symaware_cli.core.time import Clock
-    from symaware_cli.core.world import Roster, Snapshot
+    from symaware_cli.world.roster import Roster
+    from symaware_cli.world.snapshot import Snapshot
+    from symaware_cli.world.time import Clock
 
 Array = NDArray[np.float64]
 

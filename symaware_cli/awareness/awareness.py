@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from symaware_cli.core.column import Column, SeriesColumn, frozen
-from symaware_cli.core.others import SharedBeliefs
-from symaware_cli.core.part import PARTS, Part, PartColumn
-from symaware_cli.core.reading import Reading
-from symaware_cli.core.series import TimeSeries
-from symaware_cli.core.tracks import Tracks
+from symaware_cli.awareness.column import Column, SeriesColumn
+from symaware_cli.awareness.part import PARTS, Part, PartColumn
+from symaware_cli.awareness.series import TimeSeries
+from symaware_cli.awareness.shared_beliefs import SharedBeliefs
+from symaware_cli.awareness.tracks import Tracks
+from symaware_cli.world.arrays import frozen
+from symaware_cli.world.reading import Reading
 
 Array = NDArray[np.float64]
 

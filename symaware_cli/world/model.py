@@ -9,8 +9,8 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core.entity import Entity
-from symaware_cli.core.plugin import Plugin
+from symaware_cli.world.entity import Entity
+from symaware_cli.world.plugin import Plugin
 
 Array = NDArray[np.float64]
 

@@ -6,7 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from symaware_cli import TimeSeries
-from symaware_cli.core.column import Column, SeriesColumn, is_finite
+from symaware_cli.awareness.column import Column, SeriesColumn
+from symaware_cli.world.arrays import is_finite
 
 operations = st.lists(
     st.one_of(

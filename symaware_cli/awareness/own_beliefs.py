@@ -8,9 +8,9 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core.awareness import AwarenessVector
-from symaware_cli.core.others import Version
-from symaware_cli.core.series import TimeSeries
+from symaware_cli.awareness.awareness import AwarenessVector
+from symaware_cli.awareness.series import TimeSeries
+from symaware_cli.awareness.shared_beliefs import Version
 
 Array = NDArray[np.float64]
 
@@ -20,7 +20,7 @@ Said: TypeAlias = "Array | TimeSeries"
 _NOTHING = TimeSeries()
 
 
-class HeldBeliefs(Mapping[str, AwarenessVector]):
+class OwnBeliefs(Mapping[str, AwarenessVector]):
     """Awareness of others in sparse columns: motions, when they were written, and what is said of other parts.
 
     As a mapping it goes from ids to values of what is held. A table that was handed over whole is shared until a row of

@@ -5,9 +5,9 @@ import pickle
 import numpy as np
 import pytest
 
+from symaware_cli.awareness.awareness import SelfAwareness
+from symaware_cli.awareness.readonly import readonly
 from symaware_cli.core import PARTS, AwarenessDatabase, AwarenessVector, GroupAwareness, Part, Quantity, TimeSeries
-from symaware_cli.core.awareness import SelfAwareness
-from symaware_cli.core.readonly import readonly
 
 SHARES = Part("attention", "vector", [Quantity("ahead", "1"), Quantity("behind", "1")], drawn="bars")
 MODES = Part("modes", "series")

@@ -8,9 +8,8 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core.column import frozen
-from symaware_cli.core.readonly import readonly
-from symaware_cli.core.real import real
+from symaware_cli.awareness.readonly import readonly
+from symaware_cli.world.arrays import frozen, real
 
 Array = NDArray[np.float64]
 

@@ -1,4 +1,4 @@
-"""Refusals: a plugin says that it cannot do what a scenario asks of it, and where in the scenario that is asked."""
+"""What a plugin raises if it does not support what a scenario asks of it, and where in the scenario that is asked."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 
-class RefusalError(ValueError):
+class UnsupportedError(ValueError):
     """A plugin cannot do what a scenario asks of it.
 
     Attributes:
@@ -22,28 +22,28 @@ class RefusalError(ValueError):
         self.path = path
         self.name = name
         self.names = names
-        self.others: Sequence[RefusalError] = ()
+        self.others: Sequence[UnsupportedError] = ()
 
 
-class Attempts:
-    """Tries all that a scenario asks of a plugin, so that an author learns at once of everything that cannot be."""
+class ErrorCollector:
+    """Collects errors, so that an author learns at once of everything in a scenario that a plugin does not support."""
 
     def __init__(self) -> None:
-        self._failed: list[RefusalError] = []
+        self._failed: list[UnsupportedError] = []
 
     @contextmanager
-    def one(self) -> Iterator[None]:
-        """Try one of them; where it fails, the next one follows."""
+    def catch(self) -> Iterator[None]:
+        """Keep an error that is raised within, and go on."""
         try:
             yield
-        except RefusalError as error:
+        except UnsupportedError as error:
             self._failed.append(error)
 
-    def conclude(self) -> None:
-        """End with the first that failed, which knows of the others.
+    def raise_first(self) -> None:
+        """Raise the first error, if there is one; it knows of the others.
 
         Raises:
-            RefusalError: One failed.
+            UnsupportedError: There was an error.
         """
         if self._failed:
             first, *rest = self._failed

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from symaware_cli.core.chance import (
+from symaware_cli.world.chance import (
     AgentChance,
     GroupChance,
     Turn,
@@ -81,7 +81,7 @@ def test_what_is_drawn_stays_the_same_from_version_to_version():
 
 def test_another_process_with_other_hashes_draws_the_same():
     code = (
-        "from symaware_cli.core.chance import *; g = GroupChance(7, 'component sense', agent_numbers(['a', 'b']));"
+        "from symaware_cli.world.chance import *; g = GroupChance(7, 'component sense', agent_numbers(['a', 'b']));"
         "print(g.at(Turn(5)).uniform(2).tolist(), AgentChance(7, 'a').at(Turn(5)).random())"
     )
     drawn = [

@@ -10,7 +10,7 @@ from typing import Any, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core.awareness import AwarenessVector
+from symaware_cli.awareness.awareness import AwarenessVector
 
 #: So deep may lists and mappings stand in each other.
 _DEPTH = 100

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from symaware_cli.core.model import Model, Quantity
-from symaware_cli.core.real import real
+from symaware_cli.world.arrays import real
+from symaware_cli.world.model import Model, Quantity
 
 Array = NDArray[np.float64]
 

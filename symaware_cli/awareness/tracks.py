@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core.column import frozen
-from symaware_cli.core.time import SECOND
+from symaware_cli.world.arrays import frozen
+from symaware_cli.world.time import SECOND
 
 if TYPE_CHECKING:
-    from symaware_cli.core.world import Snapshot
+    from symaware_cli.world.snapshot import Snapshot
 
 Array = NDArray[np.float64]
 

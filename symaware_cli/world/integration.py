@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core.model import Model, columns, rows
+from symaware_cli.world.model import Model, columns, rows
 
 Array = NDArray[np.float64]
 

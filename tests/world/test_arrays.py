@@ -8,8 +8,8 @@ import pytest
 from simulating import Team
 
 from symaware_cli import AwarenessVector, TimeSeries
-from symaware_cli.core.column import Column, SeriesColumn
-from symaware_cli.core.real import real
+from symaware_cli.awareness.column import Column, SeriesColumn
+from symaware_cli.world.arrays import real
 
 STRANGE = {
     "complex": np.array([1.0, 1j]),

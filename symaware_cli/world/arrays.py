@@ -1,0 +1,82 @@
+"""Arrays of real numbers: what may stand in them, what must be refused, and arrays that nobody can change."""
+
+from __future__ import annotations
+
+import math
+from numbers import Real
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+#: No element of a state goes farther: there, numbers of double precision are 0.1 apart, and differences mean nothing.
+FARTHEST = 1e15
+#: The greatest finite number.
+MOST = float(np.finfo(float).max)
+
+_REFUSED = {
+    "c": "complex numbers, whose imaginary part would be lost",
+    "U": "text",
+    "S": "bytes",
+    "M": "dates",
+    "m": "durations",
+}
+
+
+def real(values: ArrayLike) -> NDArray[np.float64]:
+    """Return values as an array of floating-point numbers, which is the same one if it is that already.
+
+    Raises:
+        TypeError: They are not real numbers.
+        ValueError: They are nested lists of different lengths.
+    """
+    array: NDArray[Any] = np.asarray(values)
+    kind = array.dtype.kind
+    if kind == "f" and array.dtype == np.float64:
+        return array
+    if kind == "O":
+        strange = next((each for each in array.flat if not isinstance(each, Real)), 0.0)
+        if not isinstance(strange, Real):
+            raise TypeError(f"expected real numbers, not {'None' if strange is None else type(strange).__name__}")
+    elif kind not in "fiub":
+        raise TypeError(f"expected real numbers, not {_REFUSED.get(kind, array.dtype)}")
+    return array.astype(np.float64)
+
+
+def frozen(values: ArrayLike) -> Array:
+    """Return the values as an array nobody can write to; copied unless it is one already.
+
+    It is laid out row by row, because some of NumPy's functions give other last bits for other layouts.
+
+    Raises:
+        TypeError: They are not real numbers.
+    """
+    if isinstance(values, np.ndarray) and values.base is None and values.dtype == float:
+        flags = values.flags
+        if flags.c_contiguous and not flags.writeable:
+            return values
+    array = np.array(real(values), order="C")
+    array.flags.writeable = False
+    return array
+
+
+def is_finite(array: Array) -> bool:
+    """Whether no element is NaN or infinite; the usual answer costs one dot product.
+
+    It may overflow, and then every element is looked at. `numpy.dot` would warn of that, with some kernels of BLAS and
+    not with others; `numpy.vdot` never does.
+    """
+    return math.isfinite(np.vdot(array, array)) or bool(np.isfinite(array).all())
+
+
+def is_within(array: Array, most: float) -> bool:
+    """Whether no element is NaN, infinite, or of a greater magnitude than a finite one; as cheap as `is_finite`."""
+    return bool(np.vdot(array, array) <= min(most * most, MOST)) or bool((np.abs(array) <= most).all())
+
+
+def said_of(values: Array) -> str:
+    """Say what is wrong with a row that is not within bounds."""
+    what = "is not finite" if not is_finite(values) else f"has run away, beyond {FARTHEST:g}"
+    return f"{what}: {values.tolist()}"
