@@ -7,7 +7,7 @@ import os
 from pathlib import Path, PurePosixPath
 
 from symaware_cli.core import WorldError
-from symaware_cli.environments.description import DescriptionError, materials, meshes, parsed
+from symaware_cli.environments.urdf import UrdfError, materials, meshes, parsed
 
 _PACKAGE = "pybullet_data"
 
@@ -56,7 +56,7 @@ def needed(file: str, folder: Path) -> dict[str, bytes]:
     if path.suffix.lower() == ".urdf" and path.is_file():
         try:
             named = list(meshes(parsed(path), path))
-        except DescriptionError:
+        except UrdfError:
             named = []
         names += [os.path.normpath(PurePosixPath(*parts[:-1], name.removeprefix("package://"))) for name in named]
     names += [
@@ -81,7 +81,7 @@ def check_description(path: Path, file: str, folder: Path, *where: str) -> None:
     """
     try:
         root = parsed(path)
-    except DescriptionError as error:
+    except UrdfError as error:
         raise WorldError(f"`{file}` {error}", *where) from error
     home = _package(*where) if PurePosixPath(file).parts[0] == _PACKAGE else folder.resolve()
     for name, target in meshes(root, path).items():

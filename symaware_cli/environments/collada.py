@@ -9,7 +9,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.environments.description import DescriptionError, tree
+from symaware_cli.environments.urdf import UrdfError, tree
 from symaware_cli.geometry.rotation import about, rotated
 
 Array = NDArray[np.float64]
@@ -30,13 +30,13 @@ def triangles(data: bytes) -> Array:
         Three corners of each; (t, 3, 3) [m].
 
     Raises:
-        DescriptionError: It is no Collada, or makes no sense.
+        UrdfError: It is no Collada, or makes no sense.
     """
     root = tree(data)
     for element in root.iter():
         element.tag = element.tag.rpartition("}")[2]
     if root.tag != "COLLADA":
-        raise DescriptionError("is no Collada file")
+        raise UrdfError("is no Collada file")
     try:
         geometries = {each.get("id"): _geometry(each) for each in root.iterfind("library_geometries/geometry")}
         scenes = root.findall("library_visual_scenes/visual_scene")
@@ -44,7 +44,7 @@ def triangles(data: bytes) -> Array:
         unit = root.find("asset/unit")
         metres = float(unit.get("meter", "1")) if unit is not None else 1.0
     except (ValueError, IndexError, KeyError) as error:
-        raise DescriptionError(f"makes no sense: {error}") from error
+        raise UrdfError(f"makes no sense: {error}") from error
     corners = np.concatenate([np.empty((0, 3, 3)), *(placed if scenes else geometries.values())])
     surface: Array = metres * corners
     return surface

@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from symaware_cli.environments.bullet import engine
-from symaware_cli.environments.touch import Pair, TouchLedger, pair
+from symaware_cli.environments.contact_tracker import ContactTracker, Pair, pair
 
 #: What collides with what: the group of each kind of body, and the groups that it meets. Rays are of the first.
 RAY, GROUND, FIXED, LED, FREE, UPRIGHT, SLAB, FACED = (1 << number for number in range(8))
@@ -34,7 +34,7 @@ _SUNK = 2e-3
 class Collisions:
     """Tells a ledger what an engine finds of bodies that touch."""
 
-    def __init__(self, client: int, owner: Mapping[int, int], ledger: TouchLedger, ground: int, step_time: float):
+    def __init__(self, client: int, owner: Mapping[int, int], ledger: ContactTracker, ground: int, step_time: float):
         """Take note of the world.
 
         Args:

@@ -18,9 +18,9 @@ from symaware_cli.core import (
     Obstacle,
     WorldError,
 )
+from symaware_cli.environments.actuator import check_time_step
 from symaware_cli.environments.columns import ColumnEnvironment
 from symaware_cli.environments.contact import ContactDetector
-from symaware_cli.environments.drive import check_time_step
 from symaware_cli.environments.noise import process_noise
 from symaware_cli.world.integration import euler, rk4
 

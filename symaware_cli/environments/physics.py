@@ -1,4 +1,4 @@
-"""What worlds of forces have in common: physics steps, drives, and what is read back from bodies."""
+"""What worlds of forces have in common: physics steps, actuators, and what is read back from bodies."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from symaware_cli.core import (
     seconds,
 )
 from symaware_cli.core.state import StateError
+from symaware_cli.environments.actuator import Actuator
 from symaware_cli.environments.columns import ColumnEnvironment, adopted
-from symaware_cli.environments.drive import Drive
-from symaware_cli.environments.touch import GROUND, TouchLedger
+from symaware_cli.environments.contact_tracker import GROUND, ContactTracker
 
 Array = NDArray[np.float64]
 
@@ -51,8 +51,8 @@ class Bodies:
 class PhysicsEnvironment(ColumnEnvironment):
     """A world in which forces move bodies.
 
-    A time step has a number of physics steps. In each the drive of an agent applies the force and the torque that bring
-    its body to the velocity which its model says, as far as `max_force` and `max_torque` of the body allow; gravity
+    A time step has a number of physics steps. In each the actuator of an agent applies the force and the torque that
+    bring its body to the velocity which its model says, as far as `max_force` and `max_torque` of the body allow; gravity
     and damping act on free bodies only. What became of the bodies is read back into the states of the agents.
 
     Attributes:
@@ -93,7 +93,7 @@ class PhysicsEnvironment(ColumnEnvironment):
         super().initialise(groups, obstacles, seed)
         self.step_time = seconds(self.time_step) / self.parameters.substeps
         errors = ErrorCollector()
-        self._drives: list[Drive | None] = []
+        self._actuators: list[Actuator | None] = []
         for group in self.groups:
             with errors.catch():
                 if len(group.model.position) > self.dimensions:
@@ -101,7 +101,7 @@ class PhysicsEnvironment(ColumnEnvironment):
                         f"a model that moves in {len(group.model.position)} dimensions has no place in a plane",
                         *("agents", group.name, "model"),
                     )
-                self._drives.append(self._drive(group, seed))
+                self._actuators.append(self._actuator(group, seed))
         errors.raise_first()
         self._width = max((len(group.model.position) for group in self.groups), default=2)
         self._velocities: Array = np.zeros((len(self.roster), self._width))
@@ -109,7 +109,7 @@ class PhysicsEnvironment(ColumnEnvironment):
         self._moving = [name for name, obstacle in self.obstacles.items() if obstacle.path]
         self._free_rows = {name: row for row, name in enumerate(self._free)}
         self._free_known: Bodies | None = None
-        self._touches = TouchLedger([*self.roster.ids, *self.obstacles, GROUND], len(self.roster))
+        self._tracker = ContactTracker([*self.roster.ids, *self.obstacles, GROUND], len(self.roster))
         self._prepare()
         try:
             self._build()
@@ -121,35 +121,35 @@ class PhysicsEnvironment(ColumnEnvironment):
             self.close()
             raise
 
-    def _drive(self, group: EntityGroup, seed: int) -> Drive | None:
+    def _actuator(self, group: EntityGroup, seed: int) -> Actuator | None:
         """What moves a group; None where its model does that by itself."""
-        return Drive(group, self.time_step, self.parameters.substeps, seed)
+        return Actuator(group, self.time_step, self.parameters.substeps, seed)
 
     def _prepare(self) -> None:
-        """Set up the arrays of those that have a drive, in the order of the roster."""
-        driven = [drive for drive in self._drives if drive]
-        counts = [len(drive.group) for drive in driven]
+        """Set up the arrays of those that have an actuator, in the order of the roster."""
+        driven = [actuator for actuator in self._actuators if actuator]
+        counts = [len(actuator.group) for actuator in driven]
         count, width = sum(counts), self.dimensions + 1
-        rows = [self.roster.start(drive.group.name) + np.arange(len(drive.group)) for drive in driven]
+        rows = [self.roster.start(actuator.group.name) + np.arange(len(actuator.group)) for actuator in driven]
         #: The roster's index of each.
         self._driven = np.concatenate([np.empty(0, np.intp), *rows])
         starts = np.cumsum([0, *counts]).tolist()
         self._parts = [
-            (drive, self._number[drive.group.name], slice(start, end))
-            for drive, start, end in zip(driven, starts, starts[1:], strict=False)
+            (actuator, self._number[actuator.group.name], slice(start, end))
+            for actuator, start, end in zip(driven, starts, starts[1:], strict=False)
         ]
         #: What a force or torque must be for each unit of velocity that it adds in a physics step; shape (m, d + 1).
         self._inertia = np.zeros((count, width))
         self._adds = np.zeros((count, width), bool)
         self._limits = np.full((count, 2), np.inf)
-        for drive, _, part in self._parts:
-            entity = drive.group.entity
+        for actuator, _, part in self._parts:
+            entity = actuator.group.entity
             self._inertia[part, :-1] = entity.mass / self.step_time
-            self._adds[part, : len(drive.group.model.position)] = drive.adds
+            self._adds[part, : len(actuator.group.model.position)] = actuator.adds
             for column, limit in enumerate((entity.max_force, entity.max_torque)):
                 self._limits[part, column] = np.inf if limit is None else limit
         #: Whether the velocities that are wanted stay the same within a time step.
-        self._steady = not any(drive.turns or drive.adds for drive in driven)
+        self._steady = not any(actuator.turns or actuator.adds for actuator in driven)
         self._any_adds, self._any_limits = bool(self._adds.any()), bool(np.isfinite(self._limits).any())
         #: The velocities that bodies have, as far as is known without asking; shape (m, d + 1).
         self._velocity = np.zeros((count, width))
@@ -162,7 +162,7 @@ class PhysicsEnvironment(ColumnEnvironment):
 
     @property
     def _absent(self) -> Sequence[int]:
-        """Which of those that have a drive are not there, ascending."""
+        """Which of those that have an actuator are not there, ascending."""
         return [] if self.present is None else np.flatnonzero(~self.present[self._driven]).tolist()
 
     def admit(self, group: EntityGroup, rows: Sequence[int]) -> None:
@@ -182,7 +182,7 @@ class PhysicsEnvironment(ColumnEnvironment):
         self._read_between_steps()
 
     def _part_of(self, group: EntityGroup) -> slice:
-        return next(part for drive, _, part in self._parts if drive.group is group)
+        return next(part for actuator, _, part in self._parts if actuator.group is group)
 
     @abstractmethod
     def _appear(self, row: int, velocity: Sequence[float]) -> None:
@@ -247,11 +247,11 @@ class PhysicsEnvironment(ColumnEnvironment):
             number, diverted = self._advance(number, substeps if settled and not self._pushes else number + 1)
         self._shake(self._time)
         self._time += self.time_step
-        self._touches.settle()
+        self._tracker.settle()
         self._read()
 
     def _shake(self, time: int) -> None:
-        """Add the noise of a step that began then [ns] to groups without a drive."""
+        """Add the noise of a step that began then [ns] to groups without an actuator."""
 
     def push(self, group: EntityGroup, rows: Sequence[int], change: Array) -> None:
         """Put the bodies of some agents elsewhere all at once, and give them another velocity."""
@@ -279,15 +279,15 @@ class PhysicsEnvironment(ColumnEnvironment):
         """Put one that is driven elsewhere [m], turn it about the vertical [rad], and add to its velocity [m/s]."""
 
     def _push_others(self, number: int, rows: Sequence[int], change: Array) -> None:
-        """Change the states of some agents of a group without a drive."""
+        """Change the states of some agents of a group without an actuator."""
 
     def _lay_out(self) -> None:
         """Plan the velocities of the time step."""
-        for drive, number, part in self._parts:
-            planned = drive.plan(self._states[number], self._applied[number], self._time)
-            dimensions = len(drive.group.model.position)
+        for actuator, number, part in self._parts:
+            planned = actuator.plan(self._states[number], self._applied[number], self._time)
+            dimensions = len(actuator.group.model.position)
             self._plan[:, part, :dimensions] = planned[..., :dimensions]
-            if drive.turns:
+            if actuator.turns:
                 self._plan[:, part, -1] = planned[..., -1]
 
     def _forces(self, number: int) -> Array | None:
@@ -317,14 +317,14 @@ class PhysicsEnvironment(ColumnEnvironment):
         driven = self._read_driven()
         velocities = np.zeros((len(self.roster), self._width))
         self._velocity = driven.motion
-        for drive, number, part in self._parts:
+        for actuator, number, part in self._parts:
             moving = driven.motion[part]
-            state = drive.state(driven.positions[part], driven.headings[part], moving)
-            if drive.group.present is not None:
-                state = np.where(drive.group.present[:, None], state, self._states[number])
+            state = actuator.state(driven.positions[part], driven.headings[part], moving)
+            if actuator.group.present is not None:
+                state = np.where(actuator.group.present[:, None], state, self._states[number])
                 state.flags.writeable = False
             self._states[number] = state
-            start, dimensions = self.roster.starts[number], len(drive.group.model.position)
+            start, dimensions = self.roster.starts[number], len(actuator.group.model.position)
             velocities[start : start + len(moving), :dimensions] = moving[:, :dimensions]
         self._read_others(velocities)
         velocities.flags.writeable = False
@@ -367,7 +367,7 @@ class PhysicsEnvironment(ColumnEnvironment):
         return self._free_known
 
     def _read_others(self, velocities: Array) -> None:
-        """Take over the states of groups without a drive, and put their velocities into those of all."""
+        """Take over the states of groups without an actuator, and put their velocities into those of all."""
 
     @property
     def scenery(self) -> Scenery:
@@ -414,5 +414,5 @@ class PhysicsEnvironment(ColumnEnvironment):
     def contacts(self) -> Sequence[Contact]:
         """The contacts that began or ended with the last step, and those of the start before the first."""
         if self._contacts is None:
-            self._contacts = self._touches.take()
+            self._contacts = self._tracker.take()
         return self._contacts

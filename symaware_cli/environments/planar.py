@@ -12,9 +12,9 @@ from pydantic import Field
 from pymunk import batch
 
 from symaware_cli.core import Entity, Obstacle, Shape
+from symaware_cli.environments.contact_tracker import Pair, pair
 from symaware_cli.environments.joint import Joint, joined
 from symaware_cli.environments.physics import Bodies, PhysicsEnvironment
-from symaware_cli.environments.touch import Pair, pair
 from symaware_cli.geometry.pieces import Pieces, separation
 
 Array = NDArray[np.float64]
@@ -81,16 +81,16 @@ class PymunkEnvironment(PhysicsEnvironment):
         self._ended: list[Pair] = []
         self._named: dict[str, pymunk.Body] = {}
         positions, headings = self._places()
-        for drive, _, part in self._parts:
-            entity = drive.group.entity
+        for actuator, _, part in self._parts:
+            entity = actuator.group.entity
             for row in range(part.start, part.stop):
-                moment = _moment(entity) if drive.turns else float("inf")
+                moment = _moment(entity) if actuator.turns else float("inf")
                 body = pymunk.Body(entity.mass, moment)
                 body.position, body.angle = tuple(positions[row].tolist()), float(headings[row])
-                if drive.adds:
+                if actuator.adds:
                     body.velocity = tuple(self._velocity[row, :2].tolist())
                 self._add(int(self._driven[row]), body, entity.shape, entity)
-                self._inertia[row, -1] = moment / self.step_time if drive.turns else 0.0
+                self._inertia[row, -1] = moment / self.step_time if actuator.turns else 0.0
         first = len(self.roster)
         index = {name: first + number for number, name in enumerate(self.obstacles)}
         for name in self._free:
@@ -122,8 +122,8 @@ class PymunkEnvironment(PhysicsEnvironment):
     def _places(self) -> tuple[Array, Array]:
         """Where the agents start; and how fast, which goes into `_velocity`."""
         positions, headings = np.zeros((len(self._driven), 2)), np.zeros(len(self._driven))
-        for drive, number, part in self._parts:
-            model, state = drive.group.model, self._states[number]
+        for actuator, number, part in self._parts:
+            model, state = actuator.group.model, self._states[number]
             positions[part] = state[:, model.position]
             if model.heading is not None:
                 headings[part] = state[:, model.heading]
@@ -147,7 +147,7 @@ class PymunkEnvironment(PhysicsEnvironment):
         if len(shapes) == 1 and isinstance(shapes[0], pymunk.Circle):
             self._discs.add(index)
         self._indices[body.id] = index
-        self._named[self._touches.names[index]] = body
+        self._named[self._tracker.names[index]] = body
         # Shapes that are not in the space change nothing for others, not even the order in which pairs are solved.
         there = self.present is None or index >= len(self.roster) or self.present[index]
         self._space.add(body, *(shapes if there else ()))
@@ -184,7 +184,7 @@ class PymunkEnvironment(PhysicsEnvironment):
         batch.set_space_bodies(self._space, _FORCE, self._wrench)
 
     def _advance(self, number: int, last: int) -> tuple[int, bool]:
-        step, step_time, ledger = self._space.step, self.step_time, self._touches
+        step, step_time, ledger = self._space.step, self.step_time, self._tracker
         while True:
             for body, name in self._movers:
                 self._lead(body, name, number)
@@ -283,7 +283,7 @@ class PymunkEnvironment(PhysicsEnvironment):
             if distance < -_TINY
         ]
         for bodies, distance, point in sorted(overlaps):
-            self._touches.start(bodies, point, -distance)
+            self._tracker.start(bodies, point, -distance)
 
     def _on_begin(self, arbiter: pymunk.Arbiter, space: pymunk.Space, data: Any) -> None:
         self._hit = True
@@ -303,11 +303,11 @@ class PymunkEnvironment(PhysicsEnvironment):
             self._hit = False
             begun = numbers[:, 2].nonzero()[0]
             self._begin(sorted(zip(self._pairs(numbers[begun]), hits[begun].tolist(), strict=True)))
-        fresh = self._touches.fresh
+        fresh = self._tracker.fresh
         if fresh:
             pairs = enumerate(self._pairs(numbers))
             for bodies, row in sorted((bodies, hits[row, :4].tolist()) for row, bodies in pairs if bodies in fresh):
-                self._touches.press(bodies, _impulse(row))
+                self._tracker.press(bodies, _impulse(row))
 
     def _pairs(self, numbers: NDArray[np.uintp]) -> list[Pair]:
         index = self._indices
@@ -326,7 +326,7 @@ class PymunkEnvironment(PhysicsEnvironment):
             found[bodies] = point, depth, impulse
         for bodies, _ in parts:
             point, depth, impulse = found[bodies]
-            self._touches.begin(bodies, point, depth, impulse if self._discs.intersection(bodies) else None)
+            self._tracker.begin(bodies, point, depth, impulse if self._discs.intersection(bodies) else None)
 
 
 def _impulse(hit: Sequence[float]) -> float:

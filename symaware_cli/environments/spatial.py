@@ -10,18 +10,18 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from symaware_cli.core import Entity, EntityGroup, ErrorCollector, Image, Obstacle, Scenery, WorldError, seconds
-from symaware_cli.environments import collision, sight
+from symaware_cli.environments import collision, sensing
+from symaware_cli.environments.actuator import Actuator
+from symaware_cli.environments.appearance import appearances
+from symaware_cli.environments.body_builder import BodyBuilder, Member, last, turn
+from symaware_cli.environments.body_poses import BodyPoses
 from symaware_cli.environments.bullet import MOST_SHOWN, Client, engine, quiet
 from symaware_cli.environments.collision import Collisions
-from symaware_cli.environments.drive import Drive
+from symaware_cli.environments.contact_tracker import GROUND
 from symaware_cli.environments.ground import Ground, footing, make_plane, make_slab
-from symaware_cli.environments.leading import lead
-from symaware_cli.environments.likeness import likenesses
 from symaware_cli.environments.noise import process_noise
+from symaware_cli.environments.path_follower import follow
 from symaware_cli.environments.physics import Bodies, PhysicsEnvironment
-from symaware_cli.environments.posture import Postures
-from symaware_cli.environments.solid import Member, Solids, last, turn
-from symaware_cli.environments.touch import GROUND
 from symaware_cli.environments.vehicle import Vehicle, read_bodies
 from symaware_cli.geometry.articulation import Articulation
 from symaware_cli.geometry.rotation import attitude_columns
@@ -76,7 +76,7 @@ class PyBulletEnvironment(PhysicsEnvironment):
     def initialise(self, groups: Sequence[EntityGroup], obstacles: Mapping[str, Obstacle], seed: int) -> None:
         """Put everybody in place."""
         step = seconds(self.time_step)
-        #: What shakes the groups of vehicles; where there is a drive, that does.
+        #: What shakes the groups of vehicles; where there is an actuator, that does.
         self._noises = {
             group.name: process_noise(group, step, seed) for group in groups if group.model.vehicle() is not None
         }
@@ -88,8 +88,8 @@ class PyBulletEnvironment(PhysicsEnvironment):
         given: Sequence[float] = self.parameters.gravity
         return given
 
-    def _drive(self, group: EntityGroup, seed: int) -> Drive | None:
-        return super()._drive(group, seed) if group.model.vehicle() is None else None
+    def _actuator(self, group: EntityGroup, seed: int) -> Actuator | None:
+        return super()._actuator(group, seed) if group.model.vehicle() is None else None
 
     def _build(self) -> None:
         """Bodies come in a fixed order: the ground, agents, and entities by name."""
@@ -105,13 +105,13 @@ class PyBulletEnvironment(PhysicsEnvironment):
         self._client.set(self.step_time, parameters.gravity, parameters.iterations, parameters.recovery)
         self._fall = np.array([*parameters.gravity, 0.0]) * self.step_time
         self._falls = bool(self._fall.any())
-        self._pushes = self._falls or any(drive is None for drive in self._drives)
+        self._pushes = self._falls or any(actuator is None for actuator in self._actuators)
         pictures = parameters.gui or parameters.visuals
         self._loading = 0 if pictures else engine.URDF_IGNORE_VISUAL_SHAPES
         self._index: dict[int, int] = {}
         self.ground = parameters.ground.height if parameters.ground else None
-        self._solids = Solids(client, self.folder, parameters.height, self.ground, self._loading)
-        self._postures = Postures(client)
+        self._builder = BodyBuilder(client, self.folder, parameters.height, self.ground, self._loading)
+        self._body_poses = BodyPoses(client)
         if parameters.ground:
             self._lay_ground(parameters.ground)
         self._vehicles: list[tuple[Vehicle, int]] = []
@@ -138,19 +138,19 @@ class PyBulletEnvironment(PhysicsEnvironment):
                 self._add_obstacle(first + index, name, obstacle)
         errors.raise_first()
         vehicles = {self.groups[number].name: vehicle for vehicle, number in self._vehicles}
-        self._articulations = likenesses(self.groups, self.obstacles, vehicles, self.folder, parameters.height)
+        self._articulations = appearances(self.groups, self.obstacles, vehicles, self.folder, parameters.height)
         self._drifts = bool(self._planar.any())
         self._free_headings = np.array([self.obstacles[name].heading for name in self._free])
         self._free_members = [self._entities[name] for name in self._free]
         self._body_of = {index: body for body, index in self._index.items()}
         ground = len(self.roster) + len(self.obstacles)
-        self._collisions = Collisions(client, self._index, self._touches, ground, self.step_time)
+        self._collisions = Collisions(client, self._index, self._tracker, ground, self.step_time)
         self._painted = False
         owned: dict[int, list[int]] = {}
         for body, index in self._index.items():
             owned.setdefault(index, []).append(body)
         spans = [
-            self._solids.span(owned[first + number], self._levels[name]) for number, name in enumerate(self.obstacles)
+            self._builder.span(owned[first + number], self._levels[name]) for number, name in enumerate(self.obstacles)
         ]
         self._scenery = Scenery(self.obstacles, 0, dict(zip(self.obstacles, spans, strict=True)))
 
@@ -168,10 +168,10 @@ class PyBulletEnvironment(PhysicsEnvironment):
         # What joints of a fixed base move may reach the ground, too.
         free += [each for each in self.obstacles.values() if each.shape.urdf and not each.is_free and not each.path]
         starts = [each.pose().position for each in free if footing(each.shape) == collision.FACED]
-        for drive, number, _ in self._parts:
+        for actuator, number, _ in self._parts:
             # Who moves in a plane does not touch the ground.
-            if len(drive.group.model.position) == 3 and footing(drive.group.entity.shape) == collision.FACED:
-                starts += self._states[number][:, list(drive.group.model.position)].tolist()
+            if len(actuator.group.model.position) == 3 and footing(actuator.group.entity.shape) == collision.FACED:
+                starts += self._states[number][:, list(actuator.group.model.position)].tolist()
         if starts:
             self._finish(make_slab(self._id, ground.height, starts), index, ground, collision.SLAB)
 
@@ -183,8 +183,8 @@ class PyBulletEnvironment(PhysicsEnvironment):
             position = own[list(model.position)].tolist()
             heading = float(own[model.heading]) if model.heading is not None else 0.0
             # Its base is told how to move, and links that hang on it would not feel that: it moves as one.
-            body = self._solids.make(entity.mass, entity.shape, position, turn(heading), *where, held=True)
-            inertia = self._solids.moment(body, entity)
+            body = self._builder.make(entity.mass, entity.shape, position, turn(heading), *where, held=True)
+            inertia = self._builder.moment(body, entity)
             turning = inertia if turns else _IMMOVABLE
             # What is driven stays upright: nothing tilts it.
             upright = [_IMMOVABLE, _IMMOVABLE, turning]
@@ -197,20 +197,20 @@ class PyBulletEnvironment(PhysicsEnvironment):
             self._agents[row], self._headings[row], self._kinds[row] = body, heading, kind
             if entity.shape:
                 self._row_of[body] = row
-            self._heights[row], self._planar[row] = self._postures.pose(body)[0][2], planar
+            self._heights[row], self._planar[row] = self._body_poses.pose(body)[0][2], planar
             self._inertia[row, -1] = inertia / self.step_time if turns else 0.0
 
     def _appear(self, row: int, velocity: Sequence[float]) -> None:
         body = self._agents[row]
         engine.resetBasePositionAndOrientation(body, *self._entrances.pop(row), self._id)
         engine.resetBaseVelocity(body, velocity, (0, 0, 0), self._id)
-        self._solids.meet(body, self._kinds[row])
+        self._builder.meet(body, self._kinds[row])
 
     def _vanish(self, row: int) -> None:
         body = self._agents[row]
         position, orientation = engine.getBasePositionAndOrientation(body, self._id)
         self._entrances[row] = position, orientation
-        self._solids.meet(body, collision.NOWHERE)
+        self._builder.meet(body, collision.NOWHERE)
         # Cameras see whatever is near, whether it meets anybody or not.
         buried = position[0], position[1], position[2] - _BURIED
         engine.resetBasePositionAndOrientation(body, buried, orientation, self._id)
@@ -239,7 +239,7 @@ class PyBulletEnvironment(PhysicsEnvironment):
             if not self._loading:
                 vehicle.dress(engine, self._id, body)
         for body in bodies:
-            self._solids.meet(body, collision.FREE)
+            self._builder.meet(body, collision.FREE)
         try:
             vehicle.attach(engine, self._id, bodies, self._states[number], self.step_time)
         except WorldError as error:
@@ -256,17 +256,17 @@ class PyBulletEnvironment(PhysicsEnvironment):
         mass = obstacle.mass if obstacle.is_free else _IMMOVABLE if obstacle.path else 0.0
         assert mass is not None
         if obstacle.shape.wall:
-            members = self._solids.make_wall(mass, obstacle.shape.wall, pose.position, pose.heading)
+            members = self._builder.make_wall(mass, obstacle.shape.wall, pose.position, pose.heading)
         else:
             held = obstacle.path is not None
             orientation = turn(pose.heading, obstacle.roll, obstacle.pitch)
-            body = self._solids.make(mass, obstacle.shape, pose.position, orientation, *where, held=held)
+            body = self._builder.make(mass, obstacle.shape, pose.position, orientation, *where, held=held)
             members = [Member(body)]
             self._entities[name] = body
         for member in members:
             self._finish(member.body, index, obstacle, kind)
         self._members[name] = members
-        self._levels[name] = self._postures.pose(members[0].body)[0][2]
+        self._levels[name] = self._body_poses.pose(members[0].body)[0][2]
         if obstacle.is_free:
             velocity = [*(obstacle.velocity or ()), 0.0, 0.0, 0.0][:3]
             engine.resetBaseVelocity(members[0].body, velocity, (0.0, 0.0, obstacle.turn_rate), self._id)
@@ -285,9 +285,9 @@ class PyBulletEnvironment(PhysicsEnvironment):
         """Say what a body is: whose, of which surface, and whom it meets."""
         self._index[body] = index
         lost = self.parameters.damping if damping is None else damping
-        self._solids.finish(body, surface.friction, surface.elasticity, lost)
-        self._solids.meet(body, kind)
-        self._postures.base(body)
+        self._builder.finish(body, surface.friction, surface.elasticity, lost)
+        self._builder.meet(body, kind)
+        self._body_poses.base(body)
 
     # -- steps
 
@@ -343,7 +343,7 @@ class PyBulletEnvironment(PhysicsEnvironment):
         """Put an entity with a path where it is, with the velocity that brings it where the path is next."""
         bodies, level, obstacle = self._members[name], self._levels[name], self.obstacles[name]
         tilt, course = (obstacle.roll, obstacle.pitch), self._course(name, number)
-        lead(self._id, self._postures, bodies, level, course, tilt, self._fall.tolist())
+        follow(self._id, self._body_poses, bodies, level, course, tilt, self._fall.tolist())
 
     def _find_overlaps(self) -> None:
         self._collisions.start()
@@ -351,17 +351,17 @@ class PyBulletEnvironment(PhysicsEnvironment):
     # -- what is read back
 
     def _read_driven(self) -> Bodies:
-        driven = Bodies(*self._postures.look(self._agents, self._headings))
+        driven = Bodies(*self._body_poses.look(self._agents, self._headings))
         self._positions, self._headings = driven.positions, driven.headings
         return driven
 
     def _read_free(self) -> Bodies:
         """Their headings are within half a turn of those at the start: turns are not counted."""
-        return Bodies(*self._postures.look(self._free_members, self._free_headings))
+        return Bodies(*self._body_poses.look(self._free_members, self._free_headings))
 
     def _displace(self, row: int, moved: Array, turned: float, faster: Array) -> None:
         self._headings[row] += turned
-        self._postures.displace(self._agents[row], moved.tolist(), float(self._headings[row]), faster.tolist())
+        self._body_poses.displace(self._agents[row], moved.tolist(), float(self._headings[row]), faster.tolist())
 
     def _push_others(self, number: int, rows: Sequence[int], change: Array) -> None:
         vehicle = next(vehicle for vehicle, own in self._vehicles if own == number)
@@ -379,7 +379,7 @@ class PyBulletEnvironment(PhysicsEnvironment):
             engine.resetBasePositionAndOrientation(body, pose[:3], pose[3:], self._id)
         for name, described in self._articulations.items():
             if described.joints:
-                self._postures.put(self._bodies_of(name), described, placement[f"joints/{name}"])
+                self._body_poses.put(self._bodies_of(name), described, placement[f"joints/{name}"])
         for name in self._moving:
             self._lead(name, 0)
 
@@ -416,12 +416,12 @@ class PyBulletEnvironment(PhysicsEnvironment):
                 return None
             if attitude_columns([element for element, _ in self.groups[self._number[name]].model.state]):
                 return None
-        return self._postures.poses(self._bodies_of(name))
+        return self._body_poses.poses(self._bodies_of(name))
 
     def joint_positions(self, name: str) -> Array | None:
         """How the joints of what a file describes stand."""
         described = self._articulations.get(name)
-        return self._postures.joints(self._bodies_of(name), described) if described and described.joints else None
+        return self._body_poses.joints(self._bodies_of(name), described) if described and described.joints else None
 
     def _bodies_of(self, name: str) -> Sequence[int]:
         """The engine's bodies of a group, or of an entity that has one."""
@@ -437,7 +437,7 @@ class PyBulletEnvironment(PhysicsEnvironment):
         starts[..., :2], towards[..., :2] = origins[:, None, :2], directions
         starts[..., 2] = self.body_positions([self.roster.ids[sender] for sender in senders.tolist()])[:, 2:] + height
         rays = np.repeat(senders, width), starts.reshape(-1, 3), towards.reshape(-1, 3)
-        return sight.cast(self._id, self._index, *rays, reach).reshape(count, width)
+        return sensing.cast_rays(self._id, self._index, *rays, reach).reshape(count, width)
 
     def in_sight(self, ones: Indices, others: Indices) -> NDArray[np.bool_]:
         """Look along lines between the middles of bodies, for the shapes of the engine."""
@@ -446,7 +446,7 @@ class PyBulletEnvironment(PhysicsEnvironment):
         # Both directions share a line.
         keys, line = np.unique(np.minimum(ones, others) * count + np.maximum(ones, others), return_inverse=True)
         starts, ends = (middles.take(each, 0) for each in np.divmod(keys, count))
-        free: NDArray[np.bool_] = sight.clear(self._id, self._index, obstacles, starts, ends)[line]
+        free: NDArray[np.bool_] = sensing.is_clear(self._id, self._index, obstacles, starts, ends)[line]
         return free
 
     def body_positions(self, names: Sequence[str]) -> Array:
@@ -459,7 +459,7 @@ class PyBulletEnvironment(PhysicsEnvironment):
             elif name in self._levels and len(self.pose(name).position) == 2:
                 places[row, 2] = self._levels[name]
             if body is not None:
-                places[row, 2] = self._postures.pose(body)[0][2]
+                places[row, 2] = self._body_poses.pose(body)[0][2]
         return places
 
     def camera_image(
@@ -468,5 +468,5 @@ class PyBulletEnvironment(PhysicsEnvironment):
         """Look at a point from another, by PyBullet's renderer on the processor."""
         if not self._painted:
             self._painted = True
-            sight.paint(self._id, self._index, len(self.roster))
-        return sight.look(self._id, self._index, position, target, size, field_of_view)
+            sensing.colour(self._id, self._index, len(self.roster))
+        return sensing.render(self._id, self._index, position, target, size, field_of_view)

@@ -12,7 +12,7 @@ import numpy as np
 
 from symaware_cli.core import Environment
 from symaware_cli.environments.collada import triangles
-from symaware_cli.environments.description import DescriptionError
+from symaware_cli.environments.urdf import UrdfError
 from symaware_cli.geometry.articulation import Articulation, Link, Visual
 from symaware_cli.geometry.rotation import rotated
 from symaware_cli.recording.error import LogError
@@ -118,7 +118,7 @@ class GeometryWriter:
         try:
             if suffix == ".dae":
                 own, data, suffix = None, stl(triangles(data)), ".stl"
-        except DescriptionError as error:
+        except UrdfError as error:
             self.notes.append(f"the mesh {path.name} is left out: it {error}")
             return None
         if suffix not in MEDIA_TYPES:

@@ -6,7 +6,7 @@ import pybullet_data
 import pytest
 
 from symaware_cli.environments.collada import triangles
-from symaware_cli.environments.description import DescriptionError
+from symaware_cli.environments.urdf import UrdfError
 
 SQUARE = """<geometry id="g"><mesh>
  <source id="s"><float_array count="12">0 0 0 1 0 0 1 1 0 0 1 0</float_array>
@@ -78,5 +78,5 @@ def test_it_is_as_large_and_stands_as_the_engine_has_it(axis, tmp_path):
     ],
 )
 def test_what_makes_no_sense_is_told(data):
-    with pytest.raises(DescriptionError):
+    with pytest.raises(UrdfError):
         triangles(data)

@@ -7,7 +7,7 @@ import pybullet
 import pybullet_data
 import pytest
 
-from symaware_cli.environments.description import DescriptionError, articulation, parsed
+from symaware_cli.environments.urdf import UrdfError, articulation, parsed
 
 DATA = pybullet_data.getDataPath()
 
@@ -81,7 +81,7 @@ def test_links_that_carry_each_other_in_a_circle_end(tmp_path):
     joint = "<joint name='{0}{1}' type='fixed'><parent link='{0}'/><child link='{1}'/></joint>"
     links = "".join(f"<link name='{name}'/>" for name in "abc")
     path = robot(tmp_path, links + joint.format("a", "b") + joint.format("b", "c") + joint.format("c", "b"))
-    with pytest.raises(DescriptionError, match="in a circle"):
+    with pytest.raises(UrdfError, match="in a circle"):
         articulation(path)
 
 
@@ -90,7 +90,7 @@ def test_entities_are_not_expanded(tmp_path, encoding):
     path = tmp_path / "bomb.urdf"
     text = "<!DOCTYPE robot [<!ENTITY a 'ha'><!ENTITY b '&a;&a;'>]><robot><link name='&b;'/></robot>"
     path.write_text(text, encoding=encoding)
-    with pytest.raises(DescriptionError, match="document type"):
+    with pytest.raises(UrdfError, match="document type"):
         parsed(path)
 
 
@@ -98,5 +98,5 @@ def test_a_file_without_end_is_not_read(tmp_path):
     path = tmp_path / "long.urdf"
     with open(path, "wb") as file:
         file.truncate((16 << 20) + 1)
-    with pytest.raises(DescriptionError, match="longer than 16 MiB"):
+    with pytest.raises(UrdfError, match="longer than 16 MiB"):
         parsed(path)

@@ -1,4 +1,4 @@
-"""Solids: the shapes of a scenario as bodies of PyBullet."""
+"""The body builder: makes bodies of PyBullet out of the shapes of a scenario."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Member(NamedTuple):
     heading: float = 0.0
 
 
-class Solids:
+class BodyBuilder:
     """Makes bodies in one world."""
 
     def __init__(self, client: int, folder: Path, height: float, floor: float | None, loading: int) -> None:

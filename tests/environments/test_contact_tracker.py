@@ -3,9 +3,9 @@
 import pytest
 
 from symaware_cli.core import AgentGroup, Entity, Obstacle
+from symaware_cli.environments.contact_tracker import ContactTracker
 from symaware_cli.environments.planar import PymunkEnvironment
 from symaware_cli.environments.spatial import PyBulletEnvironment
-from symaware_cli.environments.touch import TouchLedger
 from symaware_cli.models.integrator import SingleIntegrator
 
 BALL = {"circle": {"radius": 0.3}}
@@ -30,7 +30,7 @@ def world(kind, obstacles, positions=((99.0, 99.0),), shape=None, **parameters):
 
 
 def test_a_ledger_adds_up_how_hard_until_bodies_part_or_the_time_step_ends():
-    ledger = TouchLedger(["a", "b", "c"], 0)
+    ledger = ContactTracker(["a", "b", "c"], 0)
     ledger.begin((0, 1), (0.0, 0.0), 0.1)
     ledger.begin((0, 2), (0.0, 0.0), 0.1)
     for bodies, impulse in (((0, 1), 1.0), ((0, 2), 5.0), ((1, 2), 9.0), ((0, 1), 2.0)):

@@ -31,7 +31,7 @@ _SIZES: Mapping[str, Sequence[tuple[str, int, tuple[float, ...] | None]]] = {
 }
 
 
-class DescriptionError(ValueError):
+class UrdfError(ValueError):
     """A file describes no robot."""
 
 
@@ -39,35 +39,35 @@ class _Plain(ElementTree.TreeBuilder):
     """Builds trees of documents that declare nothing: entities could make a small file fill the memory."""
 
     def doctype(self, name: str, public: str | None, system: str | None) -> None:
-        raise DescriptionError("cannot be read: it declares a document type")
+        raise UrdfError("cannot be read: it declares a document type")
 
 
 def tree(data: bytes) -> Element:
     """Read XML that declares nothing.
 
     Raises:
-        DescriptionError: It is none.
+        UrdfError: It is none.
     """
     try:
         return ElementTree.fromstring(data, ElementTree.XMLParser(target=_Plain()))
     except (ElementTree.ParseError, UnicodeDecodeError, LookupError) as error:
-        raise DescriptionError(f"cannot be read: {error}") from error
+        raise UrdfError(f"cannot be read: {error}") from error
 
 
 def parsed(path: Path) -> Element:
     """Read a URDF file.
 
     Raises:
-        DescriptionError: It cannot be read, is too long, is no XML, or no robot.
+        UrdfError: It cannot be read, is too long, is no XML, or no robot.
     """
     try:
         if path.stat().st_size > _LONGEST:
-            raise DescriptionError(f"cannot be read: it is longer than {_LONGEST >> 20} MiB")
+            raise UrdfError(f"cannot be read: it is longer than {_LONGEST >> 20} MiB")
         root = tree(path.read_bytes())
     except OSError as error:
-        raise DescriptionError(f"cannot be read: {error}") from error
+        raise UrdfError(f"cannot be read: {error}") from error
     if root.tag != "robot" or root.find("link") is None:
-        raise DescriptionError("describes no robot: a URDF has a `robot` with at least one `link`")
+        raise UrdfError("describes no robot: a URDF has a `robot` with at least one `link`")
     return root
 
 
@@ -87,7 +87,7 @@ def articulation(path: Path, scale: float = 1.0) -> Articulation:
         scale: By how much everything in it is enlarged.
 
     Raises:
-        DescriptionError: It cannot be read, or its links carry each other in a circle.
+        UrdfError: It cannot be read, or its links carry each other in a circle.
     """
     return _Reading(parsed(path), path, scale).articulation
 
@@ -124,7 +124,7 @@ class _Reading:
             yield Link(name=name, parent=parent, visuals=visuals, **({} if joint is None else self._joint(joint)))
             # A link that carries itself would go round for ever.
             if count > len(elements):
-                raise DescriptionError("makes no sense: its links carry each other in a circle")
+                raise UrdfError("makes no sense: its links carry each other in a circle")
             waiting += [(child, count, each) for child, each in carried.get(name, ())]
             count += 1
 
@@ -158,7 +158,7 @@ class _Reading:
                 file = _beside(self._path, shape.get("filename") or "")
                 mesh, colour = str(file), colour or material_colour(file)
             size = tuple(number for given in _SIZES[shape.tag] for number in _numbers(shape, *given))
-        except DescriptionError:
+        except UrdfError:
             return None
         size = tuple(self._scale * each for each in size)
         return Visual(kind=shape.tag, size=size, mesh=mesh, colour=colour, **self._origin(element))
@@ -228,5 +228,5 @@ def _numbers(
     if len(numbers) == count and all(map(math.isfinite, numbers)):
         return numbers
     if default is None:
-        raise DescriptionError(f"makes no sense: `{key}` has {count} numbers, not `{said}`")
+        raise UrdfError(f"makes no sense: `{key}` has {count} numbers, not `{said}`")
     return default

@@ -1,4 +1,4 @@
-"""Leading: entities with a path in the spatial world, put where they are in each physics step."""
+"""Entities that follow a path in the spatial world, put where they are in each physics step."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ import math
 from collections.abc import Sequence
 
 from symaware_cli.core import Pose
+from symaware_cli.environments.body_builder import Member, turn
+from symaware_cli.environments.body_poses import BodyPoses
 from symaware_cli.environments.bullet import engine
-from symaware_cli.environments.posture import Postures
-from symaware_cli.environments.solid import Member, turn
 
 
-def lead(
+def follow(
     client: int,
-    postures: Postures,
+    poses: BodyPoses,
     members: Sequence[Member],
     level: float,
     course: Pose,
@@ -24,7 +24,7 @@ def lead(
 
     Args:
         client: The engine's client.
-        postures: Who knows where bodies have their mass.
+        poses: Who knows where bodies have their mass.
         members: The bodies.
         level: How high the entity is where its path has two coordinates [m].
         course: Where it is, and how it moves.
@@ -38,7 +38,7 @@ def lead(
     cosine, sine, rate = math.cos(course.heading), math.sin(course.heading), course.turn_rate
     for body, ahead, aside, turned in members:
         out_x, out_y = cosine * ahead - sine * aside, sine * ahead + cosine * aside
-        pose = postures.centre(body, (x + out_x, y + out_y, z), turn(course.heading + turned, *tilt))
+        pose = poses.centre(body, (x + out_x, y + out_y, z), turn(course.heading + turned, *tilt))
         engine.resetBasePositionAndOrientation(body, *pose, client)
         moving = (velocity_x - rate * out_y, velocity_y + rate * out_x, velocity_z)
         engine.resetBaseVelocity(body, moving, (0.0, 0.0, rate), client)

@@ -1,4 +1,4 @@
-"""Drives: how worlds of forces make bodies do what models say."""
+"""Actuators: how worlds of forces make bodies do what models say."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from symaware_cli.world.integration import integrate
 Array = NDArray[np.float64]
 
 
-class Drive:
+class Actuator:
     """Says which velocities the bodies of a group are to have in each physics step of a time step.
 
     It moves the model as the kinematic world does, from where the time step begins, and takes the mean velocity over
     each physics step. A body that has these velocities is, step by step, where the model would be. The velocities are
     laid out at the beginning of the time step: who is knocked off its way meanwhile goes on in parallel to it.
 
-    A model whose state has the velocity itself says an acceleration. Then the drive adds to the velocity that the body
-    has, and what a collision did to it stays.
+    A model whose state has the velocity itself says an acceleration. Then the actuator adds to the velocity that the
+    body has, and what a collision did to it stays.
 
     Attributes:
         group: Whom it moves.

@@ -1,4 +1,4 @@
-"""Touches: what a physics engine says of bodies that meet, as contacts that begin and end."""
+"""Contact tracking: what a physics engine says of bodies that meet, as contacts that begin and end."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def pair(one: int, other: int) -> Pair:
     return (one, other) if one < other else (other, one)
 
 
-class TouchLedger:
+class ContactTracker:
     """Keeps which bodies touch, from one physics step to the next.
 
     A body of several parts touches as long as one of them does.

@@ -1,4 +1,4 @@
-"""Postures: where bodies of PyBullet are in space, how they are turned, and how their joints stand."""
+"""Body poses: where bodies of PyBullet are in space, how they are turned, and how their joints stand."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ Transform = tuple[Sequence[float], Sequence[float]]
 _MULTIBODY = 2
 
 
-class Postures:
-    """Reads the postures of bodies when asked, a call or two for each; they cost nothing otherwise."""
+class BodyPoses:
+    """Reads the poses of bodies when asked, a call or two for each; they cost nothing otherwise."""
 
     def __init__(self, client: int) -> None:
         """Take note of the world.

@@ -1,4 +1,4 @@
-"""Likenesses: what the bodies that a spatial world makes of shapes look like."""
+"""What the bodies that a spatial world makes of shapes look like."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from pathlib import Path
 
 from symaware_cli.core import EntityGroup, Obstacle, Shape, Wall, WorldError
 from symaware_cli.environments import asset
-from symaware_cli.environments.description import DescriptionError, articulation, material_colour
+from symaware_cli.environments.urdf import UrdfError, articulation, material_colour
 from symaware_cli.environments.vehicle import Vehicle
 from symaware_cli.geometry.articulation import Articulation, Link, Visual
 from symaware_cli.geometry.rotation import about
 
 
-def likenesses(
+def appearances(
     groups: Sequence[EntityGroup],
     obstacles: Mapping[str, Obstacle],
     vehicles: Mapping[str, Vehicle],
@@ -44,13 +44,13 @@ def likenesses(
     of_shape: dict[Shape, Articulation] = {}
     for shape in shapes.values():
         if shape not in of_shape:
-            of_shape[shape] = likeness(shape, folder, height)
+            of_shape[shape] = appearance(shape, folder, height)
     found = {name: of_shape[shape] for name, shape in shapes.items()}
     return found | {name: articulation(vehicle.description()) for name, vehicle in vehicles.items()}
 
 
-def likeness(shape: Shape, folder: Path, height: float) -> Articulation:
-    """Describe the body of a shape, as `Solids` makes it.
+def appearance(shape: Shape, folder: Path, height: float) -> Articulation:
+    """Describe the body of a shape, as `BulletBodies` makes it.
 
     Args:
         shape: The shape.
@@ -63,7 +63,7 @@ def likeness(shape: Shape, folder: Path, height: float) -> Articulation:
     if shape.urdf:
         try:
             return articulation(asset.find(shape.urdf.file, folder), shape.urdf.scale)
-        except DescriptionError as error:
+        except UrdfError as error:
             raise WorldError(f"`{shape.urdf.file}` {error}") from error
     return Articulation(name=shape.kind, links=(Link(name=shape.kind, visuals=tuple(_visuals(shape, folder, height))),))
 

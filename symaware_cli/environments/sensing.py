@@ -1,4 +1,4 @@
-"""Sight in the spatial world: rays and images, as PyBullet has them."""
+"""Sensing in the spatial world: rays and images, as PyBullet has them."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _GREY = (0.6, 0.6, 0.63)
 _PLAIN = (1.0, 1.0, 1.0, 1.0)
 
 
-def cast(
+def cast_rays(
     client: int, owner: Mapping[int, int], senders: Indices, origins: Array, directions: Array, reach: float
 ) -> Array:
     """Cast rays, each of which passes through the body that sends it.
@@ -72,7 +72,7 @@ def cast(
     return distances
 
 
-def clear(client: int, owner: Mapping[int, int], obstacles: range, starts: Array, ends: Array) -> NDArray[np.bool_]:
+def is_clear(client: int, owner: Mapping[int, int], obstacles: range, starts: Array, ends: Array) -> NDArray[np.bool_]:
     """Tell which lines meet no obstacle; everything else is passed through.
 
     Args:
@@ -111,7 +111,7 @@ def _hits(client: int, starts: Array, ends: Array) -> tuple[list[int], Array]:
     return [body for body, _ in hits], np.array([share for _, share in hits])
 
 
-def paint(client: int, owner: Mapping[int, int], agents: int) -> None:
+def colour(client: int, owner: Mapping[int, int], agents: int) -> None:
     """Give what has no colours some: agents bright ones, of which no two neighbours look alike, and entities grey.
 
     Args:
@@ -127,7 +127,7 @@ def paint(client: int, owner: Mapping[int, int], agents: int) -> None:
         engine.changeVisualShape(body, -1, rgbaColor=[*colour, 1.0], physicsClientId=client)
 
 
-def look(
+def render(
     client: int,
     owner: Mapping[int, int],
     position: Sequence[float],
