@@ -52,8 +52,8 @@ class PhysicsEnvironment(ColumnEnvironment):
     """A world in which forces move bodies.
 
     A time step has a number of physics steps. In each the actuator of an agent applies the force and the torque that
-    bring its body to the velocity which its model says, as far as `max_force` and `max_torque` of the body allow; gravity
-    and damping act on free bodies only. What became of the bodies is read back into the states of the agents.
+    bring its body to the velocity which its model says, as far as `max_force` and `max_torque` of the body allow;
+    gravity and damping act on free bodies only. What became of the bodies is read back into the states of the agents.
 
     Attributes:
         dimensions: How many coordinates a position has at most.

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 
 from symaware_cli.core import AgentGroup, GroupComponent
-from symaware_cli.runtime.restraint import restrained
+from symaware_cli.runtime.protected_rows import protected
 from symaware_cli.runtime.simulation import Simulation, Slot
 from symaware_cli.runtime.timing import Duration
 from symaware_cli.world.chance import Turn, fraction
@@ -125,7 +125,7 @@ class Supervision:
         held = sorted(self.off) if self._is_group else ()
         simulation, muted = self._simulation, [group.ids[row] for row in held]
         sources = frozenset(f"agents.{id}.{self._slot.name}" for id in muted)
-        with restrained(group, held), simulation.exchange.muted(muted), simulation.events.muted(sources):
+        with protected(group, held), simulation.exchange.muted(muted), simulation.events.muted(sources):
             yield
         if not self.disturbances:
             return

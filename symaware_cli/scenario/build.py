@@ -39,8 +39,8 @@ from symaware_cli.scenario.compose import Composition, CompositionError, compose
 from symaware_cli.scenario.consensus import check_consensus, check_metropolis
 from symaware_cli.scenario.document import Scenario
 from symaware_cli.scenario.faults import FaultBuilder
-from symaware_cli.scenario.making import Workshop, mapping, topologies, words
 from symaware_cli.scenario.parts import check_omitted, declared_parts, name_columns
+from symaware_cli.scenario.plugin_factory import PluginFactory, mapping, topologies, words
 from symaware_cli.scenario.presence import PresenceBuilder
 from symaware_cli.scenario.problem import Problem, ScenarioError, dotted, nearest, quoted
 from symaware_cli.scenario.requirement import check_requirements
@@ -131,12 +131,12 @@ class _Builder:
         self._uses: dict[str, dict[str, Any]] = {}
         #: The names of the parts of awareness that components declare.
         self._declared: set[str] = set()
-        self._workshop = Workshop(composition, catalogue, self._report, self._problems.extend)
+        self._factory = PluginFactory(composition, catalogue, self._report, self._problems.extend)
 
     def build(self) -> Built:
         data = self._composition.data
-        self._workshop.load(data)
-        document = check(Scenario, data, self._composition, (), self._workshop.parameters)
+        self._factory.load(data)
+        document = check(Scenario, data, self._composition, (), self._factory.parameters)
         if isinstance(document, list):
             if any(problem.code == "wrong-version" for problem in document):
                 # Nobody knows what the rest means in another version of the format.
@@ -153,7 +153,7 @@ class _Builder:
             slots += group_slots
         steps = self._steps(mapping(data.get("run")).get("duration"), environment)
         networks = self._topologies(data.get("topology"))
-        transport = next(iter(self._workshop.make(mapping(data.get("transport")), ("transport",))), None)
+        transport = next(iter(self._factory.make(mapping(data.get("transport")), ("transport",))), None)
         check_omitted(mapping(data.get("recording")).get("omit"), self._declared, self._report)
         terms, network = Terms(), None
         if isinstance(document, Scenario) and environment is not None:
@@ -222,7 +222,7 @@ class _Builder:
         self._problems.append(self._composition.problem(code, message, path, **hints))
 
     def _environment(self, entry: Mapping[str, Any]) -> Environment | None:
-        made = self._workshop.make(entry, ("environment",))
+        made = self._factory.make(entry, ("environment",))
         if not made:
             return None
         environment: Environment = made[0]
@@ -235,11 +235,11 @@ class _Builder:
 
     def _topologies(self, entry: Any) -> dict[Path, Topology]:
         """Make every topology that is named, by its path."""
-        made = {path: self._workshop.make(each, path) for path, each in topologies(entry)}
+        made = {path: self._factory.make(each, path) for path, each in topologies(entry)}
         return {path: instances[0] for path, instances in made.items() if instances}
 
     def _model(self, entry: Mapping[str, Any], path: Path) -> Model | None:
-        made = self._workshop.make(entry, path)
+        made = self._factory.make(entry, path)
         if not made:
             return None
         model: Model = made[0]
@@ -266,7 +266,7 @@ class _Builder:
         indexed = count is not None
         ids = [f"{name}.{row}" for row in range(count)] if sound and count else [name]
         # Where the model has bad parameters its class still tells what a state is.
-        kind = self._workshop.plugins.get((*path, "model"))
+        kind = self._factory.plugins.get((*path, "model"))
         described = model or (kind if kind is not None and _fault_of(kind) is None else None)
         sampler = Sampler(self._composition, seed, ids, indexed, described)
         states, knowledge = None, []
@@ -279,7 +279,7 @@ class _Builder:
         uses_model = mapping(entry.get("model")).get("use")
         self._uses[name] = {"model": uses_model, "components": uses}
         instances = {
-            component: self._workshop.make(mapping(content), (*path, "components", component), len(ids))
+            component: self._factory.make(mapping(content), (*path, "components", component), len(ids))
             for component, content in components.items()
         }
         capable = [

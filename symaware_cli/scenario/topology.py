@@ -11,7 +11,7 @@ from symaware_cli.network.channel.parameters import ChannelParameters
 from symaware_cli.network.network import ChannelOverride, Network, TopologyPhase, links_of
 from symaware_cli.network.topology.topology import Topology, TopologyError
 from symaware_cli.scenario.document import LinkUse, TopologyUse
-from symaware_cli.scenario.making import words
+from symaware_cli.scenario.plugin_factory import words
 from symaware_cli.scenario.problem import dotted, nearest, quoted
 from symaware_cli.scenario.source import Path
 

@@ -14,7 +14,7 @@ from simulating import Team, simulate
 from talking import Setting
 
 from symaware_cli import AwarenessVector, Component, KnowledgeDatabase, TimeSeries, open_log
-from symaware_cli.components.communication.sameness import same
+from symaware_cli.components.communication.equality import same
 
 CHANGES = {
     "append to a list": ([1], lambda known: known.append(2)),

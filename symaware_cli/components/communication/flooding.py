@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 from pydantic import Field
 
-from symaware_cli.components.communication.sameness import same
+from symaware_cli.components.communication.equality import same
 from symaware_cli.core import (
     Agent,
     AwarenessDatabase,

@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 from pydantic import Field
 
-from symaware_cli.components.communication.sameness import same
+from symaware_cli.components.communication.equality import same
 from symaware_cli.core import AgentGroup, Delivery, GroupCommunicationReceiver, MessageBatch, Parameters
 from symaware_cli.core.message import Indices, objects
 

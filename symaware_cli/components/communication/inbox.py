@@ -12,7 +12,7 @@ from pydantic import Field
 
 from symaware_cli.components.communication.body import OF_THE_BODY
 from symaware_cli.components.communication.broadcast import BROADCAST
-from symaware_cli.components.communication.kept import Kept
+from symaware_cli.components.communication.position_reports import PositionReports
 from symaware_cli.components.communication.state import STATE
 from symaware_cli.core import (
     Agent,
@@ -83,7 +83,7 @@ class Inbox(GroupCommunicationReceiver):
         environment = self.environment
         self._everybody = len(environment.roster)
         self._start = environment.roster.start(group.name)
-        self._kept = Kept.nothing(environment.snapshot().positions.shape[1])
+        self._reports = PositionReports.nothing(environment.snapshot().positions.shape[1])
         #: The number of the latest message that told each knowledge, by its name, then by receiver and sender.
         self._learnt: defaultdict[str, dict[int, int]] = defaultdict(dict)
         #: When each awareness vector that counts was sent, and its message's number, by the receiver's row and the id.
@@ -94,12 +94,12 @@ class Inbox(GroupCommunicationReceiver):
                 agent.awareness_database.forget(id)
 
     @property
-    def kept(self) -> Kept:
+    def kept(self) -> PositionReports:
         """The messages in the inbox."""
-        return self._kept
+        return self._reports
 
     def _update(self, value: Sequence[Delivery]) -> None:
-        further: list[Kept] = []
+        further: list[PositionReports] = []
         for each in value:
             if each.batch.kind == STATE:
                 further.append(self._of_states(each))
@@ -108,10 +108,10 @@ class Inbox(GroupCommunicationReceiver):
                     further += self._of_broadcast(message)
         parameters, awareness = self.parameters, self._group.awareness
         if further:
-            self._kept = self._kept.joined(further, latest=parameters.policy == "latest")
+            self._reports = self._reports.joined(further, latest=parameters.policy == "latest")
         self._forget()
-        if len(self._kept.keys) or awareness.told is not None:
-            awareness.told = self._kept.tracks(
+        if len(self._reports.keys) or awareness.told is not None:
+            awareness.told = self._reports.tracks(
                 self.computed_at,
                 len(self._group),
                 self._everybody,
@@ -119,7 +119,7 @@ class Inbox(GroupCommunicationReceiver):
                 parameters.acceleration_noise**2,
             )
 
-    def _of_states(self, delivery: Delivery) -> Kept:
+    def _of_states(self, delivery: Delivery) -> PositionReports:
         """What states tell of their senders; takes over the knowledge that is told along."""
         columns = delivery.batch.columns
         told = [name for name in columns if name not in OF_THE_BODY]
@@ -127,7 +127,7 @@ class Inbox(GroupCommunicationReceiver):
         if told:
             self._learn_from(delivery, keys, told)
         covariance = delivery.column("covariance") if "covariance" in columns else None
-        return Kept(
+        return PositionReports(
             keys,
             np.full(len(delivery), delivery.sent_time, np.int64),
             self._in_space(delivery.column("position")),
@@ -135,7 +135,7 @@ class Inbox(GroupCommunicationReceiver):
             self._variance(covariance, len(delivery)),
         )
 
-    def _of_broadcast(self, message: Message) -> Sequence[Kept]:
+    def _of_broadcast(self, message: Message) -> Sequence[PositionReports]:
         """What a broadcast tells of its sender, if anything; takes over the awareness vector, and knowledge."""
         roster, payload = self.environment.roster, message.payload
         row, sender = roster.index(message.receiver) - self._start, roster.index(message.sender)
@@ -149,7 +149,7 @@ class Inbox(GroupCommunicationReceiver):
             return ()
         covariance = payload.get("covariance")
         return [
-            Kept(
+            PositionReports(
                 np.array([key], np.int64),
                 np.array([message.sent_time], np.int64),
                 self._in_space([payload["position"]]),
@@ -161,7 +161,7 @@ class Inbox(GroupCommunicationReceiver):
     def _in_space(self, values: ArrayLike) -> Array:
         """Vectors with as many columns as the world; who moves in the plane stands at height 0."""
         vectors = np.asarray(values, float)
-        missing = self._kept.positions.shape[1] - vectors.shape[1]
+        missing = self._reports.positions.shape[1] - vectors.shape[1]
         return np.pad(vectors, ((0, 0), (0, missing))) if missing else vectors
 
     def _variance(self, covariance: ArrayLike | None, count: int) -> Array:
@@ -211,7 +211,7 @@ class Inbox(GroupCommunicationReceiver):
 
     def _forget(self) -> None:
         """Throw away what is too old to count."""
-        parameters, kept = self.parameters, self._kept
+        parameters, kept = self.parameters, self._reports
         memory = nanoseconds(parameters.memory)
         for (row, id), (sent, _) in list(self._heard.items()):
             if self.computed_at - sent > memory:
@@ -229,4 +229,4 @@ class Inbox(GroupCommunicationReceiver):
             else:
                 recent &= ranks <= self._MOST
         if not recent.all():
-            self._kept = kept.some(recent)
+            self._reports = kept.some(recent)

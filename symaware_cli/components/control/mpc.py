@@ -12,9 +12,9 @@ from pydantic import Field
 
 from symaware_cli.components.control.mpc_prediction import Obstacles, Others, clearance, sizes
 from symaware_cli.components.control.mpc_problem import Sizes, Tracking, tracking_problem, weights_of
+from symaware_cli.components.control.mpc_reference import ReferencePath, goal_of, turned_right, waypoints_of
 from symaware_cli.components.control.mpc_route import Routes, standing
-from symaware_cli.components.control.mpc_way import Way, goal_of, turned_right, waypoints_of
-from symaware_cli.components.encounters import bounding_radii
+from symaware_cli.components.relative_motion import bounding_radii
 from symaware_cli.core import (
     Agent,
     AgentGroup,
@@ -69,7 +69,7 @@ class Turn(NamedTuple):
     slows: bool
     passed: int
     distance: float
-    way: Way
+    way: ReferencePath
     is_other_way: bool
 
 
@@ -199,7 +199,7 @@ class ModelPredictiveControl(Component):
         self._passed = 0
         self._reached = False
 
-    def _present_way(self, before: Way | None = None) -> Way:
+    def _present_way(self, before: ReferencePath | None = None) -> ReferencePath:
         """The way to the goal that the agent knows now, past the waypoints; the one before where these are the same.
 
         Raises:
@@ -209,7 +209,7 @@ class ModelPredictiveControl(Component):
         goal, waypoints = goal_of(known, model, self.parameters), waypoints_of(known, len(model.position))
         if before is not None and before.leads_to(goal, waypoints):
             return before
-        return Way(model, goal, waypoints, self._shared_routes() if self.parameters.detours else None)
+        return ReferencePath(model, goal, waypoints, self._shared_routes() if self.parameters.detours else None)
 
     def _dynamics(self, agent: Agent) -> tuple[Dynamics, int]:
         """The motion over a step of the plan as the world will make it, and how many of the world's steps that is."""

@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 from symaware_cli.components.control.goal import GoalSeeking
 from symaware_cli.components.control.half_planes import HalfPlanes, nearest_velocity
 from symaware_cli.components.control.steering import along, directions, lengths, scaled
-from symaware_cli.components.encounters import Encounters, bounding_radii, dot, own_velocity
+from symaware_cli.components.relative_motion import RelativeMotion, bounding_radii, dot, own_velocity
 from symaware_cli.core import AgentGroup
 
 Array = NDArray[np.float64]
@@ -140,8 +140,8 @@ class VelocityObstacle(GoalSeeking):
         way = goal - position
         distance = lengths(way)
         preferred = scaled(directions(way, distance), self._slowing(distance))
-        encounters = Encounters(self._group, self.parameters.reach, self._radii, own_velocity(self._group))
-        planes = _joined(self._obstacle_planes(position), self._agent_planes(encounters))
+        relative = RelativeMotion(self._group, self.parameters.reach, self._radii, own_velocity(self._group))
+        planes = _joined(self._obstacle_planes(position), self._agent_planes(relative))
         if self._turn is not None and planes.limit.shape[1]:
             avoiding = np.isfinite(planes.limit).any(axis=1)
             preferred = _turned_right(preferred, np.where(avoiding, self._turn, 0.0))
@@ -160,16 +160,16 @@ class VelocityObstacle(GoalSeeking):
         greatest: float | None = self.parameters.max_speed
         return float(self.parameters.speed if greatest is None else greatest)
 
-    def _agent_planes(self, encounters: Encounters) -> HalfPlanes:
+    def _agent_planes(self, relative: RelativeMotion) -> HalfPlanes:
         parameters = self.parameters
-        observers, apart = encounters.observers, encounters.apart[:2]
-        rows = _nearest(encounters.tracks.pointers, observers, dot(apart, apart), parameters.neighbours)
+        observers, apart = relative.observers, relative.apart[:2]
+        rows = _nearest(relative.tracks.pointers, observers, dot(apart, apart), parameters.neighbours)
         observers = observers[rows]
         normal, limit = reciprocal_constraints(
             apart[:, rows],
-            encounters.closing[:2, rows],
-            np.ascontiguousarray(encounters.velocity[observers].T),
-            encounters.radius[rows] + parameters.margin,
+            relative.closing[:2, rows],
+            np.ascontiguousarray(relative.velocity[observers].T),
+            relative.radius[rows] + parameters.margin,
             parameters.time_horizon,
             parameters.parting,
             parameters.responsibility,

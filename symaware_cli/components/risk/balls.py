@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
-from symaware_cli.components.encounters import dot
+from symaware_cli.components.relative_motion import dot
 
 Array = NDArray[np.float64]
 

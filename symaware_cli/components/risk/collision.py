@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 from pydantic import Field
 from scipy.special import erfc
 
-from symaware_cli.components.encounters import dot
+from symaware_cli.components.relative_motion import dot
 from symaware_cli.components.risk.balls import closest_approach, collision_probability
+from symaware_cli.components.risk.body_pairs import BodyPairs, PairRisk
 from symaware_cli.components.risk.gaussian import band_probability
-from symaware_cli.components.risk.meetings import MeetingRisk, Meetings
 from symaware_cli.components.risk.outlines import carried_on, overlap_bound
 from symaware_cli.core import Parameters
 
@@ -23,7 +23,7 @@ _NOTHING = 8.0
 _COVERED = 4.0
 
 
-class Collision(MeetingRisk):
+class Collision(PairRisk):
     """Risk as a bound of the probability that an agent comes too close to another, or to an obstacle, in time.
 
     Never less than that probability, if beliefs are right: positions and velocities Gaussian, with constant velocities
@@ -48,19 +48,19 @@ class Collision(MeetingRisk):
 
     def _compute(self) -> Array:
         risk = np.zeros(len(self._group))
-        for meetings in self._meetings():
-            risk = meetings.over_all(np.add, self._probability(meetings), risk)
+        for pairs in self._pairs():
+            risk = pairs.over_all(np.add, self._probability(pairs), risk)
         return np.minimum(risk, 1.0)
 
-    def _probability(self, meetings: Meetings) -> Array:
+    def _probability(self, pairs: BodyPairs) -> Array:
         """A bound of the probability of a collision, for each pair; shape (m,)."""
-        apart, closing, horizon = meetings.apart, meetings.closing, self.parameters.horizon
-        radius, size = meetings.radius + self.parameters.margin, len(apart)
-        covariance = meetings.covariance
+        apart, closing, horizon = pairs.apart, pairs.closing, self.parameters.horizon
+        radius, size = pairs.radius + self.parameters.margin, len(apart)
+        covariance = pairs.covariance
         if covariance is None:
             covariance = np.zeros((apart.shape[1], 2 * size, 2 * size))
         time = closest_approach(apart, closing, horizon)
-        exact = meetings.round & ~covariance[:, size:, size:].any(axis=(1, 2)) & (meetings.heights is None)
+        exact = pairs.round & ~covariance[:, size:, size:].any(axis=(1, 2)) & (pairs.heights is None)
         probability = np.zeros(len(radius))
         rows = np.flatnonzero(exact)
         if len(rows):
@@ -72,17 +72,17 @@ class Collision(MeetingRisk):
                 np.trace(carried_on(covariance, np.full(len(time), when)), axis1=1, axis2=2) for when in (0.0, horizon)
             ]
             spread = np.sqrt(np.maximum(np.maximum(*spreads), 0.0))
-            rows = np.flatnonzero(~exact & (nearest - radius <= _NOTHING * spread) & (meetings.radius > 0.0))
+            rows = np.flatnonzero(~exact & (nearest - radius <= _NOTHING * spread) & (pairs.radius > 0.0))
             if len(rows):
-                probability[rows] = self._bound(meetings, rows, covariance[rows], radius[rows], time[rows])
+                probability[rows] = self._bound(pairs, rows, covariance[rows], radius[rows], time[rows])
         return probability
 
-    def _bound(self, meetings: Meetings, rows: Indices, covariance: Array, radius: Array, time: Array) -> Array:
+    def _bound(self, pairs: BodyPairs, rows: Indices, covariance: Array, radius: Array, time: Array) -> Array:
         """What holds for bodies with corners, for uncertain velocities, and for heights."""
-        parameters, size = self.parameters, len(meetings.apart)
-        apart, closing = meetings.apart[:, rows], meetings.closing[:, rows]
+        parameters, size = self.parameters, len(pairs.apart)
+        apart, closing = pairs.apart[:, rows], pairs.closing[:, rows]
         plane = [0, 1, size, size + 1]
-        sides = meetings.sides(rows)
+        sides = pairs.sides(rows)
         bound = overlap_bound(
             apart[:2],
             closing[:2],
@@ -95,11 +95,11 @@ class Collision(MeetingRisk):
             bound = np.minimum(bound, _balls(apart, closing, radius, covariance, time, parameters.horizon))
             whole = np.stack([apart[2], closing[2], -radius, radius])
             bound = np.minimum(bound, _band(whole, covariance[:, [2, 5]][:, :, [2, 5]], parameters.horizon))
-        if meetings.heights is not None:
-            low_high = meetings.heights[:, rows].copy()
+        if pairs.heights is not None:
+            low_high = pairs.heights[:, rows].copy()
             low_high[2] -= parameters.margin
             low_high[3] += parameters.margin
-            own = meetings.own_heights(rows)
+            own = pairs.own_heights(rows)
             bound = np.minimum(bound, _band(low_high, own, parameters.horizon))
         return bound
 

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from symaware_cli.components.encounters import dot
-from symaware_cli.components.risk.meetings import MeetingRisk, Meetings
+from symaware_cli.components.relative_motion import dot
+from symaware_cli.components.risk.body_pairs import BodyPairs, PairRisk
 from symaware_cli.components.risk.outlines import first_touch
 from symaware_cli.core import Parameters
 from symaware_cli.geometry.minkowski import between
@@ -39,7 +39,7 @@ def time_to_collision(apart: Array, closing: Array, radius: Array) -> Array:
     return time
 
 
-class TimeToCollision(MeetingRisk):
+class TimeToCollision(PairRisk):
     """Risk from how soon each agent touches another, or an obstacle, if both keep their velocities.
 
     The risk is 1 - t / horizon for the soonest of all encounters, 0 where nothing is touched within the horizon and 1
@@ -65,25 +65,25 @@ class TimeToCollision(MeetingRisk):
 
     def _compute(self) -> Array:
         soonest = np.full(len(self._group), np.inf)
-        for meetings in self._meetings():
-            soonest = meetings.over_all(np.minimum, self._time(meetings), soonest)
+        for pairs in self._pairs():
+            soonest = pairs.over_all(np.minimum, self._time(pairs), soonest)
         risk: Array = np.maximum(1.0 - soonest / self.parameters.horizon, 0.0)
         return risk
 
-    def _time(self, meetings: Meetings) -> Array:
+    def _time(self, pairs: BodyPairs) -> Array:
         """The time until the bodies of each pair touch [s]; infinite beyond the horizon; shape (m,)."""
-        apart, closing, parameters = meetings.apart, meetings.closing, self.parameters
+        apart, closing, parameters = pairs.apart, pairs.closing, self.parameters
         # Nothing touches before the balls around it do.
-        time = time_to_collision(apart, closing, meetings.radius + parameters.margin)
-        if meetings.round.all() and meetings.heights is None:
+        time = time_to_collision(apart, closing, pairs.radius + parameters.margin)
+        if pairs.round.all() and pairs.heights is None:
             return time
-        rows = np.flatnonzero(~meetings.round & (time < parameters.horizon))
+        rows = np.flatnonzero(~pairs.round & (time < parameters.horizon))
         if len(rows):
-            sides = meetings.sides(rows)
+            sides = pairs.sides(rows)
             flat = first_touch(apart[:2, rows], closing[:2, rows], *sides, parameters.margin, parameters.horizon)
             time[rows] = np.maximum(time[rows], flat)
-        if meetings.heights is not None:
-            level, rate, low, high = meetings.heights
+        if pairs.heights is not None:
+            level, rate, low, high = pairs.heights
             start, end = between(level, rate, low - parameters.margin, high + parameters.margin)
             time = np.where((end < 0.0) | (start > end), np.inf, np.maximum(time, start))
         return time

@@ -1,4 +1,4 @@
-"""Sameness: whether what an agent knows is still what it knew before."""
+"""Equality: whether what an agent knows is still what it knew before."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Encounters: how the others that agents are aware of stand and move as seen from them."""
+"""Relative motion: how the others that agents are aware of stand and move as seen from them."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def own_velocity(group: AgentGroup) -> Array:
     return model.velocity(group.awareness.state, model.limit(group.control_input))
 
 
-class Encounters:
+class RelativeMotion:
     """A row for each agent and each other within reach, in the order of `Tracks`.
 
     Vectors stand in columns, (d, m), because all arithmetic on them goes along the rows.

@@ -1,4 +1,4 @@
-"""The making of plugins: from what a document names to instances with their parameters."""
+"""The plugin factory: from what a document names to instances with their parameters."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from symaware_cli.scenario.source import Path
 from symaware_cli.world.arrays import FARTHEST
 
 
-class Workshop:
+class PluginFactory:
     """Imports the plugins of a document and makes instances of them; what is wrong with them is reported.
 
     Attributes:

@@ -57,7 +57,7 @@ def waypoints_of(knowledge: Mapping[str, Any], dimensions: int) -> Array:
     return places
 
 
-class Way:
+class ReferencePath:
     """The way of one agent to its goal, as a reference of its state."""
 
     def __init__(self, model: Model, goal: Array, waypoints: Array, routes: Routes | None) -> None:

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from symaware_cli import AwarenessVector, KnowledgeDatabase, TimeSeries
-from symaware_cli.components.communication.sameness import same
+from symaware_cli.components.communication.equality import same
 
 plain = st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=3)
 values = st.recursive(

@@ -14,7 +14,7 @@ from symaware_cli.world.time import SECOND
 
 
 @contextmanager
-def restrained(group: AgentGroup, rows: Sequence[int]) -> Iterator[None]:
+def protected(group: AgentGroup, rows: Sequence[int]) -> Iterator[None]:
     """Put back, afterwards, what was written of some agents: all parts of their awareness, and the control input.
 
     A component of a whole group works on arrays with a row for each agent, and knows nothing of those that do not take

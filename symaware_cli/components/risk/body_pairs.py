@@ -1,4 +1,4 @@
-"""Meetings: pairs of an agent's own body and another's, or a convex piece of an obstacle, as the agent believes."""
+"""Body pairs: pairs of an agent's own body and another's, or a convex piece of an obstacle, as the agent believes."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.components.encounters import Encounters, bounding_radii, own_velocity
+from symaware_cli.components.relative_motion import RelativeMotion, bounding_radii, own_velocity
 from symaware_cli.components.risk.outlines import Side
 from symaware_cli.core import AgentGroup, GroupComponent, Quantity, Tracks
 from symaware_cli.geometry.bodies import Bodies
@@ -99,7 +99,7 @@ def _symmetric(core: Sequence[Sequence[float]]) -> bool:
     return bool((behind <= 1e-9 * np.abs(points).max()).all())
 
 
-class Meetings(ABC):
+class BodyPairs(ABC):
     """Pairs of bodies, those of each agent one after the other.
 
     Attributes:
@@ -146,34 +146,34 @@ class Meetings(ABC):
         return reduced
 
 
-class WithOthers(Meetings):
+class WithOthers(BodyPairs):
     """Each agent and each other that it is aware of within reach."""
 
-    def __init__(self, known: Known, reach: float, own: OwnDoubt) -> None:
-        encounters = Encounters(known.group, reach, known.radii, own_velocity(known.group))
-        self._known, self._own, self._tracks = known, own, encounters.tracks
-        others = encounters.tracks.others
-        self.observers = encounters.observers
-        self.apart, self.closing = encounters.apart, encounters.closing
-        self.radius, self.round = encounters.radius, np.ones(len(others), bool)
+    def __init__(self, known: Known, reach: float, own: OwnUncertainty) -> None:
+        relative = RelativeMotion(known.group, reach, known.radii, own_velocity(known.group))
+        self._known, self._own, self._tracks = known, own, relative.tracks
+        others = relative.tracks.others
+        self.observers = relative.observers
+        self.apart, self.closing = relative.apart, relative.closing
+        self.radius, self.round = relative.radius, np.ones(len(others), bool)
         bodies, start = known.bodies, known.start
         if len(self.apart) == 3 and (known.outer != known.radii).any():
             self.radius = known.outer.take(self.observers + start) + known.outer.take(others)
-            self.round = self.radius == encounters.radius
+            self.round = self.radius == relative.radius
         if bodies.any_cornered:
             self.round = self.round & ~(bodies.cornered.take(self.observers + start) | bodies.cornered.take(others))
-        self.covariance = own.with_others(encounters.tracks.covariances, self.observers, len(self.apart))
+        self.covariance = own.with_others(relative.tracks.covariances, self.observers, len(self.apart))
 
     def sides(self, rows: Indices) -> tuple[Side, Side]:
-        """See `Meetings`."""
+        """See `BodyPairs`."""
         own = self._known.own_side(self.observers.take(rows), self._own.state)
         return own, self._known.other_side(self._tracks, rows)
 
 
-class WithObstacles(Meetings):
+class WithObstacles(BodyPairs):
     """Each agent and each convex piece of an obstacle whose surface is within reach; agents know the obstacles."""
 
-    def __init__(self, known: Known, reach: float, own: OwnDoubt) -> None:
+    def __init__(self, known: Known, reach: float, own: OwnUncertainty) -> None:
         group = known.group
         environment, model = group.surroundings.environment, group.model
         scenery = environment.scenery
@@ -215,19 +215,19 @@ class WithObstacles(Meetings):
         return np.stack([level.take(row), rate.take(row), heights[:, 0] - outer, heights[:, 1] + outer])
 
     def sides(self, rows: Indices) -> tuple[Side, Side]:
-        """See `Meetings`."""
+        """See `BodyPairs`."""
         own = self._known.own_side(self.observers.take(rows), self._own.state)
         return own, _known(self._pieces.take(rows), np.zeros(len(rows)), self._turn_rates.take(rows))
 
     def own_heights(self, rows: Indices) -> Array:
-        """See `Meetings`."""
+        """See `BodyPairs`."""
         joint = self._own.joint
         if joint is None:
             return np.zeros((len(rows), 2, 2))
         return joint[self.observers.take(rows)][:, [2, 5]][:, :, [2, 5]]
 
 
-class OwnDoubt:
+class OwnUncertainty:
     """How sure the agents of a group are of themselves.
 
     Attributes:
@@ -289,8 +289,8 @@ def _state_covariance(group: AgentGroup) -> Array | None:
     return first.reshape(-1, size, size)
 
 
-class MeetingRisk(GroupComponent):
-    """A risk that each agent sees in its meetings with others and obstacles."""
+class PairRisk(GroupComponent):
+    """A risk that each agent sees in its pairs with others and obstacles."""
 
     sees_world = True
     #: Whether it counts how sure agents are.
@@ -305,9 +305,9 @@ class MeetingRisk(GroupComponent):
         super().initialise_component(group)
         self._known = Known(group)
 
-    def _meetings(self) -> Iterator[Meetings]:
+    def _pairs(self) -> Iterator[BodyPairs]:
         """Everybody, and everything, within the parameter ``reach`` [m]."""
-        own, reach = OwnDoubt(self._group, self.doubts), self.parameters.reach
+        own, reach = OwnUncertainty(self._group, self.doubts), self.parameters.reach
         yield WithOthers(self._known, reach, own)
         if self.parameters.obstacles and len(self.environment.scenery):
             yield WithObstacles(self._known, reach, own)

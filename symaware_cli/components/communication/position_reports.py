@@ -1,4 +1,4 @@
-"""Messages that tell where their senders were: those that an inbox keeps, and what follows from them."""
+"""Position reports: messages of where their senders were that an inbox keeps, and what follows from them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 
-class Kept(NamedTuple):
+class PositionReports(NamedTuple):
     """Messages that are kept, in columns, by receiver, sender and time.
 
     Attributes:
@@ -32,24 +32,24 @@ class Kept(NamedTuple):
     variances: Array
 
     @classmethod
-    def nothing(cls, dimensions: int) -> Kept:
+    def nothing(cls, dimensions: int) -> PositionReports:
         """No message yet."""
         nowhere = np.empty((0, dimensions))
         return cls(np.empty(0, np.int64), np.empty(0, np.int64), nowhere, nowhere, np.empty(0))
 
-    def some(self, places: NDArray[np.bool_] | Indices) -> Kept:
+    def some(self, places: NDArray[np.bool_] | Indices) -> PositionReports:
         """Some of them."""
         keys, sent, positions, velocities, variances = self
-        return Kept(keys[places], sent[places], positions[places], velocities[places], variances[places])
+        return PositionReports(keys[places], sent[places], positions[places], velocities[places], variances[places])
 
-    def joined(self, further: Sequence[Kept], *, latest: bool) -> Kept:
+    def joined(self, further: Sequence[PositionReports], *, latest: bool) -> PositionReports:
         """These and further ones, which need not be in order.
 
         Args:
             further: What came besides.
             latest: Whether only the one of each sender is kept that was sent last.
         """
-        joined = Kept(*(np.concatenate(columns) for columns in zip(self, *further, strict=True)))
+        joined = PositionReports(*(np.concatenate(columns) for columns in zip(self, *further, strict=True)))
         # The same message may have come twice: of equal times one counts.
         order = np.lexsort((joined.sent, joined.keys))
         keys, sent = joined.keys[order], joined.sent[order]
