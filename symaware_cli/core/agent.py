@@ -79,7 +79,7 @@ class AgentGroup(EntityGroup):
         self._known: dict[str, KnownColumn] = {}
         self.surroundings: Surroundings
 
-    def enrol(self, roster: Roster) -> None:
+    def set_roster(self, roster: Roster) -> None:
         """Let what the agents are aware of know who is who."""
         self.awareness.roster = roster
 

@@ -37,7 +37,7 @@ class EntityGroup:
         self.present: NDArray[np.bool_] | None = None
         self.control_column = Column(np.zeros((len(self.ids), len(model.control_input))))
 
-    def enrol(self, roster: Roster) -> None:
+    def set_roster(self, roster: Roster) -> None:
         """Learn who is in the world, as soon as everybody is in place."""
 
     def __len__(self) -> int:

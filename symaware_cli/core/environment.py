@@ -115,7 +115,7 @@ class Environment(Plugin, ABC):
         models = {group.name: group.model for group in self.groups}
         self.roster = Roster({group.name: group.ids for group in self.groups}, models)
         for group in self.groups:
-            group.enrol(self.roster)
+            group.set_roster(self.roster)
         self._count_present()
 
     def _count_present(self) -> None:

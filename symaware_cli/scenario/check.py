@@ -73,7 +73,7 @@ def check(
         return model.model_validate_json(json.dumps(data), strict=True)
     except ValidationError as error:
         details = error.errors(include_url=False)
-    judge = _Judge(model, data, composition, path, others)
+    judge = _ErrorTranslator(model, data, composition, path, others)
     problems = [judge.problem(each) for each in details if not _is_consequence(each)]
     return _one_each(problem for problem in problems if judge.missing.get(problem) not in judge.meant)
 
@@ -106,7 +106,7 @@ def _one_each(problems: Iterable[Problem]) -> list[Problem]:
     ]
 
 
-class _Judge:
+class _ErrorTranslator:
     """Puts errors with one piece of data into words.
 
     Attributes:
