@@ -7,20 +7,18 @@ from symaware_cli.awareness.part import PARTS, Part
 from symaware_cli.awareness.series import TimeSeries
 from symaware_cli.awareness.tracks import Tracks
 from symaware_cli.core.agent import Agent, AgentGroup, Surroundings
-from symaware_cli.core.component import (
+from symaware_cli.core.component import Component, GroupCommunicationReceiver, GroupComponent
+from symaware_cli.core.entity_group import EntityGroup
+from symaware_cli.core.environment import Environment, EnvironmentParameters, WorldError
+from symaware_cli.core.event import Event, EventBus, Level, SubscriberError, Subscription
+from symaware_cli.core.families import (
     CommunicationReceiver,
     CommunicationSender,
-    Component,
     Controller,
-    GroupCommunicationReceiver,
-    GroupComponent,
     PerceptionSystem,
     RiskEstimator,
     UncertaintyEstimator,
 )
-from symaware_cli.core.entity_group import EntityGroup
-from symaware_cli.core.environment import Environment, EnvironmentParameters, WorldError
-from symaware_cli.core.event import Event, EventBus, Level, SubscriberError, Subscription
 from symaware_cli.core.links import Links
 from symaware_cli.core.message import EVERYBODY, Delivery, Exchange, Message, MessageBatch
 from symaware_cli.geometry.path import Pose, ScriptedPath

@@ -48,8 +48,8 @@ class ContactDetector:
         self._reach = max(0.0, 2.0 * float(self._radii.max(initial=0.0)))
         self._alike = bool((self._radii == self._radii[:1]).all())
         self._proximity = proximity
-        self._among_agents = _Ledger(self._names)
-        self._with_obstacles = _Ledger(self._names)
+        self._among_agents = _TouchingPairs(self._names)
+        self._with_obstacles = _TouchingPairs(self._names)
 
     def update(self, snapshot: Snapshot, scenery: Scenery) -> Sequence[Contact]:
         """Return the contacts that begin or end, sorted by the names of the bodies.
@@ -132,7 +132,7 @@ class ContactDetector:
         return self._bodies.placed(agents, positions, snapshot.headings)
 
 
-class _Ledger:
+class _TouchingPairs:
     """Keeps which pairs of bodies touch.
 
     Attributes:

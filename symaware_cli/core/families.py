@@ -1,0 +1,186 @@
+"""Families of components of single agents: what each computes, and what becomes of that."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from symaware_cli.awareness.series import TimeSeries
+from symaware_cli.core.component import Component
+from symaware_cli.core.event import Event
+from symaware_cli.core.message import Message
+from symaware_cli.core.waiting import MessageWait, Wait
+from symaware_cli.world.arrays import real
+from symaware_cli.world.snapshot import Snapshot
+
+Array = NDArray[np.float64]
+
+
+class PerceptionSystem(Component):
+    """Perceives states in the environment.
+
+    `_compute` returns the perceived states by id, each as the model of that agent has it (or its position and velocity,
+    or its position alone), or a `Snapshot` for one who perceives everything. Of everybody, `Snapshot.states_by_id` has
+    the states without a copy.
+    """
+
+    sees_world = True
+
+    @abstractmethod
+    def _compute(self) -> Mapping[str, ArrayLike] | Snapshot:
+        """Perceive."""
+
+    def perceive_self_state(self) -> Array:
+        """The agent's own true state, read-only; shape (nx,)."""
+        state: Array = self.environment.state(self._agent.group)[self._agent.row]
+        return state
+
+    def misfit(self, value: Any) -> str | None:
+        """A perception returns states by id."""
+        if isinstance(value, Mapping | Snapshot):
+            return None
+        return f"`_compute` returned {_said(value)}: a perception returns states by id, or a Snapshot of everybody"
+
+    def _update(self, value: Mapping[str, ArrayLike] | Snapshot) -> None:
+        agent = self._agent
+        if isinstance(value, Snapshot):
+            agent.awareness_database.world = value
+            agent.self_awareness.state = value.state(agent.id)
+        else:
+            agent.awareness_database.set_states(value)
+
+
+class UncertaintyEstimator(Component):
+    """Estimates how unsure the agent's belief is; `_compute` returns a `TimeSeries`."""
+
+    @abstractmethod
+    def _compute(self) -> TimeSeries:
+        """Estimate the uncertainty."""
+
+    def misfit(self, value: Any) -> str | None:
+        """An uncertainty estimator returns a series."""
+        if isinstance(value, TimeSeries):
+            return None
+        return f"`_compute` returned {_said(value)}: an uncertainty estimator returns a TimeSeries"
+
+    def _update(self, value: TimeSeries) -> None:
+        self._agent.self_awareness.uncertainty = value
+
+
+class RiskEstimator(Component):
+    """Estimates how dangerous the agent's situation is; `_compute` returns a `TimeSeries`."""
+
+    @abstractmethod
+    def _compute(self) -> TimeSeries:
+        """Estimate the risk."""
+
+    def misfit(self, value: Any) -> str | None:
+        """A risk estimator returns a series."""
+        if isinstance(value, TimeSeries):
+            return None
+        return f"`_compute` returned {_said(value)}: a risk estimator returns a TimeSeries"
+
+    def _update(self, value: TimeSeries) -> None:
+        self._agent.self_awareness.risk = value
+
+
+class CommunicationSender(Component):
+    """Tells other agents; `_compute` returns the messages to send."""
+
+    @abstractmethod
+    def _compute(self) -> Iterable[Message]:
+        """Write the messages to send."""
+
+    def misfit(self, value: Any) -> str | None:
+        """A sender returns messages."""
+        if isinstance(value, Iterable) and all(isinstance(each, Message) for each in value):
+            return None
+        return f"`_compute` returned {_said(value)}: a sender returns the messages to send, a list of Message"
+
+    def _update(self, value: Iterable[Message]) -> None:
+        for message in value:
+            self.send(message)
+
+    def send(self, message: Message) -> None:
+        """Send a message; its receiver can read it from the next step on."""
+        surroundings = self._surroundings
+        if "sending" in surroundings.events.wanted:
+            event = Event("sending", f"agents.{message.sender}", self.now, subject=message, agent=message.sender)
+            surroundings.events.fire(event)
+        surroundings.exchange.send(message)
+
+
+class CommunicationReceiver(Component):
+    """Listens to other agents; `_update` is given the messages that arrived, oldest first."""
+
+    @property
+    def kinds(self) -> Collection[str] | None:
+        """The kinds of messages that it reads, which nobody else gets then, unless it asks for them, too.
+
+        None for whatever nobody asks for.
+        """
+        return None
+
+    def _compute(self) -> Any:
+        return self._surroundings.exchange.receive(self._agent.id, self._reader)
+
+    @property
+    def _reader(self) -> str:
+        return "" if self.kinds is None else self.name
+
+    def messages(self) -> Wait:
+        """Wait for messages within a turn of the asynchronous mode: ``heard = await self.messages()``.
+
+        What is there already counts: they are all that arrived and were not handed over before, oldest first.
+        """
+        return MessageWait(self._agent.id, self._reader)
+
+    @abstractmethod
+    def _update(self, value: Sequence[Message]) -> None:
+        """Make something of what was heard."""
+
+
+class Controller(Component):
+    """Chooses the control input; `_compute` returns it, shape (nu,), with the intent behind it."""
+
+    @abstractmethod
+    def _compute(self) -> tuple[ArrayLike, TimeSeries]:
+        """Choose the control input and state the intent."""
+
+    def misfit(self, value: Any) -> str | None:
+        """A controller returns a control input and an intent."""
+        quantities = self._agent.group.model.control_input
+        wanted = (
+            f"its control input, {len(quantities)} numbers ({', '.join(each.name for each in quantities)}), and its"
+        )
+        expected = f"a controller returns {wanted} intent, a TimeSeries, as in `return control_input, TimeSeries()`"
+        if not isinstance(value, tuple) or len(value) != 2 or not isinstance(value[1], TimeSeries):
+            return f"`_compute` returned {_said(value)}: {expected}"
+        try:
+            control_input = real(value[0])
+        except (TypeError, ValueError) as error:
+            return f"the control input that `_compute` returned is no vector, {error}: {expected}"
+        if control_input.shape != (len(quantities),):
+            return f"`_compute` returned a control input of shape {control_input.shape}: {expected}"
+        return None
+
+    def _update(self, value: tuple[ArrayLike, TimeSeries]) -> None:
+        control_input, intent = value
+        self._agent.model.control_input = control_input
+        self._agent.self_awareness.intent = intent
+
+
+def _said(value: Any) -> str:
+    """What a value is, in a few words."""
+    if value is None:
+        return "nothing (None)"
+    if isinstance(value, np.ndarray):
+        return f"an array of shape {value.shape}"
+    if isinstance(value, tuple):
+        return f"({', '.join(type(each).__name__ for each in value)})"
+    kind = type(value).__name__
+    return f"{'an' if kind[0].lower() in 'aeiou' else 'a'} {kind}"
