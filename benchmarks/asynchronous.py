@@ -17,9 +17,9 @@ from pathlib import Path
 from symaware_cli.core import AgentGroup, Component, Entity
 from symaware_cli.environments.kinematic import KinematicEnvironment
 from symaware_cli.models.integrator import SingleIntegrator
+from symaware_cli.runtime.options import RunOptions
 from symaware_cli.runtime.run import run
 from symaware_cli.runtime.simulation import Simulation, Slot
-from symaware_cli.runtime.terms import Terms
 from symaware_cli.runtime.timing import Timing
 
 HERE = Path(__file__).parent
@@ -72,11 +72,11 @@ def simulation(kind, count, timing, time_step):
     )
 
 
-def measured(kind, count, timing, duration, time_step=0.1, **terms):
+def measured(kind, count, timing, duration, time_step=0.1, **options):
     """CPU time of a run, how many turns were taken, and how well the pace was kept."""
     ready = simulation(kind, count, timing, time_step)
     started = time.process_time()
-    summary = run(ready, round(duration / time_step), terms=Terms(mode="asynchronous", **terms))
+    summary = run(ready, round(duration / time_step), options=RunOptions(mode="asynchronous", **options))
     cpu = time.process_time() - started
     assert summary.status == "finished", summary.failure
     return cpu, [component.count for component in ready.slots[0].components], summary

@@ -12,10 +12,10 @@ from symaware_cli.models.integrator import SingleIntegrator
 from symaware_cli.recording.manifest import manifest
 from symaware_cli.recording.recorder import Recorder
 from symaware_cli.recording.writer import LogWriter
+from symaware_cli.runtime.options import RunOptions
 from symaware_cli.runtime.run import run
 from symaware_cli.runtime.simulation import Simulation, Slot
 from symaware_cli.runtime.summary import Summary
-from symaware_cli.runtime.terms import Terms
 from symaware_cli.runtime.timing import STEADY, Timing
 
 COMMAND = (sys.executable, "-P", "-m", "symaware_cli")
@@ -73,16 +73,20 @@ def simulation(
 
 
 def simulate(
-    teams: Mapping[str, Team], steps: int = 3, log: Path | None = None, terms: Terms | None = None, **options: object
+    teams: Mapping[str, Team],
+    steps: int = 3,
+    log: Path | None = None,
+    options: RunOptions | None = None,
+    **more: object,
 ) -> Summary:
     """Put teams into a world and let it run, with a log if there is a path for it."""
-    return execute(simulation(teams, **options), steps, log, terms)
+    return execute(simulation(teams, **more), steps, log, options)
 
 
-def execute(ready: Simulation, steps: int, log: Path | None = None, terms: Terms | None = None) -> Summary:
+def execute(ready: Simulation, steps: int, log: Path | None = None, options: RunOptions | None = None) -> Summary:
     """Let a simulation run, with a log if there is a path for it."""
     if log is None:
-        return run(ready, steps, terms=terms)
+        return run(ready, steps, options=options)
     with LogWriter(log) as writer:
         content = manifest(
             name=ready.name,
@@ -95,7 +99,7 @@ def execute(ready: Simulation, steps: int, log: Path | None = None, terms: Terms
             indexed={group.name: True for group in ready.groups},
         )
         writer.attach("manifest.json", "application/json", content)
-        return run(ready, steps, Recorder(writer, ready.environment, ready.groups), terms=terms)
+        return run(ready, steps, Recorder(writer, ready.environment, ready.groups), options=options)
 
 
 def moved(environment: Environment, time: float) -> list[Contact]:

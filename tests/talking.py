@@ -7,8 +7,8 @@ from symaware_cli.components.perception import SelfPerception
 from symaware_cli.network.channel.parameters import ChannelParameters
 from symaware_cli.network.network import Network, TopologyPhase
 from symaware_cli.runtime.faults import Components, Fault
+from symaware_cli.runtime.options import RunOptions
 from symaware_cli.runtime.run import run
-from symaware_cli.runtime.terms import Terms
 
 
 class Setting(Component):
@@ -46,7 +46,7 @@ class Watch:
         """Make the run; look at it after the turns of each step."""
         if look is not None:
             self.simulation.events.subscribe("iterated", lambda event: self.frames.append(look()))
-        self.summary = run(self.simulation, steps, terms=Terms(faults=self.faults))
+        self.summary = run(self.simulation, steps, options=RunOptions(faults=self.faults))
         assert self.summary.status == status, self.summary.failure
         return self
 

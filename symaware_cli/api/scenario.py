@@ -217,7 +217,7 @@ class Scenario:
             (*self.changes, *texts(changes), *texts(options)),
             self.seed if seed is None else seed,
         )
-        if built.terms.turn_limit is not None and threading.current_thread() is not threading.main_thread():
+        if built.options.turn_limit is not None and threading.current_thread() is not threading.main_thread():
             warnings.warn("`run.turn_limit` holds in the main thread only", RuntimeWarning, stacklevel=3)
         return built
 

@@ -112,7 +112,7 @@ def _tables(
     from symaware_cli.exporting.text import CSV
 
     start, last = window
-    # Instants are whole nanoseconds: what is after the last one begins with the next.
+    # SimulationHooks are whole nanoseconds: what is after the last one begins with the next.
     end = None if last is None else last + 1
     selection = select(log, fields=fields, agents=agents, start=start, end=end)
     written = export_tables(log, folder, CSV if form is Target.csv else PARQUET, selection, on_progress)

@@ -138,7 +138,7 @@ def _screening(log: Log, agents: Sequence[str], first: int | None, last: int | N
         return ForeignScreening(log)
     from symaware_cli.viewing.screening import screening
 
-    # Instants are whole nanoseconds: what is after the last one begins with the next.
+    # SimulationHooks are whole nanoseconds: what is after the last one begins with the next.
     return screening(log, agents, first, None if last is None else last + 1)
 
 

@@ -1,4 +1,4 @@
-"""What a coroutine waits for, as a tree: entered in the queue and at the switchboard, and taken out of both again."""
+"""What a coroutine waits for, as a tree: entered in the queue and at the router, and taken out of both again."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 from symaware_cli.core import Event
 from symaware_cli.core.waiting import AllOf, AnyOf, EventWait, First, MessageWait, Several, Sleep, Wait
 from symaware_cli.network.exchange import MemoryExchange
+from symaware_cli.runtime.event_router import Connection, EventRouter
 from symaware_cli.runtime.queue import Phase, Queue
-from symaware_cli.runtime.switchboard import Connection, Switchboard
 
 if TYPE_CHECKING:
     import asyncio
@@ -130,15 +130,15 @@ class _Timer(Pending):
 
 
 class _Event(Pending):
-    __slots__ = ("_connection", "_event", "_switchboard", "_wait", "_wakeups")
+    __slots__ = ("_connection", "_event", "_router", "_wait", "_wakeups")
 
-    def __init__(self, wait: EventWait, switchboard: Switchboard) -> None:
-        self._wait, self._switchboard = wait, switchboard
+    def __init__(self, wait: EventWait, router: EventRouter) -> None:
+        self._wait, self._router = wait, router
         self._event: Event | None = None
 
     def begin(self, wakeups: Wakeups) -> None:
         self._wakeups = wakeups
-        self._connection = self._switchboard.connect(self._wait.name, self._wait.source, self._on_event)
+        self._connection = self._router.connect(self._wait.name, self._wait.source, self._on_event)
 
     def _on_event(self, event: Event) -> None:
         self._connection.cancel()
@@ -156,10 +156,10 @@ class _Event(Pending):
 
 
 class _Mail(Pending):
-    __slots__ = ("_connection", "_exchange", "_has_come", "_switchboard", "_wait", "_wakeups")
+    __slots__ = ("_connection", "_exchange", "_has_come", "_router", "_wait", "_wakeups")
 
-    def __init__(self, wait: MessageWait, switchboard: Switchboard, exchange: MemoryExchange) -> None:
-        self._wait, self._switchboard, self._exchange = wait, switchboard, exchange
+    def __init__(self, wait: MessageWait, router: EventRouter, exchange: MemoryExchange) -> None:
+        self._wait, self._router, self._exchange = wait, router, exchange
         self._connection: Connection | None = None
         self._has_come = False
 
@@ -167,7 +167,7 @@ class _Mail(Pending):
         self._wakeups = wakeups
         if not self._look():
             source = f"agents.{self._wait.receiver}"
-            self._connection = self._switchboard.connect("received", source, lambda event: self._look())
+            self._connection = self._router.connect("received", source, lambda event: self._look())
 
     def _look(self) -> bool:
         """Go on if there are messages, and not for another component."""
@@ -280,15 +280,15 @@ class _Any(_Some):
 class Awaiter:
     """Makes of what components await what can be waited for."""
 
-    def __init__(self, switchboard: Switchboard, exchange: MemoryExchange, bridge: AsyncioBridge | None) -> None:
+    def __init__(self, router: EventRouter, exchange: MemoryExchange, bridge: AsyncioBridge | None) -> None:
         """Prepare.
 
         Args:
-            switchboard: Where events are heard.
+            router: Where events are heard.
             exchange: Where messages are.
             bridge: Where there is asyncio; None where simulated time does not wait for it.
         """
-        self._switchboard = switchboard
+        self._router = router
         self._exchange = exchange
         self.bridge = bridge
 
@@ -314,9 +314,9 @@ class Awaiter:
             case Sleep():
                 return _Timer(wait.duration)
             case EventWait():
-                return _Event(wait, self._switchboard)
+                return _Event(wait, self._router)
             case MessageWait():
-                return _Mail(wait, self._switchboard, self._exchange)
+                return _Mail(wait, self._router, self._exchange)
             case AnyOf():
                 return _Any([self._made(each) for each in wait.waits])
             case AllOf():

@@ -11,10 +11,10 @@ from symaware_cli.runtime.awaiting import REAL_TIME, Awaiter, ForeignWaitError, 
 from symaware_cli.runtime.failure import describe
 from symaware_cli.runtime.guard import FAILED, Guard
 from symaware_cli.runtime.interruption import Interrupted
-from symaware_cli.runtime.progress import Progress
 from symaware_cli.runtime.queue import Queue
 from symaware_cli.runtime.simulation import Simulation, Slot
 from symaware_cli.runtime.turn import computed_at, in_turn
+from symaware_cli.runtime.turns_in_progress import TurnsInProgress
 from symaware_cli.world.chance import Turn
 
 #: What a coroutine comes to when it is done.
@@ -40,7 +40,7 @@ class CoroutineTurns:
         place: int,
         queue: Queue,
         guard: Guard,
-        progress: Progress,
+        progress: TurnsInProgress,
         awaiter: Awaiter,
         over: Callable[[int], object],
     ) -> None:

@@ -7,10 +7,10 @@ from typing import Any
 
 from symaware_cli.core import Event, Level
 from symaware_cli.runtime.guard import FAILED, Guard
-from symaware_cli.runtime.progress import Progress
 from symaware_cli.runtime.queue import Phase, Queue
 from symaware_cli.runtime.simulation import Simulation, Slot
 from symaware_cli.runtime.turn import computed_at, in_turn
+from symaware_cli.runtime.turns_in_progress import TurnsInProgress
 from symaware_cli.runtime.workers import Computed, WorkerError, Workers
 from symaware_cli.world.chance import Turn
 
@@ -31,7 +31,7 @@ class DelayedTurns:
         place: int,
         queue: Queue,
         guard: Guard,
-        progress: Progress,
+        progress: TurnsInProgress,
         workers: Workers,
         over: Callable[[int], object],
     ) -> None:

@@ -7,13 +7,13 @@ from functools import partial
 from typing import Any
 
 from symaware_cli.core import Event, Level
+from symaware_cli.runtime.event_router import Connection, EventRouter
 from symaware_cli.runtime.faults import Fault, Targets
 from symaware_cli.runtime.membership import Membership
 from symaware_cli.runtime.motion import Motion
 from symaware_cli.runtime.queue import OF_FAULTS, Phase, Queue
 from symaware_cli.runtime.scheduler import TurnScheduler
 from symaware_cli.runtime.simulation import Simulation
-from symaware_cli.runtime.switchboard import Connection, Switchboard
 
 
 class FaultScheduler:
@@ -33,7 +33,7 @@ class FaultScheduler:
         membership: Membership,
         motion: Motion,
         queue: Queue,
-        switchboard: Switchboard,
+        router: EventRouter,
     ) -> None:
         """Prepare; `begin` enters them.
 
@@ -44,12 +44,12 @@ class FaultScheduler:
             membership: See there.
             motion: See there.
             queue: Where beginnings and ends are entered.
-            switchboard: Where the events are heard with which faults come.
+            router: Where the events are heard with which faults come.
         """
         self._faults = faults
         self._targets = Targets(simulation, schedulers, membership, motion, self._end_named)
         self._queue = queue
-        self._switchboard = switchboard
+        self._router = router
         self._connections: dict[int, Connection] = {}
         #: What ends those that have begun needs to know, by their position.
         self._ongoing: dict[int, Any] = {}
@@ -66,7 +66,7 @@ class FaultScheduler:
                     self._put(fault.at + missed, "begin", (place, missed))
             elif fault.on is not None:
                 call = partial(self._come, place)
-                self._connections[place] = self._switchboard.connect(fault.on.event, fault.on.source, call)
+                self._connections[place] = self._router.connect(fault.on.event, fault.on.source, call)
 
     def _put(self, time: int, kind: str, payload: Any) -> None:
         self._queue.put(time, OF_FAULTS, Phase.LANDING, 0, kind, payload)

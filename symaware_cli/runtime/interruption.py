@@ -13,7 +13,7 @@ from types import FrameType, TracebackType
 from typing import Any, ClassVar, NoReturn
 
 from symaware_cli.core import Event
-from symaware_cli.runtime.departure import PATIENCE
+from symaware_cli.runtime.process_exit import PATIENCE
 
 #: Signals that follow each other within this are one: some programs pass on what their process group has got [s].
 _TWICE = 0.1

@@ -11,13 +11,13 @@ import numpy as np
 
 from symaware_cli.awareness.column import Array, Column, SeriesColumn
 from symaware_cli.core import AgentGroup, Event, Level, Model, TimeSeries
+from symaware_cli.runtime.event_router import EventRouter
 from symaware_cli.runtime.expression import EvaluationError, Expression, Lookup
 from symaware_cli.runtime.failure import RunError, describe
 from symaware_cli.runtime.presence import Moment, Span
 from symaware_cli.runtime.scope import AgentScope, WorldScope
 from symaware_cli.runtime.simulation import Simulation
 from symaware_cli.runtime.summary import Observer
-from symaware_cli.runtime.switchboard import Switchboard
 from symaware_cli.runtime.timing import Coast, Trigger
 from symaware_cli.runtime.trigger import concerned
 from symaware_cli.world.arrays import is_finite
@@ -47,7 +47,7 @@ class Membership:
         schedulers: Sequence[TurnScheduler],
         presence: Mapping[str, Sequence[Span]],
         observer: Observer,
-        switchboard: Switchboard,
+        router: EventRouter,
     ) -> None:
         """Prepare.
 
@@ -56,7 +56,7 @@ class Membership:
             schedulers: The turns of each slot.
             presence: When the agents of groups are in the world, in the order of their rows; of all others: always.
             observer: Knows of contacts, goals and risks, for conditions on which agents enter.
-            switchboard: Connects events with what they bring about.
+            router: Connects events with what they bring about.
         """
         self._simulation = simulation
         self._schedulers = schedulers
@@ -72,16 +72,16 @@ class Membership:
         self.waiting = {agent for agent, span in self._spans.items() if span.is_late}
         self.leaving = self._spans.keys() - self.waiting
         for name in sorted(presence):
-            self._listen(self._groups[name], presence[name], switchboard)
+            self._listen(self._groups[name], presence[name], router)
 
-    def _listen(self, group: AgentGroup, spans: Sequence[Span], switchboard: Switchboard) -> None:
+    def _listen(self, group: AgentGroup, spans: Sequence[Span], router: EventRouter) -> None:
         """Take note of the events with which agents of a group enter or leave."""
         rows = {id: row for row, id in enumerate(group.ids)}
         for way, moments in (("begin", [each.begin for each in spans]), ("end", [each.end for each in spans])):
             for trigger in dict.fromkeys(each for each in moments if isinstance(each, Trigger)):
                 whose = frozenset(row for row, each in enumerate(moments) if each == trigger)
                 call = partial(self._on_event, trigger, group.name, rows, way, whose)
-                switchboard.connect(trigger.event, trigger.source, call)
+                router.connect(trigger.event, trigger.source, call)
 
     def _on_event(
         self, trigger: Trigger, group: str, rows: Mapping[str, int], way: str, whose: Collection[int], event: Event

@@ -21,23 +21,23 @@ from symaware_cli.recording.error import LogError
 from symaware_cli.runtime.attribution import attribute_livelock, attribute_subscriber_error
 from symaware_cli.runtime.awaiting import Awaiter
 from symaware_cli.runtime.coroutine import is_coroutine
-from symaware_cli.runtime.departure import deadline, exits_refused, leave
 from symaware_cli.runtime.event_recorder import record_events
+from symaware_cli.runtime.event_router import EventRouter
 from symaware_cli.runtime.failure import RunError, describe
 from symaware_cli.runtime.fault_scheduler import FaultScheduler
-from symaware_cli.runtime.instant import Instants
 from symaware_cli.runtime.interruption import Interrupted, Interruption
 from symaware_cli.runtime.kernel import Kernel
 from symaware_cli.runtime.membership import Membership
 from symaware_cli.runtime.motion import Motion
+from symaware_cli.runtime.options import RunOptions
 from symaware_cli.runtime.pacer import Pacer
+from symaware_cli.runtime.process_exit import deadline, exits_refused, leave
 from symaware_cli.runtime.queue import LivelockError, Queue
 from symaware_cli.runtime.scheduler import TurnScheduler
 from symaware_cli.runtime.shared import Shared, Sharing
 from symaware_cli.runtime.simulation import Simulation
+from symaware_cli.runtime.simulation_hooks import SimulationHooks
 from symaware_cli.runtime.summary import Observer, Summary, summarise
-from symaware_cli.runtime.switchboard import Switchboard
-from symaware_cli.runtime.terms import Terms
 from symaware_cli.runtime.workers import Workers
 
 if TYPE_CHECKING:
@@ -50,8 +50,8 @@ def run(
     steps: int,
     recorder: Recorder | None = None,
     on_progress: Callable[[int], None] | None = None,
-    terms: Terms | None = None,
-    company: Sharing | None = None,
+    options: RunOptions | None = None,
+    participant: Sharing | None = None,
 ) -> Summary:
     """Run a simulation to its end, its failure or its interruption.
 
@@ -62,13 +62,13 @@ def run(
         steps: How many steps to make, at most.
         recorder: Where to write it down.
         on_progress: Called now and then with simulated time in nanoseconds.
-        terms: In which way to run; by default in the synchronous mode, as fast as possible.
-        company: What this process is among those that share the run; None where it is alone.
+        options: In which way to run; by default in the synchronous mode, as fast as possible.
+        participant: What this process is among those that share the run; None where it is alone.
 
     Raises:
         LogError: The log cannot be written.
     """
-    return Run(simulation, steps, recorder, on_progress, terms or Terms(), company).execute()
+    return Run(simulation, steps, recorder, on_progress, options or RunOptions(), participant).execute()
 
 
 class Run:
@@ -89,7 +89,7 @@ class Run:
 
     #: What is the same in every run of the scenario, or belongs to the process.
     uncaptured: ClassVar[Collection[str]] = (
-        *("recorder", "_terms", "_company", "_course"),
+        *("recorder", "_options", "_participant", "_course"),
         *("_on_progress", "_progress_due", "_waited", "_spent"),
     )
 
@@ -99,33 +99,35 @@ class Run:
         steps: int,
         recorder: Recorder | None,
         on_progress: Callable[[int], None] | None,
-        terms: Terms,
-        company: Sharing | None = None,
+        options: RunOptions,
+        participant: Sharing | None = None,
     ) -> None:
         self.simulation = simulation
         self.recorder = recorder
         self.status: str | None = None
         self.failure: RunError | None = None
         self.signal: int | None = None
-        self._terms = terms
-        self._company = company
-        is_asynchronous = terms.mode == "asynchronous"
+        self._options = options
+        self._participant = participant
+        is_asynchronous = options.mode == "asynchronous"
         time_step = simulation.environment.time_step
         queue = Queue(simulation.clock, 0 if is_asynchronous else time_step)
-        switchboard = Switchboard(simulation.events)
+        router = EventRouter(simulation.events)
         self.kernel = Kernel(queue, time_step, steps)
-        self._interruption = Interruption(terms.timeout, terms.turn_limit, self._give_up if terms.may_exit else None)
+        self._interruption = Interruption(
+            options.timeout, options.turn_limit, self._give_up if options.may_exit else None
+        )
         self._motion = Motion(simulation, self._interruption)
         self._waited = 0.0  # for others, before the run [s]
         self._spent = 0.0  # wall time in this run's own hands [s]
         self._course = self._begin_to_end()
         self._observer = Observer(simulation)
-        self._pacer = Pacer(terms.pace) if terms.pace else None
+        self._pacer = Pacer(options.pace) if options.pace else None
         self._workers = Workers(
-            simulation, [slot for slot in simulation.slots if slot.timing.in_process], terms.workers
+            simulation, [slot for slot in simulation.slots if slot.timing.in_process], options.workers
         )
         if recorder:
-            record_events(recorder, simulation, self._interruption, company)
+            record_events(recorder, simulation, self._interruption, participant)
             if self._pacer:
                 recorder.pace = self._pacer.kept.figures
         components = [each for slot in simulation.slots for each in slot.components]
@@ -136,15 +138,15 @@ class Run:
 
             self._bridge = AsyncioBridge()
         self.schedulers: list[TurnScheduler] = []
-        self.membership = Membership(simulation, self.schedulers, terms.presence, self._observer, switchboard)
-        awaiter = Awaiter(switchboard, simulation.exchange, self._bridge) if is_asynchronous else None
+        self.membership = Membership(simulation, self.schedulers, options.presence, self._observer, router)
+        awaiter = Awaiter(router, simulation.exchange, self._bridge) if is_asynchronous else None
         self.schedulers += [
             TurnScheduler(
                 simulation,
                 slot,
                 place,
                 queue=queue,
-                switchboard=switchboard,
+                router=router,
                 interruption=self._interruption,
                 workers=self._workers,
                 isolate=self.membership.retire,
@@ -154,9 +156,9 @@ class Run:
         ]
         self.kernel.steady = [(each.place, each.take) for each in self.schedulers if each.is_steady]
         self._faults = FaultScheduler(
-            terms.faults, simulation, self.schedulers, self.membership, self._motion, queue, switchboard
+            options.faults, simulation, self.schedulers, self.membership, self._motion, queue, router
         )
-        self._instants = Instants(
+        self._instants = SimulationHooks(
             simulation,
             self.kernel,
             self._motion,
@@ -164,17 +166,17 @@ class Run:
             self.membership,
             self._interruption,
             is_asynchronous=is_asynchronous,
-            until=terms.until,
+            until=options.until,
             recorder=recorder,
             pacer=self._pacer,
             bridge=self._bridge,
-            sharing=company,
+            sharing=participant,
             on_progress=on_progress,
         )
 
     @property
     def imposed(self) -> dict[AgentGroup, tuple[NDArray[np.bool_], Array]]:
-        """Control inputs that stand in for what components request; see `Instants`."""
+        """Control inputs that stand in for what components request; see `SimulationHooks`."""
         return self._instants.imposed
 
     @property
@@ -267,7 +269,7 @@ class Run:
         started = time.monotonic()
         # Numbers that are not finite fail where they are written, with who wrote them; a warning of NumPy would only
         # add noise.
-        limit = self._terms.timeout if self._terms.may_exit else None
+        limit = self._options.timeout if self._options.may_exit else None
         with np.errstate(all="ignore"), self._interruption, deadline(limit, self.recorder), exits_refused():
             self._interruption.shield()
             try:
@@ -310,9 +312,9 @@ class Run:
             # A subscriber that raises now has nothing to end any more.
             with suppress(SubscriberError, LogError):
                 scheduler.end()
-        if self._company:
+        if self._participant:
             with suppress(SubscriberError, LogError):
-                self._company.end(status, failure.problem if failure else ending, failure)
+                self._participant.end(status, failure.problem if failure else ending, failure)
         if self._bridge:
             self._bridge.close()
         self._workers.close()
@@ -342,8 +344,8 @@ class Run:
                 reason += f"; {over}"
             else:
                 self._instants.look_last()
-                if self._terms.until is not None:
-                    reason += f"; never {self._terms.until.text}"
+                if self._options.until is not None:
+                    reason += f"; never {self._options.until.text}"
             waiting = [each for scheduler in self.schedulers for each in scheduler.end()]
             if waiting:
                 reason += f"; {len(waiting)} turns still waited: {waiting[0]}" + (", ..." if len(waiting) > 1 else "")
@@ -367,9 +369,9 @@ class Run:
         simulation.initialise()
         self._workers.start()
         self._interruption.shield()
-        if self._company:
+        if self._participant:
             began = time.monotonic()
-            self._company.begin(
+            self._participant.begin(
                 Shared(
                     simulation=simulation,
                     kernel=self.kernel,
@@ -378,7 +380,7 @@ class Run:
                     observer=self._observer,
                     interruption=self._interruption,
                     pacer=self._pacer,
-                    asynchronous=self._terms.mode == "asynchronous",
+                    asynchronous=self._options.mode == "asynchronous",
                 )
             )
             self._waited = time.monotonic() - began

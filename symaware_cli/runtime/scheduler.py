@@ -11,19 +11,19 @@ from symaware_cli.core import Event, GroupComponent, Level, SubscriberError
 from symaware_cli.runtime.awaiting import Awaiter
 from symaware_cli.runtime.coroutine import CoroutineTurns, is_coroutine
 from symaware_cli.runtime.delayed import DelayedTurns
+from symaware_cli.runtime.event_router import EventRouter
 from symaware_cli.runtime.expression import EvaluationError
 from symaware_cli.runtime.failure import describe
 from symaware_cli.runtime.guard import Guard, Isolate
 from symaware_cli.runtime.interruption import Interrupted, Interruption
-from symaware_cli.runtime.progress import Progress
 from symaware_cli.runtime.queue import Phase, Queue
 from symaware_cli.runtime.scope import AgentScope
 from symaware_cli.runtime.simulation import Simulation, Slot
 from symaware_cli.runtime.supervision import Supervision
-from symaware_cli.runtime.switchboard import Switchboard
 from symaware_cli.runtime.timing import Timetable
 from symaware_cli.runtime.trigger import concerned
 from symaware_cli.runtime.turn import in_turn
+from symaware_cli.runtime.turns_in_progress import TurnsInProgress
 from symaware_cli.runtime.workers import Workers
 from symaware_cli.world.chance import key_of
 
@@ -54,7 +54,7 @@ class TurnScheduler:
         place: int,
         *,
         queue: Queue,
-        switchboard: Switchboard,
+        router: EventRouter,
         interruption: Interruption,
         workers: Workers,
         isolate: Isolate,
@@ -67,7 +67,7 @@ class TurnScheduler:
             slot: Whose turns they are.
             place: Its position among all slots.
             queue: Where turns are entered.
-            switchboard: Where triggers are heard.
+            router: Where triggers are heard.
             interruption: Holds signals back.
             workers: Where components compute that have a process of their own.
             isolate: Takes agents out of the run.
@@ -84,11 +84,11 @@ class TurnScheduler:
         self._written = slot.group.control_column, slot.group.awareness.state_column
         self._row_of = {id: row for row, id in enumerate(slot.group.ids)}
         self._queue = queue
-        self._switchboard = switchboard
+        self._router = router
         self._interruption = interruption
         self._workers = workers
         self._scope = AgentScope(slot.group) if self._timing.condition else None
-        self._progress = Progress()
+        self._progress = TurnsInProgress()
         #: How many turns of each row were put off, and who is to take one that an event asked for.
         self._backlog: Counter[int] = Counter()
         self._called: set[int] | None = None
@@ -131,7 +131,7 @@ class TurnScheduler:
         """Enter the first turns in the queue, and listen for what triggers further ones."""
         timing, queue = self._timing, self._queue
         if timing.trigger is not None:
-            self._switchboard.connect(timing.trigger.event, timing.trigger.source, self._on_trigger)
+            self._router.connect(timing.trigger.event, timing.trigger.source, self._on_trigger)
         if self.is_steady or (timing.trigger is not None and timing.period is None):
             return
         step = self._simulation.environment.time_step

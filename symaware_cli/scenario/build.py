@@ -29,9 +29,9 @@ from symaware_cli.network.topology.topology import Topology
 from symaware_cli.network.transport.transport import Transport
 from symaware_cli.runtime.failure import RunError
 from symaware_cli.runtime.faults import Fault
+from symaware_cli.runtime.options import RunOptions
 from symaware_cli.runtime.presence import Span
 from symaware_cli.runtime.simulation import Simulation, Slot
-from symaware_cli.runtime.terms import Terms
 from symaware_cli.scenario.assets import assets, check_assets
 from symaware_cli.scenario.catalogue import Catalogue
 from symaware_cli.scenario.check import check
@@ -67,7 +67,7 @@ class Built:
         document: What the scenario says.
         simulation: What it describes.
         steps: How many steps to make.
-        terms: In which way to run.
+        options: In which way to run.
         resolved: The one document, as YAML, that the files and overrides amount to; running it repeats the run.
         files: Each file as written, by its path relative to the scenario's folder; meshes and the like, too.
         uses: For each group, the entry-point names of its ``model`` and ``components``.
@@ -77,7 +77,7 @@ class Built:
     document: Scenario
     simulation: Simulation
     steps: int
-    terms: Terms
+    options: RunOptions
     resolved: bytes
     files: Mapping[str, bytes]
     uses: Mapping[str, Mapping[str, Any]]
@@ -155,9 +155,9 @@ class _Builder:
         networks = self._topologies(data.get("topology"))
         transport = next(iter(self._factory.make(mapping(data.get("transport")), ("transport",))), None)
         check_omitted(mapping(data.get("recording")).get("omit"), self._declared, self._report)
-        terms, network = Terms(), None
+        options, network = RunOptions(), None
         if isinstance(document, Scenario) and environment is not None:
-            terms = self._terms(document, environment, groups, slots)
+            options = self._options(document, environment, groups, slots)
             check_requirements(document, environment, groups, slots, self._report)
             check_assets(document, environment, self._folder, self._report)
             check_consensus(document, environment.time_step, slots, self._report)
@@ -174,11 +174,11 @@ class _Builder:
             simulation.connect(network)
         text = resolved(data, document)
         files = {**self._composition.files, **assets(document, self._folder)}
-        return Built(document, simulation, steps, terms, text, files, self._uses, transport)
+        return Built(document, simulation, steps, options, text, files, self._uses, transport)
 
-    def _terms(
+    def _options(
         self, document: Scenario, environment: Environment, groups: Sequence[AgentGroup], slots: Sequence[Slot]
-    ) -> Terms:
+    ) -> RunOptions:
         """Check what is said about time and faults, and let the components know."""
         check = TimingCheck(self._composition, environment, self._problems.append)
         for slot in slots:
@@ -194,7 +194,7 @@ class _Builder:
             faults = [builder.build(name, use) for name, use in document.faults.items()]
             members = PresenceBuilder(self._report, check, environment, document.environment.use, slots)
             presence = members.build(groups, document.agents)
-        return Terms(
+        return RunOptions(
             mode=run.mode,
             until=until,
             pace=run.pace,

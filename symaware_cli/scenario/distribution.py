@@ -7,9 +7,9 @@ from typing import Any
 
 from symaware_cli.network.transport.address import is_loopback, parse_address
 from symaware_cli.network.transport.transport import Transport
-from symaware_cli.runtime.distributed.company import Company, Identity
 from symaware_cli.runtime.distributed.host import Host
 from symaware_cli.runtime.distributed.member import Member
+from symaware_cli.runtime.distributed.participant import Identity, Participant
 from symaware_cli.runtime.scope import further_parts
 from symaware_cli.scenario.build import Built
 from symaware_cli.scenario.catalogue import Catalogue
@@ -27,7 +27,7 @@ _LEAST_KEY = 16
 _ABSENCE = 5.0
 
 
-def company(built: Built, place: Place) -> Company:
+def participant(built: Built, place: Place) -> Participant:
     """Take a place in a run that is spread over several processes; a host listens from now on.
 
     Raises:
@@ -42,14 +42,14 @@ def company(built: Built, place: Place) -> Company:
     if not environment.is_shared:
         use = built.simulation.environment_use
         raise DistributionError(f"the world `{use}` cannot be followed by other processes")
-    if built.terms.until is not None:
-        names = {*further_parts(built.simulation.groups)} & {*built.terms.until.names}
+    if built.options.until is not None:
+        names = {*further_parts(built.simulation.groups)} & {*built.options.until.names}
         if names:
             raise DistributionError(
                 f"`run.until` looks at `{min(names)}`, which the process knows that runs the agent, and not the host"
             )
-    if built.terms.presence:
-        groups = ", ".join(f"`agents.{name}.present`" for name in sorted(built.terms.presence))
+    if built.options.presence:
+        groups = ", ".join(f"`agents.{name}.present`" for name in sorted(built.options.presence))
         raise DistributionError(f"agents enter and leave only where one process makes the whole run: {groups}")
     agents = _chosen(built, place)
     key = None if place.key is None else _key(place.key)
@@ -67,9 +67,9 @@ def company(built: Built, place: Place) -> Company:
     return Member(identity, transport.join(host, port, key), place.patience, absence)
 
 
-def part(place: Place, company: Company) -> dict[str, Any]:
+def part(place: Place, participant: Participant) -> dict[str, Any]:
     """What the manifest of a log says of the part of the run that it is of."""
-    identity = company.identity
+    identity = participant.identity
     return {"name": identity.name, "host": place.role == "host", "agents": list(identity.agents)}
 
 

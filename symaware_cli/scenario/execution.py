@@ -23,7 +23,7 @@ from symaware_cli.scenario.versions import versions
 if TYPE_CHECKING:
     from symaware_cli.recording.recorder import Recorder
     from symaware_cli.recording.writer import LogWriter
-    from symaware_cli.runtime.distributed.company import Company
+    from symaware_cli.runtime.distributed.participant import Participant
     from symaware_cli.scenario.place import Place
 
 _MEDIA_TYPES = {".toml": "application/toml", ".yaml": "application/yaml", ".yml": "application/yaml"}
@@ -75,24 +75,24 @@ def prepared(
         DistributionError: This process cannot have that place.
         TransportError: The others cannot be reached from there.
     """
-    terms = replace(built.terms, timeout=timeout, may_exit=may_exit)
+    options = replace(built.options, timeout=timeout, may_exit=may_exit)
     with ExitStack() as stack:
         stack.enter_context(built.simulation.environment)
-        company, share = _company(stack, built, place)
+        participant, share = _company(stack, built, place)
         recorder = None if log is None else _recorder(stack, built, log, place, share)
-        yield Run(built.simulation, built.steps, recorder, on_progress, terms, company)
+        yield Run(built.simulation, built.steps, recorder, on_progress, options, participant)
 
 
-def _company(stack: ExitStack, built: Built, place: Place | None) -> tuple[Company | None, dict[str, Any] | None]:
+def _company(stack: ExitStack, built: Built, place: Place | None) -> tuple[Participant | None, dict[str, Any] | None]:
     """Take a place among those that share a run, and say what part of it that is."""
     if place is None:
         return None, None
     # Imported for those who need it: the code for frames is slow to load.
     from symaware_cli.scenario import distribution
 
-    company = distribution.company(built, place)
-    stack.callback(company.port.close)
-    return company, distribution.part(place, company)
+    participant = distribution.participant(built, place)
+    stack.callback(participant.port.close)
+    return participant, distribution.part(place, participant)
 
 
 @np.errstate(all="ignore")  # as while it runs

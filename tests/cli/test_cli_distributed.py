@@ -32,11 +32,11 @@ def run(monkeypatch, tmp_path):
 def waiting(tmp_path_factory):
     """A host that runs the ticker and waits for ever, as only robot.0 has come: its address."""
     folder = tmp_path_factory.mktemp("waiting")
-    company = Spread(folder, written(folder / "goals.yaml", goal_seekers()))
-    host, _ = company.host("--only", "ticker"), company.member("west", "robot.0")
+    processes = Spread(folder, written(folder / "goals.yaml", goal_seekers()))
+    host, _ = processes.host("--only", "ticker"), processes.member("west", "robot.0")
     assert host.wait_for("west").endswith("west is there; waits for robot.1")
-    yield f"127.0.0.1:{company.port}"
-    company.close()
+    yield f"127.0.0.1:{processes.port}"
+    processes.close()
 
 
 @pytest.fixture(scope="module")
@@ -44,10 +44,10 @@ def guarded(tmp_path_factory):
     """A host that asks for a key: its address, and a file with the key."""
     folder = tmp_path_factory.mktemp("guarded")
     (folder / "run.key").write_text("0123456789abcdef0123456789abcdef")
-    company = Spread(folder, written(folder / "goals.yaml", goal_seekers()))
-    company.host("--key-file", folder / "run.key").wait_for("waits at")
-    yield f"127.0.0.1:{company.port}", folder / "run.key"
-    company.close()
+    processes = Spread(folder, written(folder / "goals.yaml", goal_seekers()))
+    processes.host("--key-file", folder / "run.key").wait_for("waits at")
+    yield f"127.0.0.1:{processes.port}", folder / "run.key"
+    processes.close()
 
 
 @pytest.mark.parametrize(
@@ -146,13 +146,13 @@ def test_a_key_that_the_host_does_not_ask_for_is_refused_too(run, waiting, guard
 
 def test_with_the_key_a_host_listens_anywhere(tmp_path):
     (tmp_path / "run.key").write_text("0123456789abcdef0123456789abcdef")
-    company = Spread(tmp_path, written(tmp_path / "goals.yaml", goal_seekers(distance=1.0)), "--key-file", "run.key")
+    processes = Spread(tmp_path, written(tmp_path / "goals.yaml", goal_seekers(distance=1.0)), "--key-file", "run.key")
     try:
-        company.host("--bind", "0.0.0.0")
-        company.member("all", "robot,ticker")
-        company.finish()
+        processes.host("--bind", "0.0.0.0")
+        processes.member("all", "robot,ticker")
+        processes.finish()
     finally:
-        company.close()
+        processes.close()
 
 
 def test_a_port_in_use_is_said_to_be(run):
@@ -179,15 +179,15 @@ def test_a_host_waits_for_members_no_longer_than_it_is_told(run):
 
 
 def test_ctrl_c_ends_the_waiting(tmp_path):
-    company = Spread(tmp_path, written(tmp_path / "goals.yaml", goal_seekers()))
+    processes = Spread(tmp_path, written(tmp_path / "goals.yaml", goal_seekers()))
     try:
-        host = company.host()
+        host = processes.host()
         host.wait_for("waits at")
         host.send(signal.SIGINT)
         assert host.end() == 130
         assert open_log(host.log).outcome["status"] == "interrupted"
     finally:
-        company.close()
+        processes.close()
 
 
 def test_a_world_that_cannot_be_followed_is_not_shared(run, doubles):
@@ -198,11 +198,11 @@ def test_a_world_that_cannot_be_followed_is_not_shared(run, doubles):
 
 def test_a_transport_may_be_a_plugin(doubles, tmp_path):
     scenario = written(tmp_path / "goals.yaml", goal_seekers(distance=1.0))
-    company = Spread(tmp_path, scenario, "--set", "transport.use=doubles.loud")
+    processes = Spread(tmp_path, scenario, "--set", "transport.use=doubles.loud")
     try:
-        company.host("--only", "ticker")
-        company.member("all", "robot")
-        company.finish()
+        processes.host("--only", "ticker")
+        processes.member("all", "robot")
+        processes.finish()
     finally:
-        company.close()
-    assert (tmp_path / "loud.txt").read_text() == f"127.0.0.1:{company.port}"
+        processes.close()
+    assert (tmp_path / "loud.txt").read_text() == f"127.0.0.1:{processes.port}"

@@ -17,8 +17,8 @@ from symaware_cli.network.channel.parameters import ChannelParameters
 from symaware_cli.network.network import Network, TopologyPhase
 from symaware_cli.network.topology.still import Complete
 from symaware_cli.runtime.faults import Agents, Components, Cut, Fault, Restart, Stop
+from symaware_cli.runtime.options import RunOptions
 from symaware_cli.runtime.run import run
-from symaware_cli.runtime.terms import Terms
 from symaware_cli.runtime.timing import Timing
 
 A, B = frozenset({"a"}), frozenset({"b"})
@@ -81,13 +81,13 @@ class Scene:
         frames = []
         if look is not None:
             self.simulation.events.subscribe("iterated", lambda event: frames.append(look()))
-        terms = Terms(
+        options = RunOptions(
             faults=[
                 Fault(name, name, "run", effect, at * STEP, lasting=None if lasting is None else lasting * STEP)
                 for name, (effect, at, lasting) in faults.items()
             ]
         )
-        summary = run(self.simulation, steps, terms=terms)
+        summary = run(self.simulation, steps, options=options)
         assert summary.status == "finished", summary.failure
         return frames
 

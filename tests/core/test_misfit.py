@@ -14,7 +14,7 @@ from symaware_cli import (
     TimeSeries,
     UncertaintyEstimator,
 )
-from symaware_cli.runtime.terms import Terms
+from symaware_cli.runtime.options import RunOptions
 from symaware_cli.runtime.timing import Duration, Timing
 
 CONTROL = r"a controller returns its control input, 2 numbers \(velocity_x, velocity_y\), and its intent, a TimeSeries"
@@ -38,18 +38,18 @@ WRONG = {
     "a text": (CommunicationSender, ["hello"], "a sender returns the messages to send, a list of Message"),
 }
 WAYS = {
-    "synchronous": (Timing(), Terms()),
-    "with a latency": (Timing(latency=Duration("constant", STEP / 1e9)), Terms()),
-    "asynchronous": (Timing(period=STEP), Terms(mode="asynchronous")),
+    "synchronous": (Timing(), RunOptions()),
+    "with a latency": (Timing(latency=Duration("constant", STEP / 1e9)), RunOptions()),
+    "asynchronous": (Timing(period=STEP), RunOptions(mode="asynchronous")),
 }
 
 
-def failure(kind, value, timing, terms):
+def failure(kind, value, timing, options):
     class Wrong(kind):
         def _compute(self):
             return value
 
-    summary = simulate({"robot": Team({"it": Wrong}, timings={"it": timing})}, 4, terms=terms)
+    summary = simulate({"robot": Team({"it": Wrong}, timings={"it": timing})}, 4, options=options)
     assert summary.status == "failed"
     return summary.failure
 
@@ -80,9 +80,9 @@ def test_the_papers_own_update_is_told_the_same(way, asynchronous):
         async def _async_compute(self):
             return self._compute()
 
-    timing, terms = WAYS[way]
+    timing, options = WAYS[way]
     team = Team({"it": Waits if asynchronous else Paper}, timings={"it": timing})
-    told = simulate({"robot": team}, 4, terms=terms).failure
+    told = simulate({"robot": team}, 4, options=options).failure
     assert "returned nothing (None): a controller returns its control input" in told
 
 

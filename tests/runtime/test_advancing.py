@@ -12,11 +12,11 @@ from simulating import Team, execute, simulation
 
 from symaware_cli import Component, TimeSeries, open_log
 from symaware_cli.core import Controller
-from symaware_cli.runtime.departure import exits_refused
+from symaware_cli.runtime.options import RunOptions
+from symaware_cli.runtime.process_exit import exits_refused
 from symaware_cli.runtime.run import Run
-from symaware_cli.runtime.terms import Terms
 
-GUEST = Terms(may_exit=False)
+GUEST = RunOptions(may_exit=False)
 
 
 class Deaf(Component):
@@ -55,7 +55,7 @@ class Fetch(Controller):
 def test_components_await_the_outside_within_a_loop_that_runs_already():
     async def cell():
         ready = simulation({"robot": Team({"fetch": Fetch})})
-        summary = execute(ready, 5, terms=Terms(mode="asynchronous", pace=1.0, may_exit=False))
+        summary = execute(ready, 5, options=RunOptions(mode="asynchronous", pace=1.0, may_exit=False))
         await asyncio.sleep(0.001)
         return summary.status, ready.groups[0].control_input.tolist()
 
@@ -78,7 +78,7 @@ def test_a_time_out_holds_in_another_thread():
     summaries = []
 
     def work():
-        summaries.append(execute(simulation({"robot": Team()}), 10**9, terms=Terms(timeout=0.2, may_exit=False)))
+        summaries.append(execute(simulation({"robot": Team()}), 10**9, options=RunOptions(timeout=0.2, may_exit=False)))
 
     thread = threading.Thread(target=work)
     thread.start()

@@ -22,13 +22,13 @@ from symaware_cli import (
 from symaware_cli.recording.digest import digest
 from symaware_cli.runtime.expression import Expression
 from symaware_cli.runtime.faults import Agents, Fault, Stop
-from symaware_cli.runtime.terms import Terms
+from symaware_cli.runtime.options import RunOptions
 from symaware_cli.runtime.timing import Duration, Timing, Trigger
 from symaware_cli.scenario.build import build
 from symaware_cli.scenario.execution import execute as execute_built
 from symaware_cli.testing import assert_repeatable
 
-ASYNCHRONOUS = Terms(mode="asynchronous")
+ASYNCHRONOUS = RunOptions(mode="asynchronous")
 MILLISECOND = 1_000_000
 SCENARIOS = sorted(
     path
@@ -50,10 +50,10 @@ def noting(turns, base=Component):
     return Notes
 
 
-def turns_of(timing, steps=4, count=None, terms=ASYNCHRONOUS, **more):
+def turns_of(timing, steps=4, count=None, options=ASYNCHRONOUS, **more):
     """When a component takes its turns, in ms."""
     turns = []
-    simulate({"a": Team({"it": noting(turns)}, count=count, timings={"it": timing})}, steps, terms=terms, **more)
+    simulate({"a": Team({"it": noting(turns)}, count=count, timings={"it": timing})}, steps, options=options, **more)
     return [time / MILLISECOND for time, _ in turns]
 
 
@@ -88,12 +88,12 @@ def test_turns_come_at_exact_multiples_of_the_period_whatever_the_step_of_the_wo
 
 
 def test_the_same_timing_in_the_synchronous_mode_is_that_of_the_steps():
-    synchronous = Terms()
-    assert turns_of(Timing(period=20 * MILLISECOND), terms=synchronous) == [0, 50, 100, 150]
-    assert turns_of(Timing(period=70 * MILLISECOND, offset=5 * MILLISECOND), terms=synchronous) == [50, 100, 150]
-    assert turns_of(Timing(period=100 * MILLISECOND), terms=synchronous) == [0, 100]
-    assert turns_of(Timing(period=1), terms=synchronous) == [0, 50, 100, 150]
-    assert turns_of(Timing(period=0), terms=synchronous) == [0, 50, 100, 150]
+    synchronous = RunOptions()
+    assert turns_of(Timing(period=20 * MILLISECOND), options=synchronous) == [0, 50, 100, 150]
+    assert turns_of(Timing(period=70 * MILLISECOND, offset=5 * MILLISECOND), options=synchronous) == [50, 100, 150]
+    assert turns_of(Timing(period=100 * MILLISECOND), options=synchronous) == [0, 100]
+    assert turns_of(Timing(period=1), options=synchronous) == [0, 50, 100, 150]
+    assert turns_of(Timing(period=0), options=synchronous) == [0, 50, 100, 150]
 
 
 @settings(max_examples=30, deadline=None)
@@ -107,7 +107,7 @@ def test_there_are_as_many_turns_as_fit_and_none_drifts(period, offset, jitter, 
     late = int(jitter * period)
     timing = Timing(period=period, offset=offset, jitter=late)
     turns = []
-    simulate({"a": Team({"it": noting(turns)}, timings={"it": timing})}, 6, terms=ASYNCHRONOUS, seed=seed)
+    simulate({"a": Team({"it": noting(turns)}, timings={"it": timing})}, 6, options=ASYNCHRONOUS, seed=seed)
     end = 6 * STEP
     for number, (time, _) in enumerate(turns):
         nominal = offset + number * period
@@ -121,7 +121,7 @@ def test_jitter_is_seeded_by_the_path_so_that_more_agents_change_nobody_elses():
 
     def turns(count, seed=7):
         found = []
-        simulate({"a": Team({"it": noting(found)}, count, timings={"it": timing})}, terms=ASYNCHRONOUS, seed=seed)
+        simulate({"a": Team({"it": noting(found)}, count, timings={"it": timing})}, options=ASYNCHRONOUS, seed=seed)
         return [each for each in found if each[1] == "0.it" or each[1] == "a.0.it"]
 
     assert turns(1) == turns(3)
@@ -133,7 +133,7 @@ def test_at_one_instant_turns_are_in_declared_order_however_they_are_due():
     kind = noting(turns)
     timings = {"one": Timing(period=25 * MILLISECOND), "three": Timing(period=10 * MILLISECOND, offset=0)}
     team = Team({"one": kind, "two": kind, "three": kind}, count=2, timings=timings)
-    simulate({"a": team, "b": Team({"one": kind}, timings=timings)}, 2, terms=ASYNCHRONOUS)
+    simulate({"a": team, "b": Team({"one": kind}, timings=timings)}, 2, options=ASYNCHRONOUS)
     order = ["a.0.one", "a.1.one", "a.0.two", "a.1.two", "a.0.three", "a.1.three", "b.one"]
     assert [who for time, who in turns if time == 0] == order
     assert [who for time, who in turns if time == STEP] == order
@@ -171,7 +171,7 @@ def test_between_two_steps_the_world_is_seen_as_of_the_last_one_and_moves_under_
         timings={name: Timing(period=20 * MILLISECOND) for name in ("drive", "look")},
     )
     ready = simulation({"a": team})
-    execute(ready, 4, terms=ASYNCHRONOUS)
+    execute(ready, 4, options=ASYNCHRONOUS)
     seen = ready.slots[1].components[0].seen
     assert [time for time, _, _ in seen] == pytest.approx(np.arange(10) * 0.02)
     assert [world for _, world, _ in seen] == pytest.approx([0, 0, 0, 0.05, 0.05, 0.1, 0.1, 0.1, 0.15, 0.15])
@@ -205,9 +205,9 @@ class Slow(Component):
         self.log.append((value, self.now / MILLISECOND))
 
 
-def latent(timing, steps=4, terms=ASYNCHRONOUS):
+def latent(timing, steps=4, options=ASYNCHRONOUS):
     kind = type("Slow", (Slow,), {"log": []})
-    summary = simulate({"a": Team({"it": kind}, timings={"it": timing})}, steps, terms=terms)
+    summary = simulate({"a": Team({"it": kind}, timings={"it": timing})}, steps, options=options)
     return kind.log, summary
 
 
@@ -216,7 +216,11 @@ def test_an_update_lands_a_latency_later_with_the_data_of_its_start():
     assert found == [(0, 30), (50, 80), (100, 130), (150, 180)]
     assert summary.overruns == 0
     # At step granularity, it lands at the next step.
-    assert latent(Timing(latency=Duration("constant", 0.03)), terms=Terms())[0] == [(0, 50), (50, 100), (100, 150)]
+    assert latent(Timing(latency=Duration("constant", 0.03)), options=RunOptions())[0] == [
+        (0, 50),
+        (50, 100),
+        (100, 150),
+    ]
 
 
 def test_a_latency_of_exactly_one_period_lands_before_the_next_turn_begins():
@@ -286,7 +290,7 @@ class Rings(Component):
             self.emit("ring")
 
 
-def rung(trigger, order, terms=ASYNCHRONOUS, count=2, **more):
+def rung(trigger, order, options=ASYNCHRONOUS, count=2, **more):
     """The turns of a component with a trigger; `ring` is fired for the first agent only, at 50 and 80 ms."""
     turns = []
     kinds = {"bell": type("Bell", (Rings,), {"at": (50, 80)}), "it": noting(turns)}
@@ -298,7 +302,7 @@ def rung(trigger, order, terms=ASYNCHRONOUS, count=2, **more):
 
     kinds["bell"] = Quiet
     timings = {"bell": Timing(period=10 * MILLISECOND), "it": Timing(trigger=trigger, **more)}
-    simulate({"a": Team({name: kinds[name] for name in order}, count, timings=timings)}, 4, terms=terms)
+    simulate({"a": Team({name: kinds[name] for name in order}, count, timings=timings)}, 4, options=options)
     return [(time / MILLISECOND, who) for time, who in turns]
 
 
@@ -315,8 +319,8 @@ def test_an_event_of_somebody_else_triggers_everybody():
 
 def test_in_the_synchronous_mode_a_trigger_comes_in_its_place_or_in_the_next_step():
     # The bell takes a turn at each step, 50, 100 and so on: it rings at 50 only.
-    assert rung(Trigger("ring"), ("bell", "it"), Terms()) == [(50, "a.0.it")]
-    assert rung(Trigger("ring"), ("it", "bell"), Terms()) == [(100, "a.0.it")]
+    assert rung(Trigger("ring"), ("bell", "it"), RunOptions()) == [(50, "a.0.it")]
+    assert rung(Trigger("ring"), ("it", "bell"), RunOptions()) == [(100, "a.0.it")]
 
 
 def test_a_trigger_may_come_besides_a_period():
@@ -341,7 +345,7 @@ def test_a_turn_follows_the_event_that_caused_it_in_declared_order_or_in_another
         "middle": Timing(trigger=Trigger("done", component="first")),
     }
     kinds = dict.fromkeys(("first", "last", "middle"), Chain)
-    simulate({"a": Team(kinds, timings=timings)}, 1, terms=ASYNCHRONOUS)
+    simulate({"a": Team(kinds, timings=timings)}, 1, options=ASYNCHRONOUS)
     assert turns == ["last", "first", "middle"]
 
 
@@ -365,13 +369,13 @@ def test_a_contact_triggers_those_whom_it_concerns():
         entity=body,
         timings={"it": Timing(trigger=Trigger("contact", source="environment"))},
     )
-    simulate({"a": team}, 12, terms=ASYNCHRONOUS)
+    simulate({"a": team}, 12, options=ASYNCHRONOUS)
     assert [who for _, who in turns[:2]] == ["a.0.it", "a.1.it"]
     assert {who for _, who in turns} == {"a.0.it", "a.1.it"}
 
 
-@pytest.mark.parametrize("terms", [Terms(), ASYNCHRONOUS], ids=["synchronous", "asynchronous"])
-def test_a_condition_leaves_turns_out(terms):
+@pytest.mark.parametrize("options", [RunOptions(), ASYNCHRONOUS], ids=["synchronous", "asynchronous"])
+def test_a_condition_leaves_turns_out(options):
     names = {"x", "time", "limit"}
     condition = Expression("x > limit and time < 0.3", names)
     turns = []
@@ -380,12 +384,12 @@ def test_a_condition_leaves_turns_out(terms):
         knowledge=[{"limit": 0.1}],
         timings={"it": Timing(condition=condition)},
     )
-    simulate({"a": team}, 10, terms=terms)
+    simulate({"a": team}, 10, options=options)
     assert [time / MILLISECOND for time, _ in turns] == [100, 150, 200, 250]
 
 
-@pytest.mark.parametrize("terms", [Terms(), ASYNCHRONOUS], ids=["synchronous", "asynchronous"])
-def test_the_condition_of_a_group_holds_if_it_holds_for_any_of_its_agents_that_take_part(terms):
+@pytest.mark.parametrize("options", [RunOptions(), ASYNCHRONOUS], ids=["synchronous", "asynchronous"])
+def test_the_condition_of_a_group_holds_if_it_holds_for_any_of_its_agents_that_take_part(options):
     turns = []
 
     class Notes(GroupComponent):
@@ -407,7 +411,7 @@ def test_the_condition_of_a_group_holds_if_it_holds_for_any_of_its_agents_that_t
     )
     ready = simulation({"a": team})
     gone = Fault("gone", "", "run", Stop([Agents(ready.groups[0], [1])]), at=7 * STEP)
-    summary = execute(ready, 12, terms=replace(terms, faults=[gone]))
+    summary = execute(ready, 12, options=replace(options, faults=[gone]))
     assert summary.status == "finished", summary.failure
     # The first is short of .11 m until step 2, the second beyond 10.21 m from step 4 on, and out of the run from 7 on.
     assert turns == [1, 2, 4, 5, 6]
@@ -461,7 +465,7 @@ def test_a_turn_may_sleep_in_simulated_time():
         await self.sleep(0.01)
         told.append((begun / MILLISECOND, self.now / MILLISECOND))
 
-    simulate({"a": Team({"it": script(body)})}, 3, terms=ASYNCHRONOUS)
+    simulate({"a": Team({"it": script(body)})}, 3, options=ASYNCHRONOUS)
     assert told == [(0, 22), (50, 72), (100, 122)]
 
 
@@ -478,7 +482,7 @@ def test_a_turn_may_wait_for_an_event_of_somebody():
             {"bell": type("Bell", (Rings,), {"at": (30, 110)})}, timings={"bell": Timing(period=10 * MILLISECOND)}
         ),
     }
-    summary = simulate(teams, 3, terms=ASYNCHRONOUS)
+    summary = simulate(teams, 3, options=ASYNCHRONOUS)
     # It waits from 0 on, and again from the step after the first ring.
     assert told == [(30, "ring", "agents.b.bell"), (110, "ring", "agents.b.bell")]
     assert summary.overruns == 1
@@ -503,7 +507,7 @@ def test_a_turn_may_wait_for_messages_which_are_readable_from_the_step_after_the
         "a": Team({"hear": Hears}),
         "b": Team({"tell": Tells}, timings={"tell": Timing(period=30 * MILLISECOND, offset=20 * MILLISECOND)}),
     }
-    simulate(teams, 5, terms=ASYNCHRONOUS)
+    simulate(teams, 5, options=ASYNCHRONOUS)
     assert told == [(50, [20]), (100, [50, 80]), (150, [110, 140]), (200, [170])]
 
 
@@ -526,7 +530,7 @@ def test_the_latency_lies_between_the_halves_of_a_turn_that_awaits():
             told.append((value, self.now / MILLISECOND))
 
     timing = Timing(period=100 * MILLISECOND, latency=Duration("constant", 0.02))
-    simulate({"a": Team({"it": Both}, timings={"it": timing})}, 4, terms=ASYNCHRONOUS)
+    simulate({"a": Team({"it": Both}, timings={"it": timing})}, 4, options=ASYNCHRONOUS)
     assert told == [(10, 30), (110, 130)]
 
 
@@ -537,7 +541,7 @@ def test_a_period_of_zero_begins_anew_as_soon_as_a_turn_is_over():
         await self.sleep(0.015)
         told.append(self.now / MILLISECOND)
 
-    simulate({"a": Team({"it": script(body)}, timings={"it": Timing(period=0)})}, 2, terms=ASYNCHRONOUS)
+    simulate({"a": Team({"it": script(body)}, timings={"it": Timing(period=0)})}, 2, options=ASYNCHRONOUS)
     assert told == [15, 30, 45, 60, 75, 90]
 
 
@@ -551,14 +555,14 @@ def test_awaiting_what_takes_real_time_is_an_error_that_says_so():
     async def foreign(self):
         await Future()
 
-    summary = simulate({"a": Team({"it": script(foreign)})}, terms=ASYNCHRONOUS)
+    summary = simulate({"a": Team({"it": script(foreign)})}, options=ASYNCHRONOUS)
     assert summary.status == "failed"
     assert "real time, and that only a paced run can (run.pace)" in summary.failure
 
     async def asynchronous(self):
         await asyncio.sleep(0.1)
 
-    summary = simulate({"a": Team({"it": script(asynchronous)})}, terms=ASYNCHRONOUS)
+    summary = simulate({"a": Team({"it": script(asynchronous)})}, options=ASYNCHRONOUS)
     assert summary.status == "failed"
     assert "only a paced run can (run.pace)" in summary.failure
 
@@ -567,7 +571,7 @@ def test_awaiting_what_takes_real_time_is_an_error_that_says_so():
 
 
 def ends(kinds, timings=None, steps=4, **more):
-    return simulate({"a": Team(kinds, timings=timings or {}, **more)}, steps, terms=ASYNCHRONOUS)
+    return simulate({"a": Team(kinds, timings=timings or {}, **more)}, steps, options=ASYNCHRONOUS)
 
 
 async def _naps(self):
@@ -732,7 +736,7 @@ def test_the_order_of_groups_changes_nothing_about_them(order):
     def outcome(order):
         timing = Timing(period=17 * MILLISECOND, jitter=9 * MILLISECOND, latency=Duration("uniform", 0.0, 0.03))
         ready = simulation({name: Team({"go": Follows}, 2, timings={"go": timing}) for name in order})
-        execute(ready, 5, terms=ASYNCHRONOUS)
+        execute(ready, 5, options=ASYNCHRONOUS)
         return {group.name: ready.environment.state(group).tobytes() for group in ready.groups}
 
     assert outcome(order) == outcome(["a", "b", "c"])

@@ -10,12 +10,12 @@ from hypothesis import strategies as st
 from simulating import STEP, Team, simulation
 
 from symaware_cli import CommunicationReceiver, CommunicationSender, Message
+from symaware_cli.runtime.options import RunOptions
 from symaware_cli.runtime.run import Run
-from symaware_cli.runtime.terms import Terms
 
 MILLISECOND = 1_000_000
-ASYNCHRONOUS = Terms(mode="asynchronous")
-PACED = Terms(mode="asynchronous", pace=1.0)
+ASYNCHRONOUS = RunOptions(mode="asynchronous")
+PACED = RunOptions(mode="asynchronous", pace=1.0)
 
 
 class Talker(CommunicationSender):
@@ -60,21 +60,21 @@ class Waiter(CommunicationReceiver):
         pass
 
 
-def made(wait, plan=(), steps=10, terms=ASYNCHRONOUS):
+def made(wait, plan=(), steps=10, options=ASYNCHRONOUS):
     """Let somebody await something; when it came and to what, what was left behind meanwhile, and the summary."""
     came = []
     teams = {
         "a": Team({"talk": partial(Talker, plan)}, state=[[0.0, 0.0]]),
         "b": Team({"wait": partial(Waiter, wait, came)}, state=[[9.0, 0.0]]),
     }
-    run = Run(simulation(teams), steps, None, None, terms)
+    run = Run(simulation(teams), steps, None, None, options)
     left = []
     while run.status is None:
         run.advance(1)
         if came and run.status is None and not left:
             # The two that sleep until the end, and nothing else.
             left.append([(each.place, each.kind) for each in run.kernel.queue.pending()])
-            left.append(len(run.schedulers[1]._switchboard))
+            left.append(len(run.schedulers[1]._router))
     return came, left, run.summary
 
 
@@ -154,7 +154,7 @@ def test_real_time_can_be_awaited_among_others_in_a_paced_run_only():
     def wait(me):
         return me.any_of(me.sleep(10.0), me.all_of(asyncio.sleep(0.01, "slept"), me.sleep(0.02)))
 
-    came, _, _ = made(wait, steps=3, terms=PACED)
+    came, _, _ = made(wait, steps=3, options=PACED)
     assert came[0][1] == (1, ("slept", None))
     _, _, summary = made(wait)
     assert "it awaits coroutine, which takes real time, and that only a paced run can" in summary.failure
@@ -170,7 +170,7 @@ def test_what_fails_outside_fails_where_it_is_awaited():
         except OSError as error:
             return str(error)
 
-    came, _, summary = made(wait, steps=2, terms=PACED)
+    came, _, summary = made(wait, steps=2, options=PACED)
     assert came[0][1] == "refused"
     assert summary.status == "finished"
 
@@ -190,7 +190,7 @@ def test_what_is_not_awaited_any_more_is_cancelled_outside():
         await asyncio.sleep(0.005)
         return first, list(cancelled)
 
-    came, _, _ = made(wait, steps=2, terms=PACED)
+    came, _, _ = made(wait, steps=2, options=PACED)
     assert came[0][1] == ((1, None), [True])
 
 

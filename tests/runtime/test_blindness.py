@@ -9,8 +9,8 @@ from symaware_cli.components.communication.state import StateSender
 from symaware_cli.components.perception import OmniscientPerception
 from symaware_cli.components.perception_range import RangePerception
 from symaware_cli.runtime.faults import Blind, Components, Error, Fault
+from symaware_cli.runtime.options import RunOptions
 from symaware_cli.runtime.run import run
-from symaware_cli.runtime.terms import Terms
 from symaware_cli.runtime.timing import Timing
 
 
@@ -26,7 +26,7 @@ def known(components, **others):
     ready.events.subscribe("iterated", lambda event: look())
     group.control_input = [[1.0, 0.0]] * 2
     fault = Fault("fog", "fog", "run", Blind([Components(slot, [0])]), 5 * STEP, lasting=10 * STEP)
-    summary = run(ready, 20, terms=Terms(faults=[fault]))
+    summary = run(ready, 20, options=RunOptions(faults=[fault]))
     assert summary.status == "finished", summary.failure
     return [frame[0] for frame in frames[:20]], [frame[1] for frame in frames[:20]]
 
@@ -42,7 +42,7 @@ def test_what_was_seen_before_is_gone_at_once_also_where_the_sensor_has_no_turn(
     group, found = ready.groups[0], []
     ready.events.subscribe("iterated", lambda event: found.append(len(group.others(100.0).others)))
     fault = Fault("fog", "fog", "run", Blind([Components(ready.slots[0], [0])]), 5 * STEP, lasting=2 * STEP)
-    summary = run(ready, 12, terms=Terms(faults=[fault]))
+    summary = run(ready, 12, options=RunOptions(faults=[fault]))
     assert summary.status == "finished", summary.failure
     assert found == [2, 2, 2, 2, 2, 1, 1, 1, 1, 1, 2, 2]
 
@@ -62,7 +62,7 @@ def test_what_sensors_measure_wrongly_estimators_are_given_wrongly(blind):
     ready.events.subscribe("iterated", look)
     ones = [Components(slot, [1])]
     effect = Blind(ones) if blind else Error(ones, np.array([0.0, 0.5]), np.zeros(2))
-    run(ready, 6, terms=Terms(faults=[Fault("bad", "bad", "run", effect, 2 * STEP, lasting=2 * STEP)]))
+    run(ready, 6, options=RunOptions(faults=[Fault("bad", "bad", "run", effect, 2 * STEP, lasting=2 * STEP)]))
     sound, faulty = ([[0, 0], [0, 0]], 2), (([[0, 0], [0, 0]], 1) if blind else ([[0, 0], [0, 0.5]], 2))
     assert found[:6] == [sound, sound, faulty, faulty, sound, sound]
 

@@ -11,8 +11,8 @@ from simulating import COMMAND, Team, execute, simulate, simulation
 
 from symaware_cli import Component, open_log
 from symaware_cli.runtime.expression import Expression
+from symaware_cli.runtime.options import RunOptions
 from symaware_cli.runtime.scope import WORLD_NAMES
-from symaware_cli.runtime.terms import Terms
 from symaware_cli.scenario.build import build
 from symaware_cli.scenario.execution import execute as execute_built
 
@@ -102,7 +102,7 @@ class Dawdles(Component):
 @MODES
 def test_a_run_whose_time_is_over_is_interrupted_with_its_log_finished(mode, tmp_path):
     log = tmp_path / "run.mcap"
-    summary = simulate({"a": Team({"it": Dawdles})}, 10**6, log, Terms(mode=mode, timeout=0.3))
+    summary = simulate({"a": Team({"it": Dawdles})}, 10**6, log, RunOptions(mode=mode, timeout=0.3))
     assert summary.status == "interrupted"
     assert 0.3 <= summary.wall_time < 30
     recorded = open_log(log)
@@ -119,13 +119,13 @@ def test_a_component_that_sleeps_or_waits_for_ever_is_interrupted_by_a_time_out(
         def _update(self, value):
             pass
 
-    summary = simulate({"a": Team({"it": Hangs})}, 5, tmp_path / "run.mcap", Terms(mode=mode, timeout=0.2))
+    summary = simulate({"a": Team({"it": Hangs})}, 5, tmp_path / "run.mcap", RunOptions(mode=mode, timeout=0.2))
     assert summary.status == "interrupted"
 
 
 def test_alarms_of_the_process_are_left_as_they_were():
     before = signal.getsignal(signal.SIGALRM)
-    execute(simulation({"a": Team()}), 3, terms=Terms(timeout=100.0, turn_limit=100.0))
+    execute(simulation({"a": Team()}), 3, options=RunOptions(timeout=100.0, turn_limit=100.0))
     assert signal.getsignal(signal.SIGALRM) == before
     assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
 

@@ -11,8 +11,8 @@ from symaware_cli.core.event import RECURRING
 from symaware_cli.recording.manifest import manifest
 from symaware_cli.recording.recorder import Recorder
 from symaware_cli.recording.writer import LogWriter
+from symaware_cli.runtime.options import RunOptions
 from symaware_cli.runtime.run import run
-from symaware_cli.runtime.terms import Terms
 from symaware_cli.runtime.timing import Duration, Timing, Trigger
 
 MODES = pytest.mark.parametrize("mode", ["synchronous", "asynchronous"])
@@ -59,7 +59,7 @@ def test_all_that_recurs_is_fired_in_its_order(mode):
     prepared = ready()
     for name in sorted(RECURRING):
         prepared.events.subscribe(name, lambda event: told.append((event.time // STEP, event.name, event.source)))
-    execute(prepared, 2, terms=Terms(mode=mode))
+    execute(prepared, 2, options=RunOptions(mode=mode))
     turn = ["computing", "computed", "updating", "updated"]
     assert [name for _, name, source in told if source == "agents.a.1.idle"] == 2 * turn
     assert [name for _, name, source in told if source == "agents.a.group"] == [
@@ -102,7 +102,7 @@ def logged(path, kinds, mode="asynchronous", steps=3):
         )
         writer.attach("manifest.json", "application/json", content)
         recorder = Recorder(writer, prepared.environment, prepared.groups, events=kinds)
-        run(prepared, steps, recorder, terms=Terms(mode=mode))
+        run(prepared, steps, recorder, options=RunOptions(mode=mode))
     return open_log(path)
 
 
@@ -142,7 +142,7 @@ def test_subscribers_may_subscribe_and_cancel_and_trigger_while_an_event_fires(m
         bus.subscribe("updated", lambda event: told.append("second"), "agents.a.0.idle")
 
     subscription = bus.subscribe("updated", first, "agents.a.0.idle")
-    execute(prepared, 3, terms=Terms(mode=mode))
+    execute(prepared, 3, options=RunOptions(mode=mode))
     assert told == ["first", "second", "second"]
 
 
@@ -156,7 +156,7 @@ def test_a_subscriber_that_raises_ends_the_run_and_the_others_are_told(mode):
 
     prepared.events.subscribe("stepped", fails)
     prepared.events.subscribe("stepped", lambda event: told.append(event.time))
-    summary = execute(prepared, 3, terms=Terms(mode=mode))
+    summary = execute(prepared, 3, options=RunOptions(mode=mode))
     assert summary.status == "failed"
     assert "ZeroDivisionError: on purpose" in summary.failure
     assert told == [STEP]
@@ -180,7 +180,7 @@ def test_what_triggers_components_may_come_from_python_too(mode):
             prepared.events.fire(Event("go", "outside", event.time))
 
     prepared.events.subscribe("stepped", on_step)
-    execute(prepared, 5, terms=Terms(mode=mode))
+    execute(prepared, 5, options=RunOptions(mode=mode))
     assert turns == [2]
 
 
@@ -240,7 +240,7 @@ def test_events_of_turns_that_take_time_know_as_much(latency):
         timing = Timing(latency=Duration("constant", latency))
         ready = simulation({"a": Team({"slow": Slow}, timings={"slow": timing})})
         ready.events.subscribe("computed", lambda event: seen.append((event.agent, event.value)))
-        run(ready, 3, terms=Terms(mode=mode))
+        run(ready, 3, options=RunOptions(mode=mode))
         assert seen[-1] == ("a", value)
 
 

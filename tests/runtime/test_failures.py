@@ -8,10 +8,12 @@ from simulating import STEP, Team, execute, simulate, simulation
 
 from symaware_cli import Component, Controller, GroupComponent, TimeSeries, open_log
 from symaware_cli.models.unicycle import Unicycle
-from symaware_cli.runtime.terms import Terms
+from symaware_cli.runtime.options import RunOptions
 from symaware_cli.runtime.timing import Duration, Timing
 
-MODES = pytest.mark.parametrize("terms", [Terms(), Terms(mode="asynchronous")], ids=["synchronous", "asynchronous"])
+MODES = pytest.mark.parametrize(
+    "options", [RunOptions(), RunOptions(mode="asynchronous")], ids=["synchronous", "asynchronous"]
+)
 
 
 class Drives(Controller):
@@ -43,22 +45,22 @@ class Feels(GroupComponent):
         self.group.awareness.state = value
 
 
-def drive(timing, log, terms, steps=10, model=None, **attributes):
+def drive(timing, log, options, steps=10, model=None, **attributes):
     kind = type("Drives", (Drives,), attributes)
     team = Team({"feel": Feels, "drive": kind}, count=3, timings={"drive": timing})
     if model:
         team.model = model
     ready = simulation({"a": team})
-    summary = execute(ready, steps, log, terms)
+    summary = execute(ready, steps, log, options)
     return ready, summary, [(event.time // STEP, event.name, event.source) for event in open_log(log).events()]
 
 
 @MODES
 @pytest.mark.parametrize("how", ["raise", "nan"])
 @pytest.mark.parametrize("coast", ["safe", "last"])
-def test_an_isolated_agent_coasts_and_the_others_go_on(how, coast, terms, tmp_path):
+def test_an_isolated_agent_coasts_and_the_others_go_on(how, coast, options, tmp_path):
     timing = Timing(on_failure="isolate", coast=coast)
-    ready, summary, events = drive(timing, tmp_path / "run.mcap", terms, how=how)
+    ready, summary, events = drive(timing, tmp_path / "run.mcap", options, how=how)
     assert (summary.status, summary.failures) == ("finished", 1)
     assert events == [
         (0, "started", "run"),
@@ -73,8 +75,8 @@ def test_an_isolated_agent_coasts_and_the_others_go_on(how, coast, terms, tmp_pa
 
 
 @MODES
-def test_what_is_isolated_takes_no_turns_in_any_component(terms, tmp_path):
-    ready, _, _ = drive(Timing(on_failure="isolate"), tmp_path / "run.mcap", terms)
+def test_what_is_isolated_takes_no_turns_in_any_component(options, tmp_path):
+    ready, _, _ = drive(Timing(on_failure="isolate"), tmp_path / "run.mcap", options)
     assert [component.turns for component in ready.slots[1].components] == [10, 4, 10]
     believed = ready.groups[0].awareness.state
     # Nobody tells it any more where it is.
@@ -83,18 +85,18 @@ def test_what_is_isolated_takes_no_turns_in_any_component(terms, tmp_path):
 
 
 @MODES
-def test_a_component_is_restarted_so_often_and_no_more(terms, tmp_path):
+def test_a_component_is_restarted_so_often_and_no_more(options, tmp_path):
     timing = Timing(on_failure="restart", tries=2)
-    _, summary, events = drive(timing, tmp_path / "run.mcap", terms)
+    _, summary, events = drive(timing, tmp_path / "run.mcap", options)
     assert summary.status == "failed"
     assert [name for _, name, _ in events] == ["started", "failed", "restarted", "failed", "restarted", "failed"]
     assert [time for time, name, _ in events if name == "failed"] == [3, 4, 5]
 
 
 @MODES
-def test_a_component_that_recovers_goes_on_and_was_initialised_anew(terms, tmp_path):
+def test_a_component_that_recovers_goes_on_and_was_initialised_anew(options, tmp_path):
     timing = Timing(on_failure="restart", tries=3)
-    ready, summary, _ = drive(timing, tmp_path / "run.mcap", terms, until=5 * STEP)
+    ready, summary, _ = drive(timing, tmp_path / "run.mcap", options, until=5 * STEP)
     assert (summary.status, summary.failures) == ("finished", 2)
     # The turns are counted from the last new beginning on.
     assert [component.turns for component in ready.slots[1].components] == [10, 5, 10]
@@ -131,10 +133,10 @@ class Collective(GroupComponent):
 
 
 @MODES
-def test_of_a_component_of_the_whole_group_only_those_are_isolated_whom_it_failed(terms, tmp_path):
+def test_of_a_component_of_the_whole_group_only_those_are_isolated_whom_it_failed(options, tmp_path):
     team = Team({"drive": Collective}, count=3, timings={"drive": Timing(on_failure="isolate")})
     ready = simulation({"a": team})
-    summary = execute(ready, 10, tmp_path / "run.mcap", terms)
+    summary = execute(ready, 10, tmp_path / "run.mcap", options)
     assert summary.status == "finished"
     travelled = ready.environment.state(ready.groups[0])[:, 0] - [0, 1, 2]
     assert travelled == pytest.approx([0.5, 0.15, 0.5])
@@ -145,13 +147,13 @@ def test_of_a_component_of_the_whole_group_only_those_are_isolated_whom_it_faile
 
 def test_a_vehicle_that_cannot_stand_still_coasts_within_its_limits(tmp_path):
     model = Unicycle(Unicycle.Parameters(max_speed=2.0))
-    ready, summary, _ = drive(Timing(on_failure="isolate"), tmp_path / "run.mcap", Terms(), model=model)
+    ready, summary, _ = drive(Timing(on_failure="isolate"), tmp_path / "run.mcap", RunOptions(), model=model)
     assert summary.status == "finished"
     assert ready.groups[0].control_input[1] == pytest.approx([0.0, 0.0])
 
 
 @MODES
-def test_a_turn_that_hangs_is_a_failure_after_the_limit_of_wall_time(terms, tmp_path):
+def test_a_turn_that_hangs_is_a_failure_after_the_limit_of_wall_time(options, tmp_path):
     class Hangs(Drives):
         def _compute(self):
             if self.now == self.at and self._agent.row == 1:
@@ -159,7 +161,7 @@ def test_a_turn_that_hangs_is_a_failure_after_the_limit_of_wall_time(terms, tmp_
                     time.sleep(0.001)
             return super()._compute()
 
-    limited = Terms(mode=terms.mode, turn_limit=0.2)
+    limited = RunOptions(mode=options.mode, turn_limit=0.2)
     team = Team({"drive": Hangs}, count=3, timings={"drive": Timing(on_failure="stop")})
     summary = simulate({"a": team}, 10, tmp_path / "run.mcap", limited)
     assert summary.status == "failed"
@@ -182,7 +184,7 @@ def test_a_failure_that_does_not_end_the_run_drops_what_was_under_way(tmp_path):
         "drive": Timing(on_failure="isolate"),
     }
     team = Team({"think": Thinks, "drive": Drives}, count=2, timings=timings)
-    simulate({"a": team}, 6, terms=Terms(mode="asynchronous"))
+    simulate({"a": team}, 6, options=RunOptions(mode="asynchronous"))
     # Agent 1 fails at 3; what it began to compute at 2 and would land at 3.5 is given up.
     assert [value for row, value in landed if row == 1] == [0]
     assert [value for row, value in landed if row == 0] == [0, 2, 4]

@@ -12,7 +12,7 @@ from simulating import STEP, Team, execute, simulate, simulation
 
 from symaware_cli import Component, Entity, GroupComponent, open_log
 from symaware_cli.environments.kinematic import KinematicEnvironment
-from symaware_cli.runtime.terms import Terms
+from symaware_cli.runtime.options import RunOptions
 
 BODY = Entity.model_validate({"shape": {"circle": {"radius": 0.8}}})
 
@@ -322,7 +322,7 @@ def test_whatever_a_component_raises_wherever_is_its_own_failure(mode, kind, whe
             pass
 
     bad = {"group": Group, "_async_compute": Awaits, "close": Awaits}.get(where, Bad)
-    summary = simulate({"robot": Team({"bad": bad})}, log=tmp_path / "run.mcap", terms=Terms(mode=mode))
+    summary = simulate({"robot": Team({"bad": bad})}, log=tmp_path / "run.mcap", options=RunOptions(mode=mode))
     if where == "close":  # the run is over by then
         assert summary.status == "finished"
         events = [event for event in open_log(tmp_path / "run.mcap").events() if event.name == "failed"]

@@ -11,8 +11,8 @@ from simulating import STEP, Team, simulation
 
 from symaware_cli import Component, GroupComponent, open_log
 from symaware_cli.runtime.faults import Components, Error, Fault
+from symaware_cli.runtime.options import RunOptions
 from symaware_cli.runtime.run import run
-from symaware_cli.runtime.terms import Terms
 from symaware_cli.runtime.timing import Timing
 from symaware_cli.scenario.build import build
 from symaware_cli.scenario.execution import execute
@@ -179,7 +179,7 @@ def test_offsets_add_up_and_each_measurement_is_wrong_once(kind, count, timing, 
         replace(fault, at=start * STEP - STEP // 4, lasting=length * STEP)
         for fault, (start, length, _) in zip(made, faults, strict=True)
     ]
-    summary = run(ready, 30, terms=Terms(mode="asynchronous", faults=made))
+    summary = run(ready, 30, options=RunOptions(mode="asynchronous", faults=made))
     assert summary.status == "finished", summary.failure
     for now, wrong in found[1:]:
         step = now // STEP - 1  # what was measured in the step before

@@ -9,8 +9,8 @@ from simulating import Team, execute, simulation
 
 from symaware_cli import Component, open_log
 from symaware_cli.recording.digest import digest
+from symaware_cli.runtime.options import RunOptions
 from symaware_cli.runtime.pacer import Pacer
-from symaware_cli.runtime.terms import Terms
 from symaware_cli.runtime.timing import Timing
 
 MILLISECOND = 1_000_000
@@ -37,7 +37,7 @@ def notes():
 def test_no_turn_comes_before_its_time(mode, pace):
     kind = notes()
     ready = simulation({"a": Team({"it": kind}, timings={"it": Timing(period=50 * MILLISECOND)})})
-    summary = execute(ready, 6, terms=Terms(mode=mode, pace=pace))
+    summary = execute(ready, 6, options=RunOptions(mode=mode, pace=pace))
     assert summary.pace.factor == pace
     assert summary.pace.instants == 6
     elapsed = [wall - kind.wall[0] for wall in kind.wall]
@@ -55,7 +55,7 @@ def test_who_is_late_is_counted():
         def _update(self, value):
             pass
 
-    summary = execute(simulation({"a": Team({"it": Slow})}), 6, terms=Terms(pace=2.0))
+    summary = execute(simulation({"a": Team({"it": Slow})}), 6, options=RunOptions(pace=2.0))
     assert summary.pace.late >= 5
     assert summary.pace.worst > 0.02
     assert summary.status == "finished"
@@ -65,7 +65,7 @@ def test_the_pace_stands_on_timing_and_nothing_else_of_the_log_changes(tmp_path)
     logs = []
     for name, pace in (("free", None), ("paced", 20.0)):
         ready = simulation({"a": Team({"it": notes()}, count=2, timings={"it": Timing(period=20 * MILLISECOND)})})
-        execute(ready, 6, tmp_path / f"{name}.mcap", Terms(mode="asynchronous", pace=pace))
+        execute(ready, 6, tmp_path / f"{name}.mcap", RunOptions(mode="asynchronous", pace=pace))
         logs.append(open_log(tmp_path / f"{name}.mcap"))
     free, paced = logs
     assert digest(free).combined == digest(paced).combined
@@ -106,7 +106,7 @@ def test_a_paced_run_may_await_real_input_and_goes_on_meanwhile(tmp_path):
     port, stop = serve(b"hello\n", after=0.1)
     kind = notes()
     team = Team({"read": Reads, "it": kind}, timings={"read": Timing(period=10**10)})
-    summary = execute(simulation({"a": team}), 12, tmp_path / "run.mcap", Terms(mode="asynchronous", pace=1.0))
+    summary = execute(simulation({"a": team}), 12, tmp_path / "run.mcap", RunOptions(mode="asynchronous", pace=1.0))
     stop()
     assert summary.status == "finished", summary.failure
     (told,) = [event for event in open_log(tmp_path / "run.mcap").events() if event.name == "told"]
@@ -120,7 +120,7 @@ def test_what_goes_wrong_outside_is_a_failure_of_the_component():
         async def _async_compute(self):
             await asyncio.open_connection("127.0.0.1", 1)
 
-    summary = execute(simulation({"a": Team({"read": Reads})}), 12, terms=Terms(mode="asynchronous", pace=2.0))
+    summary = execute(simulation({"a": Team({"read": Reads})}), 12, options=RunOptions(mode="asynchronous", pace=2.0))
     assert summary.status == "failed"
     assert "ConnectionRefusedError" in summary.failure
 
@@ -130,7 +130,7 @@ def test_what_never_comes_does_not_keep_a_run_from_its_end():
         async def _async_compute(self):
             await asyncio.create_task(asyncio.sleep(3600))
 
-    summary = execute(simulation({"a": Team({"wait": Waits})}), 4, terms=Terms(mode="asynchronous", pace=2.0))
+    summary = execute(simulation({"a": Team({"wait": Waits})}), 4, options=RunOptions(mode="asynchronous", pace=2.0))
     assert summary.status == "finished"
     assert summary.wall_time < 30
 

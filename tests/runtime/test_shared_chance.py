@@ -12,7 +12,7 @@ from symaware_cli import Component, GroupComponent
 from symaware_cli.components.perception_range import RangePerception
 from symaware_cli.models.integrator import SingleIntegrator
 from symaware_cli.runtime.faults import Agents, Blind, Components, Error, Fault, Slow, Stop
-from symaware_cli.runtime.terms import Terms
+from symaware_cli.runtime.options import RunOptions
 from symaware_cli.runtime.timing import Duration, Timing, Trigger
 from symaware_cli.scenario.build import build
 from symaware_cli.world.chance import Turn
@@ -91,11 +91,11 @@ def team(notes, count=4, y=0.0, many=1, timings=None, before=None, sense=None):
     return Team(components, count=count, state=state, model=NOISY, timings=timings or {})
 
 
-def run(change=lambda teams, notes: teams, steps=STEPS, terms=None, faults=lambda ready: (), seed=7):
+def run(change=lambda teams, notes: teams, steps=STEPS, options=None, faults=lambda ready: (), seed=7):
     """Run four robots and three cars, or a variant of that, and return what was drawn."""
     notes = Notes()
     ready = simulation(change({"robot": team(notes), "car": team(notes, 3, 5.0)}, notes), seed=seed)
-    summary = execute(ready, steps, terms=replace(terms or Terms(), faults=tuple(faults(ready))))
+    summary = execute(ready, steps, options=replace(options or RunOptions(), faults=tuple(faults(ready))))
     assert summary.status == "finished", summary.failure
     return notes
 
@@ -266,7 +266,7 @@ def test_process_noise_is_that_of_the_step_whatever_became_of_the_one_before():
     assert moves[0] == pytest.approx(moves[1], abs=1e-12)
 
 
-def latencies(change=lambda teams: teams, faults=lambda ready: (), terms=None):
+def latencies(change=lambda teams: teams, faults=lambda ready: (), options=None):
     """When the updates of each landed, by when they were computed."""
     landed = {}
 
@@ -280,7 +280,7 @@ def latencies(change=lambda teams: teams, faults=lambda ready: (), terms=None):
     timing = Timing(latency=Duration("uniform", 0.0, 0.04), period=STEP, jitter=10 * MILLISECOND)
     members = {name: Team({"slow": Slowly}, 3, timings={"slow": timing}) for name in ("a", "b")}
     ready = simulation(change(members))
-    execute(ready, STEPS, terms=replace(terms or Terms("asynchronous"), faults=tuple(faults(ready))))
+    execute(ready, STEPS, options=replace(options or RunOptions("asynchronous"), faults=tuple(faults(ready))))
     return landed
 
 
@@ -326,7 +326,9 @@ def test_turns_at_one_instant_draw_different_numbers():
                 self.emit("again")
 
     trigger = Timing(period=STEP, trigger=Trigger("again"))
-    execute(simulation({"a": Team({"twice": Twice}, timings={"twice": trigger})}), 4, terms=Terms("asynchronous"))
+    execute(
+        simulation({"a": Team({"twice": Twice}, timings={"twice": trigger})}), 4, options=RunOptions("asynchronous")
+    )
     assert [turn for turn, _ in turns] == [Turn(step * STEP, time) for step in range(4) for time in range(3)]
     assert len({value for _, value in turns}) == 12
 

@@ -27,7 +27,7 @@ from symaware_cli.network.transport.frame import (
     Welcome,
 )
 from symaware_cli.network.transport.transport import Port, PortEvent
-from symaware_cli.runtime.distributed.company import Company, Identity, listed, rows_of
+from symaware_cli.runtime.distributed.participant import Identity, Participant, listed, rows_of
 from symaware_cli.runtime.failure import RunError
 from symaware_cli.runtime.membership import safe_input
 
@@ -70,7 +70,7 @@ class _Member:
     arrived: list[Delivery] = field(default_factory=list)
 
 
-class Host(Company):
+class Host(Participant):
     """Keeps the world, carries the messages, and knows who is there.
 
     Without a pace it waits in each step for the reports of all members, so that the run is the same as in one process.
@@ -341,7 +341,7 @@ class Host(Company):
         member.reported = max(member.reported, report.step)
 
     def _wait(self, deadline: float | None = None) -> PortEvent | None:
-        """Wait for what happens next, and send off meanwhile who does not say what it wants; see `Company`."""
+        """Wait for what happens next, and send off meanwhile who does not say what it wants; see `Participant`."""
         while True:
             self._send_off_silent()
             soonest = min([each for each in (deadline, *self._guests.values()) if each is not None], default=None)

@@ -27,7 +27,7 @@ from symaware_cli.network.transport.frame import (
 from symaware_cli.network.transport.transport import Port
 from symaware_cli.network.transport.value import entries_to_wire
 from symaware_cli.recording.text import plain
-from symaware_cli.runtime.distributed.company import Company, Identity, rows_of
+from symaware_cli.runtime.distributed.participant import Identity, Participant, rows_of
 from symaware_cli.runtime.failure import RunError
 from symaware_cli.runtime.interruption import Interrupted
 
@@ -35,7 +35,7 @@ from symaware_cli.runtime.interruption import Interrupted
 _PAUSE = 0.2
 
 
-class Member(Company):
+class Member(Participant):
     """Lets its agents perceive, and act in, a world that another process keeps.
 
     It goes through the same instants as the host. Where it is late, or its connection was lost for a while, it makes up

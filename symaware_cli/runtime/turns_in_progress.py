@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from symaware_cli.runtime.turn import Turns
 
 
-class Progress(Turns):
+class TurnsInProgress(Turns):
     """What the components of one entry are busy with, by row."""
 
     def __init__(self) -> None:

@@ -1,4 +1,4 @@
-"""The switchboard: connects events with what they trigger or resume."""
+"""The router: connects events with what they trigger or resume."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Connection:
         self._among.pop(self, None)
 
 
-class Switchboard:
+class EventRouter:
     """One subscription for each name of an event, however many components wait for it.
 
     Components that wait for an event again and again would make the bus itself ever slower. Calls come in the order in

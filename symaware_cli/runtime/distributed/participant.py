@@ -43,7 +43,7 @@ class Identity:
     agents: tuple[str, ...]
 
 
-class Company(ABC):
+class Participant(ABC):
     """One of the processes of a run.
 
     All of them build the whole scenario and go through the same instants; each lets only its own agents take turns.

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Terms:
+class RunOptions:
     """In which way a simulation is to run.
 
     Attributes:

@@ -10,7 +10,7 @@ import pytest
 from simulating import COMMAND, Team, simulate
 
 from symaware_cli import Component, open_log
-from symaware_cli.runtime.departure import exits_refused
+from symaware_cli.runtime.process_exit import exits_refused
 
 SCENARIO = """
 symaware: 1

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 _PROGRESS_INTERVAL = 0.1
 
 
-class Instants:
+class SimulationHooks:
     """The hooks of a kernel that runs a simulation.
 
     Attributes:
