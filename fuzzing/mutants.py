@@ -25,7 +25,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 PACKAGE = Path("symaware_cli")
-FOLDERS = ("core", "runtime", "network", "recording")
+FOLDERS = ("awareness", "core", "world", "runtime", "network", "recording")
 WIDER = ("tests/api", "tests/components", "tests/environments", "tests/scenario", "tests/test_determinism.py")
 TIME_LIMIT = 1200.0
 """Longest time for the tests of one mutant [s]; a mutant that hangs them counts as killed."""

@@ -5,14 +5,11 @@ from __future__ import annotations
 import time
 from abc import ABC, abstractmethod
 from collections import deque
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, ClassVar
+from collections.abc import Callable, Sequence
+from typing import ClassVar, Protocol
 
-from symaware_cli.network.transport.protocol import FAREWELL, FRAME, PING, PONG, ConnectionEnded
-from symaware_cli.network.transport.transport import PortEvent
-
-if TYPE_CHECKING:
-    from symaware_cli.network.transport.port import LoopPort
+from symaware_cli.network.transport.protocol import FAREWELL, FRAME, PING, PONG, ConnectionEnded, PeerProtocol
+from symaware_cli.network.transport.transport import PortEvent, Rejection, TransportParameters
 
 #: So many bytes are handed on at once, if there are as many.
 _BATCH = 2**18
@@ -28,6 +25,42 @@ FRAMES = 4
 
 #: How long the other end has to take what was sent before its connection is let go of [s].
 PARTING = 1.0
+
+
+class ConnectionOwner(Protocol):
+    """What a connection asks of the port that holds it.
+
+    Attributes:
+        parameters: Those of the transport.
+        is_host: Whether others come here.
+    """
+
+    parameters: TransportParameters
+    is_host: bool
+
+    def number(self) -> int:
+        """A number that nobody had before."""
+
+    def protocol(self) -> PeerProtocol:
+        """Begin a protocol."""
+
+    def call_later(self, delay: float, call: Callable[[], None]) -> None:
+        """Call something in the port's thread, after a delay [s]."""
+
+    def enter(self, connection: Connection) -> None:
+        """Take in a connection that has not said anything yet."""
+
+    def admit(self, connection: Connection) -> None:
+        """Let somebody in who is known now, if there is room."""
+
+    def leave(self, connection: Connection) -> None:
+        """Take note that a connection is over."""
+
+    def deliver(self, event: PortEvent, connection: Connection) -> None:
+        """Let the run's thread know."""
+
+    def reject(self, rejection: Rejection) -> None:
+        """Count what was not taken."""
 
 
 class Connection(ABC):
@@ -52,7 +85,7 @@ class Connection(ABC):
 
     shared: ClassVar[bool] = False
 
-    def __init__(self, port: LoopPort) -> None:
+    def __init__(self, port: ConnectionOwner) -> None:
         self._port = port
         self.peer = port.number()
         self.protocol = port.protocol()
