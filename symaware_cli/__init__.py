@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from symaware_cli.api.result import RunFailedError, RunInterrupted, RunResult
     from symaware_cli.api.scenario import Scenario, load
     from symaware_cli.api.stepping import SteppedSimulation
+    from symaware_cli.components.sensor import Sensor, SensorParameters
     from symaware_cli.core import (
         Agent,
         AgentGroup,
@@ -58,6 +59,7 @@ if TYPE_CHECKING:
         Scenery,
         ScriptedPath,
         Shape,
+        Signal,
         Snapshot,
         TimeSeries,
         Tracks,
@@ -135,8 +137,11 @@ __all__ = [
     "ScenarioError",
     "Scenery",
     "ScriptedPath",
+    "Sensor",
+    "SensorParameters",
     "Series",
     "Shape",
+    "Signal",
     "SimulationState",
     "Snapshot",
     "StateError",
@@ -169,6 +174,7 @@ _HOMES = {
     "symaware_cli.api.result": ("RunFailedError", "RunInterrupted", "RunResult"),
     "symaware_cli.api.scenario": ("Scenario", "load"),
     "symaware_cli.api.stepping": ("SteppedSimulation",),
+    "symaware_cli.components.sensor": ("Sensor", "SensorParameters"),
     "symaware_cli.core.state": ("StateError",),
     "symaware_cli.environments.vehicle": ("Vehicle",),
     "symaware_cli.network.topology.topology": ("Topology", "TopologyError", "TopologyParameters"),

@@ -47,6 +47,7 @@ class Team:
         for name, make in self.components.items():
             first = make()
             others = [] if isinstance(first, GroupComponent) else [make() for _ in group.ids[1:]]
+            group.awareness.declare({signal.field(name): signal for signal in first.signals})
             timing = self.timings.get(name, STEADY)
             slots.append(Slot(group, name, f"test.{name}", [first, *others], timing))
         return slots

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,9 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from symaware_cli.awareness.column import Column, SeriesColumn
-from symaware_cli.awareness.part import PARTS, Part, PartColumn
+from symaware_cli.awareness.part import PARTS, Part
 from symaware_cli.awareness.series import TimeSeries
 from symaware_cli.awareness.shared_beliefs import SharedBeliefs
+from symaware_cli.awareness.signal import Signal, SignalColumn
+from symaware_cli.awareness.table_column import TableColumn
 from symaware_cli.awareness.tracks import Tracks
 from symaware_cli.world.arrays import frozen
 from symaware_cli.world.reading import Reading
@@ -155,51 +157,76 @@ class GroupAwareness(SharedBeliefs):
     """The awareness that the agents of a group have: of themselves as columns, of others sparsely.
 
     Attributes:
-        columns: The column of each part, by name: a row of numbers for each agent, or a series for each.
+        columns: The column of each part and signal, by name: a row of numbers, a series or a table for each agent.
         observation: What perception measured last, for those who estimate.
-        readings: What further sensors measured last, by the name of the component, for those who use it.
+        readings: The scans and images that sensors took last, by the name of the component, for those who use it.
+        signals: What components hand out, by component and name, such as ``radar.returns``.
     """
 
-    __slots__ = ("columns", "observation", "readings", "state_column")
+    __slots__ = ("columns", "observation", "readings", "signals", "state_column")
 
-    def __init__(self, state: Array, name: str = "", parts: Iterable[Part] = ()) -> None:
+    def __init__(
+        self, state: Array, name: str = "", parts: Iterable[Part] = (), signals: Mapping[str, Signal] | None = None
+    ) -> None:
         """Begin with a belief of each state, and nothing else.
 
         Args:
             state: What each agent believes; shape (n, nx).
             name: The group's.
             parts: Those beside the ones that every group has.
+            signals: What components hand out, by component and name.
 
         Raises:
-            ValueError: A vector has no columns.
+            ValueError: A vector or a table has no columns.
         """
         super().__init__(len(state), name, (*PARTS, *parts))
         self.state_column = Column(state)
-        self.columns: dict[str, PartColumn] = {
+        self.columns: dict[str, SignalColumn] = {
             part.name: self.state_column if part.name == "state" else part.column(len(state))
             for part in self.parts.values()
         }
+        self.signals: dict[str, Signal] = {}
+        self.declare(signals or {})
         self.observation: Observation | None = None
         self.readings: dict[str, Reading] = {}
 
+    def declare(self, signals: Mapping[str, Signal]) -> None:
+        """Make room for what components hand out, by component and name.
+
+        Raises:
+            ValueError: A vector or a table has no columns.
+        """
+        self.columns |= {name: signal.column(len(self.state)) for name, signal in signals.items()}
+        self.signals |= signals
+
     def __getitem__(self, name: str) -> Any:
-        """A part of all agents: the read-only array of a vector, shape (n, k); the column of a series, to be `set`."""
-        column = self._column(name)
-        return column.values if isinstance(column, Column) else column
+        """A part or signal of all agents.
 
-    def __setitem__(self, name: str, values: ArrayLike) -> None:
-        """Replace a vector of all agents; shape (n, k)."""
-        column = self._column(name)
-        if not isinstance(column, Column):
-            raise TypeError(f"the part `{name}` is a series for each agent: `awareness[{name!r}].set(times, values)`")
-        column.values = values
+        Of a vector the read-only array, shape (n, k); of a table those of all agents, each read-only, shape (m, k); of
+        a series the column, to be `set`.
+        """
+        match column := self._column(name):
+            case Column():
+                return column.values
+            case TableColumn():
+                return column.tables
+        return column
 
-    def _column(self, name: str) -> PartColumn:
+    def __setitem__(self, name: str, values: Any) -> None:
+        """Replace a vector of all agents, shape (n, k), or a table of each, shape (m, k)."""
+        match column := self._column(name):
+            case Column():
+                column.values = values
+            case TableColumn():
+                column.set(values)
+            case _:
+                raise TypeError(f"`{name}` is a series for each agent: `awareness[{name!r}].set(times, values)`")
+
+    def _column(self, name: str) -> SignalColumn:
         column = self.columns.get(name)
         if column is None:
-            raise KeyError(
-                f"there is no part `{name}`, only {', '.join(self.columns)}: a component declares the parts it writes"
-            )
+            there = ", ".join(self.columns)
+            raise KeyError(f"there is no part or signal `{name}`, only {there}: a component declares what it writes")
         return column
 
     @property
@@ -228,7 +255,10 @@ class GroupAwareness(SharedBeliefs):
 
 
 class SelfAwareness(AwarenessVector):
-    """An agent's awareness of itself: a view of its row, which a component may write."""
+    """An agent's awareness of itself: a view of its row, which a component may write.
+
+    What components hand out is there by name, too, but it is no part of what the agent is aware of: nobody is told.
+    """
 
     __slots__ = ("_awareness", "_row")
 
@@ -238,14 +268,14 @@ class SelfAwareness(AwarenessVector):
         self._row = row
 
     def __getitem__(self, name: str) -> Any:
-        """What a part says: a copy of a vector, shape (k,), or a `TimeSeries`."""
+        """What a part or signal says: a copy of a vector, shape (k,), a `TimeSeries`, or a table, shape (m, k)."""
         return self._awareness._column(name).row(self._row)
 
     def __setitem__(self, name: str, value: ArrayLike | TimeSeries) -> None:
         self._awareness._column(name).set_row(self._row, value)  # type: ignore[arg-type]
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self._awareness.columns)
+        return iter(self._awareness.parts)
 
     def __contains__(self, name: object) -> bool:
-        return name in self._awareness.columns
+        return name in self._awareness.parts

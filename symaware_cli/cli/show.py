@@ -55,6 +55,7 @@ def _text(description: Description) -> str:
         ("Needs the knowledge", description.knowledge),
         ("Needs of the world", description.requires),
         ("Writes the parts of awareness", description.parts),
+        ("Hands out the signals", description.signals),
         ("Fires the events", description.events),
     ]
     if description.parameters:

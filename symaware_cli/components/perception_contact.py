@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
+from symaware_cli.awareness.signal import MEASUREMENT
 from symaware_cli.components.sensor import Sensor, SensorParameters
-from symaware_cli.core import AgentGroup, Contact, Event, Measurement, Quantity, Reading
+from symaware_cli.core import AgentGroup, Contact, Event, Quantity, Signal
+
+Array = NDArray[np.float64]
 
 QUANTITIES = (Quantity("touching", "1"), Quantity("impulse", "N s"))
 
@@ -18,8 +22,10 @@ class ContactSensor(Sensor):
     does not count before it has left it. The impulse is the greatest of the contacts that began since the turn before,
     with a normal error where there was one; in `kinematic`, which has no forces, it is 0.
 
-    It updates the readings of the group's awareness, under its own name, and nothing else.
+    It hands out what it measures under its own name, and updates nothing else.
     """
+
+    signals = (Signal(MEASUREMENT, "vector", QUANTITIES, description="as measured"),)
 
     class Parameters(SensorParameters):
         """What the sensor can do."""
@@ -53,11 +59,11 @@ class ContactSensor(Sensor):
         """How many hits were felt."""
         return len(self._hits)
 
-    def _update(self, value: tuple[Reading, int]) -> None:
+    def _update(self, value: tuple[Array, int]) -> None:
         super()._update(value)
         del self._hits[: value[1]]
 
-    def measure(self, present: int) -> Measurement:
+    def measure(self, present: int) -> Array:
         """Count who touches."""
         parameters, hits = self.parameters, np.zeros(len(self._group))
         for row, impulse in self._hits[:present]:
@@ -69,4 +75,4 @@ class ContactSensor(Sensor):
         if parameters.dropout:
             values[self.random.uniform(1, "dropout")[:, 0] < parameters.dropout] = np.nan
         values.flags.writeable = False
-        return Measurement(self.now, QUANTITIES, values)
+        return values

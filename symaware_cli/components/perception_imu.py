@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from symaware_cli.awareness.signal import MEASUREMENT
 from symaware_cli.components.sensor import Sensor, SensorParameters
-from symaware_cli.core import AgentGroup, Measurement, Quantity
+from symaware_cli.core import AgentGroup, Quantity, Signal
 
 Array = NDArray[np.float64]
 
@@ -31,8 +32,10 @@ class InertialUnit(Sensor):
 
     Errors are a bias, drawn once for each axis and agent, and normal errors that are independent of each other.
 
-    It updates the readings of the group's awareness, under its own name, and nothing else.
+    It hands out what it measures under its own name, and updates nothing else.
     """
+
+    signals = (Signal(MEASUREMENT, "vector", QUANTITIES, description="as measured"),)
 
     class Parameters(SensorParameters):
         """What the unit can do."""
@@ -65,7 +68,7 @@ class InertialUnit(Sensor):
         """The instant, with the velocities and the attitudes of now."""
         return self.now, self._velocities(), self._attitudes()
 
-    def measure(self, present: tuple[int, Array, Array]) -> Measurement:
+    def measure(self, present: tuple[int, Array, Array]) -> Array:
         """Compare the motion with that at the turn before."""
         parameters, count = self.parameters, len(self._group)
         _, velocities, attitudes = present
@@ -85,7 +88,7 @@ class InertialUnit(Sensor):
         if parameters.dropout:
             values[self.random.uniform(1, "dropout")[:, 0] < parameters.dropout] = np.nan
         values.flags.writeable = False
-        return Measurement(self.now, QUANTITIES, values)
+        return values
 
     def _falling(self) -> Sequence[float]:
         """How what is free falls, [x, y, z] [m/s^2]."""

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 from pydantic import BaseModel, Field
 
-from symaware_cli.core import AgentGroup, GroupComponent, Parameters, Reading, nanoseconds
+from symaware_cli.core import AgentGroup, GroupComponent, Parameters, nanoseconds
 
 
 class SensorParameters(Parameters):
@@ -21,9 +21,11 @@ class SensorParameters(Parameters):
 
 
 class Sensor(GroupComponent):
-    """Measures at each of its turns, and puts the reading among those of the group's awareness, by its own name.
+    """Measures at each of its turns; what it measured becomes known with its delay.
 
-    How often it measures is the component's `period` in the scenario.
+    How often it measures is the component's `period` in the scenario. A sensor that declares a signal hands out that,
+    for the log and for whoever looks at it (`awareness["radar.returns"]`); scans and images are put among the
+    `readings` of the group's awareness, by the sensor's name.
     """
 
     sees_world = True
@@ -36,31 +38,43 @@ class Sensor(GroupComponent):
         self._number = self.environment.roster.groups.index(group.name)
         self._start = self.environment.roster.start(group.name)
         self._delay = nanoseconds(self.parameters.delay)
-        self._late: deque[Reading] = deque()
+        self._late: deque[tuple[int, Any]] = deque()
         #: What was true at the turn before, as `present` returned it; None before the first.
         self._before: Any = None
 
     @abstractmethod
-    def measure(self, present: Any) -> Reading:
+    def measure(self, present: Any) -> Any:
         """Measure the world as it is now.
 
         Args:
             present: What `present` returned.
+
+        Returns:
+            What the sensor's signal says of each agent, as `record` takes it; with several signals a dictionary of
+            that by their names; or a reading.
         """
 
     def present(self) -> Any:
         """What is true now that the next measurement will be compared with, for sensors that compare."""
         return None
 
-    def _compute(self) -> tuple[Reading, Any]:
+    def _compute(self) -> tuple[Any, Any]:
         present = self.present()
         return self.measure(present), present
 
-    def _update(self, value: tuple[Reading, Any]) -> None:
-        reading, self._before = value
-        late, found = self._late, None
-        late.append(reading)
-        while late and late[0].time + self._delay <= self.computed_at:
-            found = late.popleft()
-        if found is not None:
+    def _update(self, value: tuple[Any, Any]) -> None:
+        found, self._before = value
+        late, known = self._late, None
+        late.append((self.computed_at, found))
+        while late and late[0][0] + self._delay <= self.computed_at:
+            known = late.popleft()
+        if known is not None:
+            self._make_known(known[1])
+
+    def _make_known(self, found: Any) -> None:
+        if not self.signals:
             self._group.awareness.readings[self.name] = found
+            return
+        several = found if len(self.signals) > 1 else {self.signals[0].name: found}
+        for signal in self.signals:
+            self.record(signal, several[signal.name])

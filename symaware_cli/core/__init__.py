@@ -5,6 +5,7 @@ from symaware_cli.awareness.database import AwarenessDatabase
 from symaware_cli.awareness.knowledge import KnowledgeDatabase
 from symaware_cli.awareness.part import PARTS, Part
 from symaware_cli.awareness.series import TimeSeries
+from symaware_cli.awareness.signal import Signal
 from symaware_cli.awareness.tracks import Tracks
 from symaware_cli.core.agent import Agent, AgentGroup, Surroundings
 from symaware_cli.core.component import Component, GroupCommunicationReceiver, GroupComponent
@@ -29,7 +30,7 @@ from symaware_cli.world.contact import Contact
 from symaware_cli.world.entity import Entity, Obstacle
 from symaware_cli.world.model import Model, Quantity
 from symaware_cli.world.plugin import Parameters, Plugin
-from symaware_cli.world.reading import Frame, Image, Measurement, Reading, Scan
+from symaware_cli.world.reading import Frame, Image, Reading, Scan
 from symaware_cli.world.roster import Roster
 from symaware_cli.world.snapshot import Snapshot
 from symaware_cli.world.time import Clock, nanoseconds, seconds
@@ -68,7 +69,6 @@ __all__ = [
     "KnowledgeDatabase",
     "Level",
     "Links",
-    "Measurement",
     "Mesh",
     "Message",
     "MessageBatch",
@@ -89,6 +89,7 @@ __all__ = [
     "Scenery",
     "ScriptedPath",
     "Shape",
+    "Signal",
     "Snapshot",
     "SubscriberError",
     "Subscription",

@@ -14,6 +14,7 @@ from symaware_cli.awareness.column import Column
 from symaware_cli.awareness.database import AwarenessDatabase
 from symaware_cli.awareness.knowledge import Changes, KnowledgeDatabase, KnownColumn
 from symaware_cli.awareness.part import STATE, Part
+from symaware_cli.awareness.signal import Signal
 from symaware_cli.awareness.tracks import Tracks
 from symaware_cli.core.entity_group import EntityGroup
 from symaware_cli.core.environment import Environment
@@ -67,8 +68,9 @@ class AgentGroup(EntityGroup):
         initial_state: ArrayLike,
         knowledge: Sequence[Mapping[str, Any]] = (),
         parts: Sequence[Part] = (),
+        signals: Mapping[str, Signal] | None = None,
     ) -> None:
-        self.awareness = GroupAwareness(np.array(initial_state, float), name, parts)
+        self.awareness = GroupAwareness(np.array(initial_state, float), name, parts, signals)
         self.awareness.parts["state"] = STATE.of(model.state)
         super().__init__(name, ids, model, entity, self.awareness.state)
         self.knowledge_changes = Changes()

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from symaware_cli.awareness.database import AwarenessDatabase
 from symaware_cli.awareness.knowledge import KnowledgeDatabase
 from symaware_cli.awareness.part import Part
+from symaware_cli.awareness.signal import Signal
 from symaware_cli.core.agent import Agent, AgentGroup, Surroundings
 from symaware_cli.core.environment import Environment
 from symaware_cli.core.event import Event, Level, Subscriber, Subscription
@@ -41,6 +42,7 @@ class BaseComponent(Plugin, ABC, Generic[Owner]):
         parts: The parts of awareness that it writes, beside those that every agent has.
         path: Where it stands, such as ``agents.robot.2.steer``; the source of its events.
         requires: What the world must have for the component to work, as in `Environment.provides`, with where it is.
+        signals: What it hands out in its turns beside awareness, to be recorded and for others to look at.
         sees_world: Whether it looks at the world itself, and not only at what its agent is aware of; where it computes
             in a process of its own, that process then follows the world.
         use: The plugin's entry-point name.
@@ -52,6 +54,7 @@ class BaseComponent(Plugin, ABC, Generic[Owner]):
     parts: ClassVar[Sequence[Part]] = ()
     requires: ClassVar[Mapping[str, str]] = {}
     sees_world: ClassVar[bool] = False
+    signals: ClassVar[Sequence[Signal]] = ()
 
     # Class defaults, so that a subclass with an __init__ of its own need not call this one.
     name: str = ""
@@ -326,6 +329,13 @@ class Component(BaseComponent[Agent]):
             source = self.__dict__["_random"] = AgentChance(self._surroundings.seed, self.path)
         return source.at(self.turn)
 
+    def record(self, signal: Signal, value: Any) -> None:
+        """Hand out what one of the component's `signals` says now, in `_update`.
+
+        That is a vector, shape (k,), a `TimeSeries`, or the rows of a table, shape (m, k).
+        """
+        self._agent.self_awareness[signal.field(self.name)] = value
+
 
 class GroupComponent(BaseComponent[AgentGroup]):
     """A component of a whole group: one instance, whose `_compute` and `_update` work on arrays of all its agents."""
@@ -366,6 +376,17 @@ class GroupComponent(BaseComponent[AgentGroup]):
             numbers = roster.numbers[start : start + len(self._group)]
             source = self.__dict__["_random"] = GroupChance(self._surroundings.seed, f"component {self.name}", numbers)
         return source.at(self.turn)
+
+    def record(self, signal: Signal, value: Any) -> None:
+        """Hand out what one of the component's `signals` says now of each agent, in `_update`.
+
+        That is an array, shape (n, k), times [ns] and values as `SeriesColumn.set` takes them, or a list of tables.
+        """
+        awareness, field = self._group.awareness, signal.field(self.name)
+        if signal.kind == "series":
+            awareness[field].set(*value)
+        else:
+            awareness[field] = value
 
     def emit_for(self, row: int, name: str, text: str = "", *, level: Level = Level.INFO, **data: Any) -> None:
         """Fire an event on behalf of one agent of the group."""

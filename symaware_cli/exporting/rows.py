@@ -133,6 +133,15 @@ def lay_out_series(message: wire.SeriesRows, count: int, *, width: int) -> Piece
     return Piece(present, who, numbers, point)
 
 
+def lay_out_tables(message: wire.TableRows, count: int, *, width: int) -> Piece:
+    """Lay out tables: a row for each entry; one without a value for a table without entries."""
+    present = _present(message.rows, len(message.lengths))
+    who, entry, filled = _spread(present, message.lengths.astype(np.int64), len(message.values))
+    numbers = np.full((len(who), width), np.nan)
+    numbers[filled] = _widened(message.values, width)
+    return Piece(present, who, numbers, entry)
+
+
 def lay_out_awareness(message: wire.Awareness, count: int, *, width: int, covariances: bool) -> Piece:
     """Lay out beliefs about others: a row for each other; one without a name for who knows nobody.
 

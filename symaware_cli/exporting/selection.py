@@ -16,7 +16,7 @@ class Selection:
     """What of a log is wanted.
 
     Attributes:
-        fields: Of `TABLES`, or parts of awareness; None for all.
+        fields: Of `TABLES`, or parts of awareness and signals by their names; None for all.
         agents: Ids of agents and names of entities that are wanted; None for all.
         start: The first simulated time [ns]; None for the beginning.
         end: The first simulated time not wanted any more [ns]; None for the end.
@@ -55,7 +55,7 @@ def select(
 
     Args:
         log: The log.
-        fields: Of `TABLES`, or parts of awareness; None for all.
+        fields: Of `TABLES`, or parts of awareness and signals by their names; None for all.
         agents: Agents, groups and entities; None for all.
         start: The first simulated time [ns].
         end: The first simulated time not wanted any more [ns].
@@ -64,7 +64,8 @@ def select(
         UnknownNameError: There is no such field or nobody of that name.
     """
     wanted = None if fields is None else frozenset(fields)
-    known = list(dict.fromkeys([*TABLES, *(name for group in log.agents for name in log.parts(group))]))
+    signals = (each.name for group in log.agents for each in log.signals(group).values())
+    known = list(dict.fromkeys([*TABLES, *signals]))
     for field in sorted(wanted or ()):
         if field not in known:
             raise UnknownNameError(f"there is no field `{field}`, only {', '.join(known)}", field, known)

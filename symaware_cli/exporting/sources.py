@@ -12,13 +12,15 @@ from urllib.parse import quote
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core import Part
+from symaware_cli.core import Part, Signal
 from symaware_cli.exporting import entries, rows
 from symaware_cli.exporting.selection import Selection
 from symaware_cli.exporting.table import Column, Table, Values
 from symaware_cli.recording import journal, wire
+from symaware_cli.recording.fields import signal_of, signal_topic
+from symaware_cli.recording.index import ChannelInfo
 from symaware_cli.recording.reader import Log
-from symaware_cli.recording.sensing import IMAGE, MEASUREMENT, SCAN, sensors
+from symaware_cli.recording.sensing import IMAGE, SCAN, sensors
 
 Quantities = Sequence[tuple[str, str]]
 """Name and unit of each number."""
@@ -110,10 +112,10 @@ def _extents(log: Log, selection: Selection) -> dict[str, Extent]:
     extents = {
         topic: Extent()
         for topic, info in log.topics.items()
-        if selection.has_field(_kind(topic))
+        if selection.has_field(_kind(info))
         and (
             info.schema in ("symaware.v1.SeriesRows", "symaware.v1.Awareness")
-            or (info.schema == "symaware.v1.Rows" and "columns" not in info.metadata)
+            or (info.schema in ("symaware.v1.Rows", "symaware.v1.TableRows") and "columns" not in info.metadata)
         )
     }
     for message in log.messages(extents, selection.start, selection.end):
@@ -148,12 +150,11 @@ class _Group:
             f"{prefix}/awareness": ("awareness", self.awareness),
             f"{prefix}/knowledge": ("knowledge", partial(self.knowledge, selection)),
         }
-        for part in self.log.parts(self.name).values():
-            makers[f"{prefix}/{part.name}"] = (part.name, partial(self.part, part))
+        for name, signal in self.log.signals(self.name).items():
+            makers[signal_topic(self.name, name, signal)] = (signal.name, partial(self.signal, signal))
         sensing: dict[str, Callable[[str, str], Source]] = {
             SCAN: self.scan,
             IMAGE: partial(self.image, selection),
-            MEASUREMENT: self.measurement,
         }
         for kind, maker in sensing.items():
             for sensor, topic in sensors(self.log.topics, self.name, kind).items():
@@ -176,18 +177,23 @@ class _Group:
         lay_out = partial(rows.lay_out_rows, width=len(quantities))
         return self._source(table, _numbers(quantities, description), lay_out)
 
-    def part(self, part: Part, topic: str) -> Source:
-        """A part of what the agents are aware of, of themselves."""
+    def signal(self, signal: Signal, topic: str) -> Source:
+        """A part of what the agents are aware of, of themselves, or what a component hands out."""
         quantities = self._quantities(topic)
-        numbers = _numbers(quantities, part.description)
-        if part.kind == "vector":
-            return self._source(part.name, numbers, partial(rows.lay_out_rows, width=len(quantities)))
-        columns = [
-            Column("point", "integer", "1", "number of the point in its series"),
-            Column("point_time", "number", "s", "simulated time that the point speaks of; NaN if the series is empty"),
-            *numbers,
-        ]
-        return self._source(part.name, columns, partial(rows.lay_out_series, width=len(quantities)))
+        columns = _numbers(quantities, signal.description or "as measured")
+        lay_out: Callable[..., rows.Piece] = rows.lay_out_rows
+        if signal.kind == "series":
+            lay_out = rows.lay_out_series
+            columns = [
+                Column("point", "integer", "1", "number of the point in its series"),
+                Column("point_time", "number", "s", "simulated time that the point speaks of; NaN if there is none"),
+                *columns,
+            ]
+        elif signal.kind == "table":
+            lay_out = rows.lay_out_tables
+            columns = [Column("entry", "integer", "1", "number of the entry in its table"), *columns]
+        component = None if isinstance(signal, Part) else topic.split("/")[-1]
+        return self._source(signal.name, columns, partial(lay_out, width=len(quantities)), sensor=component)
 
     def awareness(self, topic: str) -> Source:
         """What the agents believe of others."""
@@ -219,12 +225,6 @@ class _Group:
     def image(self, selection: Selection, sensor: str, topic: str) -> Source:
         """What a camera saw."""
         return entries.image_source(_path(IMAGE, self.name, sensor), sensor, self.ids, selection)
-
-    def measurement(self, sensor: str, topic: str) -> Source:
-        """What another sensor measured."""
-        quantities = self._quantities(topic)
-        lay_out = partial(rows.lay_out_rows, width=len(quantities))
-        return self._source(MEASUREMENT, _numbers(quantities, "as measured"), lay_out, sensor=sensor)
 
     def knowledge(self, selection: Selection, topic: str) -> Source:
         """What the agents know."""
@@ -259,11 +259,12 @@ def _path(kind: str, *names: str) -> str:
     return "/".join([kind, *(quote(name, safe="") for name in names)])
 
 
-def _kind(topic: str) -> str:
-    """Which of the selectable fields a topic is of."""
-    if topic.startswith("/world/") and not topic.endswith("/control"):
+def _kind(info: ChannelInfo) -> str:
+    """Which of the selectable fields a channel is of."""
+    if info.topic.startswith("/world/") and not info.topic.endswith("/control"):
         return "world"
-    return MEASUREMENT if f"/{MEASUREMENT}/" in topic else topic.split("/")[-1]
+    signal = signal_of(info)
+    return signal[1].name if signal else info.topic.split("/")[-1]
 
 
 def _numbers(quantities: Quantities, description: str) -> list[Column]:

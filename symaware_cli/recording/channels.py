@@ -9,10 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.awareness.column import Column, SeriesColumn
+from symaware_cli.awareness.signal import MEASUREMENT, SignalColumn
+from symaware_cli.awareness.table_column import TableColumn
 from symaware_cli.core import AgentGroup, Environment
 from symaware_cli.recording import symaware_v1_pb2 as v1
 from symaware_cli.recording import wire
-from symaware_cli.recording.fields import PART_MESSAGES, columns_metadata, part_metadata
+from symaware_cli.recording.fields import SIGNAL_MESSAGES, columns_metadata, signal_metadata, signal_topic
 from symaware_cli.recording.others import OthersChannel
 from symaware_cli.recording.rows import RecordedRows
 from symaware_cli.recording.sensing import SensorChannels
@@ -130,7 +132,7 @@ class GroupChannels:
             "control": (f"/agents/{group.name}/control", "Rows", inputs),
             "applied": (f"/world/{group.name}/control", "Rows", inputs),
             **{
-                name: (f"/agents/{group.name}/{name}", PART_MESSAGES[part.kind], part_metadata(part))
+                name: (signal_topic(group.name, name, part), SIGNAL_MESSAGES[part.kind], signal_metadata(part))
                 for name, part in awareness.parts.items()
             },
             "awareness": (f"/agents/{group.name}/awareness", "Awareness", motion),
@@ -148,7 +150,17 @@ class GroupChannels:
         self._sensors = SensorChannels(writer, group, self._rows) if "sensors" not in self._omit else None
         #: The columns of the parts of awareness, which are read only where their channel is open.
         self._parts = [
-            (self._channels[name], column) for name, column in awareness.columns.items() if name in self._channels
+            (self._channels[name], awareness.columns[name]) for name in awareness.parts if name in self._channels
+        ]
+        self._signals = [
+            (
+                writer.channel(
+                    signal_topic(group.name, field, signal), SIGNAL_MESSAGES[signal.kind], signal_metadata(signal)
+                ),
+                awareness.columns[field],
+            )
+            for field, signal in awareness.signals.items()
+            if self._omit.isdisjoint((field, "sensors" if signal.name == MEASUREMENT else signal.name))
         ]
 
     def record(self, now: int, steps: int) -> int:
@@ -172,16 +184,15 @@ class GroupChannels:
             self._told_steps = steps
             self._record_all(now, channels["applied"], self._environment.applied_input(self._group))
         for channel, column in self._parts:
-            if isinstance(column, Column):
-                updates += self._record_column(now, channel, column)
-            else:
-                updates += self._record_series(now, channel, column)
+            updates += self._record_any(now, channel, column)
         if self._others:
             updates += self._others.record(now)
         if "control" in channels:
             updates += self._record_column(now, channels["control"], self._group.control_column)
         if "knowledge" in channels:
             updates += self._record_knowledge(now, channels["knowledge"])
+        for channel, column in self._signals:
+            updates += self._record_any(now, channel, column)
         if self._sensors and awareness.readings:
             updates += self._sensors.record(now)
         return updates
@@ -194,7 +205,14 @@ class GroupChannels:
         elif rows:
             self._writer.add(channel, now, wire.encode_rows(values[rows], rows))
 
-    def _changes(self, column: Column | SeriesColumn) -> Sequence[int] | None:
+    def _record_any(self, now: int, channel: int, column: SignalColumn) -> int:
+        if isinstance(column, Column):
+            return self._record_column(now, channel, column)
+        if isinstance(column, TableColumn):
+            return self._record_tables(now, channel, column)
+        return self._record_series(now, channel, column)
+
+    def _changes(self, column: SignalColumn) -> Sequence[int] | None:
         """The rows of a column that changed and are recorded; None for all of them."""
         rows, own = column.take_changes(), self._rows.now
         if own is None:
@@ -227,6 +245,15 @@ class GroupChannels:
         values = np.concatenate(parts) if parts else np.empty((0, width))
         self._writer.add(channel, now, wire.encode_series(times, values, lengths, rows))
         return len(series)
+
+    def _record_tables(self, now: int, channel: int, column: TableColumn) -> int:
+        rows = self._changes(column)
+        if rows is not None and not rows:
+            return 0
+        tables = column.tables if rows is None else [column.row(row) for row in rows]
+        lengths = [len(table) for table in tables]
+        self._writer.add(channel, now, wire.encode_tables(np.concatenate(tables), lengths, rows))
+        return len(tables)
 
     def _record_knowledge(self, now: int, channel: int) -> int:
         changed = self._group.knowledge_changes.rows

@@ -58,6 +58,16 @@ def _series(message: wire.SeriesRows, channel: ChannelInfo) -> None:
     _require_rows(message.rows, count, channel)
 
 
+def _tables(message: wire.TableRows, channel: ChannelInfo) -> None:
+    _require_width(message.values, channel)
+    lengths = message.lengths.astype(np.int64)
+    if lengths.sum() != len(message.values):
+        raise ValueError(f"{len(message.values)} entries, where {lengths.sum()} were announced")
+    if message.rows is None and channel.rows is not None and len(lengths) != channel.rows:
+        raise ValueError(f"tables of {len(lengths)} of {channel.rows} agents")
+    _require_rows(message.rows, len(lengths), channel)
+
+
 def _others_series(message: wire.OthersSeries, channel: ChannelInfo) -> None:
     known, points, columns = (each.astype(np.int64) for each in (message.lengths, message.points, message.columns))
     if not known.sum() == len(message.entities) == len(points) == len(columns):
@@ -177,6 +187,7 @@ def _contact(message: Any, channel: ChannelInfo) -> None:
 _CHECKS: dict[str, Callable[[Any, ChannelInfo], None]] = {
     "Rows": _rows,
     "SeriesRows": _series,
+    "TableRows": _tables,
     "Awareness": _awareness,
     "Knowledge": _knowledge,
     "Event": _event,

@@ -1,4 +1,4 @@
-"""What a log says of the parts of awareness, and how they are found in it again."""
+"""What a log says of the parts of awareness and of the signals of components, and how they are found in it again."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from collections.abc import Mapping, Sequence
 from itertools import zip_longest
 from typing import get_args
 
-from symaware_cli.awareness.part import Drawn
-from symaware_cli.core import PARTS, Part, Quantity
+from symaware_cli.awareness.signal import MEASUREMENT, Kind
+from symaware_cli.core import PARTS, Part, Quantity, Signal
 from symaware_cli.recording.index import ChannelInfo
 
-PART_MESSAGES = {"vector": "Rows", "series": "SeriesRows"}
-"""The message on the channel of a part, by its kind."""
+SIGNAL_MESSAGES: Mapping[Kind, str] = {"vector": "Rows", "series": "SeriesRows", "table": "TableRows"}
+"""The message on the channel of a part or a signal, by its kind."""
 
 _BUILT_IN = {part.name: part for part in PARTS}
 
@@ -24,39 +24,58 @@ def columns_metadata(quantities: Sequence[Quantity]) -> dict[str, str]:
     }
 
 
-def part_metadata(part: Part) -> dict[str, str]:
-    """What the channel of a part of awareness says of it: enough to read and to draw it without the plugin."""
-    known = {"part": part.kind, "drawn": part.drawn or "", "description": part.description}
-    return (columns_metadata(part.columns) if part.columns else {}) | known
+def signal_metadata(signal: Signal) -> dict[str, str]:
+    """What the channel of a part or a signal says of it: enough to read and to draw it without the plugin."""
+    known = {signal.what: signal.kind, "drawn": signal.drawn or "", "description": signal.description}
+    return (columns_metadata(signal.columns) if signal.columns else {}) | known
 
 
-def part_of(info: ChannelInfo) -> Part | None:
-    """The part of awareness that a channel tells of; None if it tells of something else.
+def signal_topic(group: str, field: str, signal: Signal) -> str:
+    """The topic of a part, or of a signal by component and name, of a group."""
+    if isinstance(signal, Part):
+        return f"/agents/{group}/{field}"
+    return f"/agents/{group}/{signal.name}/{field.removesuffix(f'.{signal.name}')}"
 
-    Logs of former versions say nothing of the kind; they have the parts of every group.
+
+def signal_of(info: ChannelInfo) -> tuple[str, Signal] | None:
+    """The part of awareness or the signal that a channel tells of, and its field; None if it tells of something else.
+
+    Logs of former versions say nothing of the kind; they have the parts of every group, and what sensors measured.
     """
-    _, root, _, name, *further = f"{info.topic}///".split("/")
+    _, root, _, name, component, *further = f"{info.topic}////".split("/")
     if root != "agents" or any(further) or not name:
         return None
-    said = info.metadata
-    part = _BUILT_IN.get(name)
-    if part is None or "part" in said:
-        kind, drawn = said.get("part"), said.get("drawn")
-        if kind not in PART_MESSAGES or not name.isidentifier() or name != name.lower():
-            return part
-        known = drawn if drawn in get_args(Drawn) and (kind == "series" or drawn in ("curve", "bars")) else None
-        merge = "seen-first" if part is None else part.merge
-        part = Part(name, kind, None, merge, known, said.get("description", ""))  # type: ignore[arg-type]
-    names, units = (said[key].split(",") if said.get(key) else [] for key in ("columns", "units"))
-    distinct = len(set(names)) == len(names) > 0
-    return part.of(
-        [Quantity(*each) for each in zip_longest(names, units[: len(names)], fillvalue="")] if distinct else ()
-    )
+    known: Signal | None = Signal(MEASUREMENT) if component and name == MEASUREMENT else None
+    if not component:
+        known = _BUILT_IN.get(name)
+    signal = _announced(name, Signal if component else Part, known, info.metadata)
+    if signal is None:
+        return None
+    return signal.field(component) if component else name, signal
 
 
-def parts_of(channels: Mapping[str, ChannelInfo], group: str) -> dict[str, Part]:
-    """The parts of awareness of a group that a log has channels of, by name: first those of every group."""
+def _announced(name: str, what: type[Signal], known: Signal | None, metadata: Mapping[str, str]) -> Signal | None:
+    """What the metadata of a channel say that it is; without that what is known of it, with its columns."""
+    names, units = (metadata[key].split(",") if metadata.get(key) else [] for key in ("columns", "units"))
+    columns = [Quantity(*each) for each in zip_longest(names, units[: len(names)], fillvalue="")]
+    if len(set(names)) < len(names):
+        columns = []
+    kind, drawn = metadata.get(what.what), metadata.get("drawn") or None
+    if kind not in get_args(Kind):
+        return None if known is None else known.of(columns)
+    merge = {"merge": known.merge} if isinstance(known, Part) else {}
+    for how in (drawn, None):
+        try:
+            return what(name, kind, columns or None, how, metadata.get("description", ""), **merge)  # type: ignore[arg-type]
+        except ValueError:  # of a later version, or of somebody else
+            continue
+    return None if known is None else known.of(columns)
+
+
+def signals_of(channels: Mapping[str, ChannelInfo], group: str) -> dict[str, Signal]:
+    """The parts and signals of a group that a log has channels of, by field: first the parts of every group."""
     root = f"/agents/{group}/"
-    found = {part.name: part for topic, info in channels.items() if topic.startswith(root) and (part := part_of(info))}
-    order = [*(name for name in _BUILT_IN if name in found), *sorted(found.keys() - _BUILT_IN.keys())]
+    found = dict(each for topic, info in channels.items() if topic.startswith(root) and (each := signal_of(info)))
+    further = sorted(found.keys() - _BUILT_IN.keys(), key=lambda name: (not isinstance(found[name], Part), name))
+    order = [*(name for name in _BUILT_IN if name in found), *further]
     return {name: found[name] for name in order}

@@ -18,6 +18,7 @@ _DECODERS: dict[str, Callable[[bytes], Any]] = {
 } | {
     "symaware.v1.Rows": wire.decode_rows,
     "symaware.v1.SeriesRows": wire.decode_series,
+    "symaware.v1.TableRows": wire.decode_tables,
     "symaware.v1.Awareness": wire.decode_awareness,
 }
 
@@ -46,7 +47,7 @@ class LogMessage:
         """Decode it.
 
         Returns:
-            A `wire.Rows`, `wire.SeriesRows` or `wire.Awareness`; for other messages of ours the
+            A `wire.Rows`, `wire.SeriesRows`, `wire.TableRows` or `wire.Awareness`; for other messages of ours the
             generated class.
 
         Raises:

@@ -1,4 +1,4 @@
-"""Names that logs and tables give their content, beside further parts of awareness and sensors."""
+"""Names that logs and tables give their content, beside further parts of awareness and signals of components."""
 
 from __future__ import annotations
 

@@ -99,7 +99,8 @@ class Recorder:
         self._groups = []
         for group in sorted(groups, key=lambda group: group.name):
             rows = [row for row, id in enumerate(group.ids) if own is None or id in own]
-            left_out = {*omit} if rows else {*omit, *KINDS, *group.awareness.parts} - {"world"}
+            every = {*KINDS, *group.awareness.parts, *group.awareness.signals}
+            left_out = {*omit} if rows else {*omit, *every} - {"world"}
             if "control" in omit:
                 left_out.add("applied")
             self._groups.append(GroupChannels(writer, environment, group, left_out, rows))

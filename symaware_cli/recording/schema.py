@@ -54,6 +54,7 @@ MESSAGES: dict[str, type[Message]] = {
     for message in (
         v1.Rows,
         v1.SeriesRows,
+        v1.TableRows,
         v1.Awareness,
         v1.Knowledge,
         v1.Event,

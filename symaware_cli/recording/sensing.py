@@ -1,4 +1,4 @@
-"""What sensors measured, in the log: scans, images and numbers, written and read."""
+"""What lidars and cameras took, in the log, written and read."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core import AgentGroup, Frame, Measurement, Reading, Scan
-from symaware_cli.recording import png, wire
+from symaware_cli.core import AgentGroup, Frame, Reading, Scan
+from symaware_cli.recording import png
 from symaware_cli.recording import symaware_v1_pb2 as v1
 from symaware_cli.recording.rows import RecordedRows
 from symaware_cli.recording.writer import LogWriter
@@ -20,14 +20,13 @@ Array = NDArray[np.float64]
 #: Where depth ends, and what stands for nothing [mm].
 _NOTHING = 65535
 
-SCAN, IMAGE, MEASUREMENT = "scan", "image", "measurement"
+SCAN, IMAGE = "scan", "image"
 """What the topics of readings are called: ``/agents/<group>/scan/<sensor>``."""
 
 #: What a topic of each kind of reading is called, and the message on it.
 _TOPICS: dict[type, tuple[str, str]] = {
     Scan: (SCAN, "Scan"),
     Frame: (IMAGE, "Image"),
-    Measurement: (MEASUREMENT, "Rows"),
 }
 
 
@@ -72,13 +71,7 @@ class SensorChannels:
 
     def _open(self, name: str, reading: Reading) -> int:
         word, message = _TOPICS[type(reading)]
-        metadata = {}
-        if isinstance(reading, Measurement):
-            metadata = {
-                "columns": ",".join(quantity.name for quantity in reading.quantities),
-                "units": ",".join(quantity.unit for quantity in reading.quantities),
-            }
-        return self._writer.channel(f"/agents/{self._group.name}/{word}/{name}", message, metadata)
+        return self._writer.channel(f"/agents/{self._group.name}/{word}/{name}", message, {})
 
 
 def _contents(reading: Reading, own: Sequence[int] | None) -> Iterator[bytes]:
@@ -95,8 +88,6 @@ def _contents(reading: Reading, own: Sequence[int] | None) -> Iterator[bytes]:
                 poses=reading.poses[chosen].ravel().tolist(),
             )
             yield record.SerializeToString(deterministic=True)
-        case Measurement():
-            yield wire.encode_rows(reading.values[chosen], own)
         case Frame():
             yield from _images(reading, own)
 

@@ -16,7 +16,7 @@ class Series:
     """Values over simulated time.
 
     Attributes:
-        times: (k,) simulated time, ns; strictly ascending.
+        times: (k,) simulated time, ns; strictly ascending, but for the entries of a table, which share theirs.
         values: (k, n, columns) for a group of n, (k, columns) for one agent.
         columns: Names of the columns; empty if the log does not tell.
         units: Their units; empty if the log does not tell.
@@ -58,6 +58,23 @@ class Prediction:
     time: int
     times: NDArray[np.int64]
     values: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """What a component handed out of an agent at one instant, in rows.
+
+    Attributes:
+        time: When, simulated ns.
+        values: (m, columns).
+        columns: Names of the columns.
+        units: Their units.
+    """
+
+    time: int
+    values: NDArray[np.float64]
+    columns: tuple[str, ...]
+    units: tuple[str, ...]
 
 
 def present_values(message: Any, count: int) -> tuple[NDArray[np.uint32] | None, NDArray[np.float64]]:

@@ -31,6 +31,18 @@ class SeriesRows(_message.Message):
     values: _containers.RepeatedScalarFieldContainer[float]
     def __init__(self, columns: _Optional[int] = ..., rows: _Optional[_Iterable[int]] = ..., lengths: _Optional[_Iterable[int]] = ..., times: _Optional[_Iterable[int]] = ..., values: _Optional[_Iterable[float]] = ...) -> None: ...
 
+class TableRows(_message.Message):
+    __slots__ = ("columns", "rows", "lengths", "values")
+    COLUMNS_FIELD_NUMBER: _ClassVar[int]
+    ROWS_FIELD_NUMBER: _ClassVar[int]
+    LENGTHS_FIELD_NUMBER: _ClassVar[int]
+    VALUES_FIELD_NUMBER: _ClassVar[int]
+    columns: int
+    rows: _containers.RepeatedScalarFieldContainer[int]
+    lengths: _containers.RepeatedScalarFieldContainer[int]
+    values: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, columns: _Optional[int] = ..., rows: _Optional[_Iterable[int]] = ..., lengths: _Optional[_Iterable[int]] = ..., values: _Optional[_Iterable[float]] = ...) -> None: ...
+
 class Awareness(_message.Message):
     __slots__ = ("world", "rows", "lengths", "entities", "columns", "values", "covariances", "ages", "series")
     WORLD_FIELD_NUMBER: _ClassVar[int]

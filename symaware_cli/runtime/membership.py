@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, ClassVar, NoReturn
 import numpy as np
 
 from symaware_cli.awareness.column import Array, Column, SeriesColumn
+from symaware_cli.awareness.table_column import TableColumn
 from symaware_cli.core import AgentGroup, Event, Level, Model, TimeSeries
 from symaware_cli.runtime.event_router import EventRouter
 from symaware_cli.runtime.expression import EvaluationError, Expression, Lookup
@@ -166,6 +167,8 @@ class Membership:
             for column in group.awareness.columns.values():
                 if isinstance(column, SeriesColumn):
                     column.set_row(row, TimeSeries())
+                elif isinstance(column, TableColumn):
+                    column.set_row(row, ())
         self._move(group, rows, present=False)
         for row in rows:
             self._simulation.announce("removed", f"agents.{group.ids[row]}", "leaves")

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.awareness.column import Column, SeriesColumn
+from symaware_cli.awareness.table_column import TableColumn
 from symaware_cli.core import AgentGroup, Tracks
 from symaware_cli.world.time import SECOND
 
@@ -33,6 +34,7 @@ def protected(group: AgentGroup, rows: Sequence[int]) -> Iterator[None]:
     series = [
         (column, row, column.row(row)) for column in written if isinstance(column, SeriesColumn) for row in chosen
     ]
+    tables = [(column, column.tables) for column in written if isinstance(column, TableColumn)]
     seen, told = awareness.seen, awareness.told
     yield
     for column, before in columns:
@@ -41,6 +43,10 @@ def protected(group: AgentGroup, rows: Sequence[int]) -> Iterator[None]:
     for series_column, row, own in series:
         if series_column.row(row) != own:
             series_column.set_row(row, own)
+    for table_column, tables_before in tables:
+        for row in chosen:
+            if table_column.row(row) is not tables_before[row]:
+                table_column.set_row(row, tables_before[row])
     held = np.isin(np.arange(len(group)), chosen)
     if awareness.seen is not None and awareness.seen is not seen:
         awareness.seen = _merged(awareness.seen, seen, held)

@@ -22,7 +22,9 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.awareness.column import Column, SeriesColumn
+from symaware_cli.awareness.column import Column
+from symaware_cli.awareness.signal import SignalColumn
+from symaware_cli.awareness.table_column import TableColumn
 from symaware_cli.core import (
     AgentGroup,
     Clock,
@@ -262,9 +264,11 @@ def group_data(group: AgentGroup, *, sees_world: bool = False) -> dict[str, Any]
     return data
 
 
-def _column_data(column: Column | SeriesColumn) -> Any:
+def _column_data(column: SignalColumn) -> Any:
     if isinstance(column, Column):
         return column.values
+    if isinstance(column, TableColumn):
+        return column.tables
     column.settle()
     return column._times, column._values, column._width, column._rows
 
@@ -283,9 +287,11 @@ def _take_group_data(group: AgentGroup, data: Mapping[str, Any]) -> None:
         agent.awareness_database.held = held
 
 
-def _take_column_data(column: Column | SeriesColumn, content: Any) -> None:
+def _take_column_data(column: SignalColumn, content: Any) -> None:
     if isinstance(column, Column):
         column.values = content
+    elif isinstance(column, TableColumn):
+        column.exchange(content)
     else:
         column.settle()
         column._times, column._values, column._width, column._rows = content

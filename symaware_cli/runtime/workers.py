@@ -149,8 +149,8 @@ class _Office:
 def _arguments(group: AgentGroup) -> tuple[Any, ...]:
     """What to make a group of again, as it is at the start."""
     knowledge = [dict(each) for each in group.knowledge]
-    parts = tuple(group.awareness.parts.values())
-    return group.name, group.ids, group.model, group.entity, group.initial_state, knowledge, parts
+    parts, signals = tuple(group.awareness.parts.values()), group.awareness.signals
+    return group.name, group.ids, group.model, group.entity, group.initial_state, knowledge, parts, signals
 
 
 def _world(environment: Environment) -> tuple[Any, ...]:

@@ -39,7 +39,7 @@ from symaware_cli.scenario.compose import Composition, CompositionError, compose
 from symaware_cli.scenario.consensus import check_consensus, check_metropolis
 from symaware_cli.scenario.document import Scenario
 from symaware_cli.scenario.faults import FaultBuilder
-from symaware_cli.scenario.parts import check_omitted, declared_parts, name_columns
+from symaware_cli.scenario.parts import check_omitted, declared_parts, declared_signals, name_columns
 from symaware_cli.scenario.plugin_factory import PluginFactory, mapping, topologies, words
 from symaware_cli.scenario.presence import PresenceBuilder
 from symaware_cli.scenario.problem import Problem, ScenarioError, dotted, nearest, quoted
@@ -288,17 +288,14 @@ class _Builder:
             if made and self._is_told(made[0], entry, (*path, "components", component), uses[component])
         ]
         declaring = [(instances[each][0], uses[each], (*path, "components", each)) for each in capable]
-        parts = declared_parts(declaring, self._report)
-        self._declared.update(part.name for part in parts)
+        parts, signals = declared_parts(declaring, self._report), declared_signals(declaring, self._report)
+        self._declared.update(each.name for each in (*parts, *signals.values()))
         if model is None or states is None or sampler.problems or self._found:
             return None, []
         body = document.agents[name].entity if isinstance(document, Scenario) else Entity()
         if not self._conforms(model, str(uses_model), states[0], (*path, "model", "use")):
             return None, []
-        parts = declared_parts(
-            [(instances[each][0], uses[each], (*path, "components", each)) for each in capable], self._report
-        )
-        group = AgentGroup(name, ids, model, body, states, knowledge, parts)
+        group = AgentGroup(name, ids, model, body, states, knowledge, parts, signals)
         slots = [
             Slot(group, component, uses[component], instances[component])
             for component in capable

@@ -9,9 +9,9 @@ from typing import Any
 
 from pydantic_core import to_jsonable_python
 
-from symaware_cli.core import Model, Part
+from symaware_cli.core import Model, Signal
 from symaware_cli.scenario.catalogue import GROUPS, Catalogue, Listing, PluginError
-from symaware_cli.scenario.parts import declared_by
+from symaware_cli.scenario.parts import declared_by, signals_of
 from symaware_cli.scenario.problem import nearest
 
 
@@ -49,6 +49,7 @@ class Description:
         knowledge: What an agent must know for it to work.
         requires: What the world must have for it to work, with where it is.
         parts: The parts of awareness that it writes beside those of every agent, with what each says.
+        signals: What it hands out in its turns, with what each says.
         state: Names and units of the state, for a model.
         control_input: Names and units of the control input, for a model.
     """
@@ -63,6 +64,7 @@ class Description:
     knowledge: dict[str, str]
     requires: dict[str, str]
     parts: dict[str, str]
+    signals: dict[str, str]
     state: dict[str, str]
     control_input: dict[str, str]
 
@@ -116,14 +118,15 @@ def _describe(listing: Listing, plugin: Any) -> Description:
         dict(getattr(plugin, "knowledge", {})),
         dict(getattr(plugin, "requires", {})),
         {part.name: _said_of(part) for part in declared_by(plugin)},
+        {signal.name: _said_of(signal) for signal in signals_of(plugin)},
         {quantity.name: quantity.unit for quantity in plugin.state} if is_model else {},
         {quantity.name: quantity.unit for quantity in plugin.control_input} if is_model else {},
     )
 
 
-def _said_of(part: Part) -> str:
-    columns = f" of {', '.join(part.column_names)}" if part.columns else ""
-    return f"a {part.kind}{columns}" + (f": {part.description}" if part.description else "")
+def _said_of(signal: Signal) -> str:
+    columns = f" of {', '.join(signal.column_names)}" if signal.columns else ""
+    return f"a {signal.kind}{columns}" + (f": {signal.description}" if signal.description else "")
 
 
 _BOUNDS = {"exclusiveMinimum": ">", "minimum": ">=", "exclusiveMaximum": "<", "maximum": "<="}

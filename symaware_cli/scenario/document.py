@@ -403,8 +403,8 @@ class Recording(Section):
     )
     omit: list[str] = Field(
         default_factory=list,
-        description="What to leave out, for smaller logs: parts of awareness by their names, such as state, intent, "
-        "uncertainty and risk; control, knowledge, awareness (of others), sensors, world.",
+        description="What to leave out, for smaller logs: parts of awareness and signals of components by their names, "
+        "such as state, intent, uncertainty and risk; control, knowledge, awareness (of others), sensors, world.",
     )
 
 

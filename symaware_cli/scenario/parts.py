@@ -1,11 +1,12 @@
-"""The parts of awareness that the components of a group declare, checked."""
+"""The parts of awareness and the signals that the components of a group declare, checked."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
-from symaware_cli.core import PARTS, AgentGroup, Part, Quantity
+from symaware_cli.awareness.signal import MEASUREMENT
+from symaware_cli.core import PARTS, AgentGroup, Part, Quantity, Signal
 from symaware_cli.core.component import BaseComponent
 from symaware_cli.recording.names import FIELDS, KINDS, TABLES
 from symaware_cli.runtime.expression import FUNCTIONS
@@ -19,8 +20,16 @@ _TAKEN = frozenset({*TABLES, *FIELDS, *KINDS, *AGENT_NAMES, *FUNCTIONS, "applied
 
 def declared_by(plugin: Any) -> Sequence[Part]:
     """The parts that a plugin declares; none where what it says is no list of parts."""
-    parts = getattr(plugin, "parts", ())
-    return parts if isinstance(parts, Sequence) and all(isinstance(part, Part) for part in parts) else ()
+    return _listed(getattr(plugin, "parts", ()), Part) or ()
+
+
+def signals_of(plugin: Any) -> Sequence[Signal]:
+    """The signals that a plugin declares; none where what it says is no list of signals."""
+    return [each for each in _listed(getattr(plugin, "signals", ()), Signal) or () if not isinstance(each, Part)]
+
+
+def _listed(declared: Any, kind: type) -> Sequence[Any] | None:
+    return declared if isinstance(declared, Sequence) and all(isinstance(each, kind) for each in declared) else None
 
 
 def declared_parts(
@@ -37,8 +46,8 @@ def declared_parts(
     """
     known: dict[str, tuple[Part, str]] = {part.name: (part, "") for part in PARTS}
     for component, use, path in components:
-        parts = component.parts
-        if not isinstance(parts, Sequence) or not all(isinstance(part, Part) for part in parts):
+        parts = _listed(component.parts, Part)
+        if parts is None:
             report("broken-plugin", f"the `parts` of {quoted(use)} are not a list of `Part`", path, key=True)
             continue
         for part in parts:
@@ -56,6 +65,39 @@ def declared_parts(
             else:
                 known.setdefault(part.name, (part, use))
     return [part for part, use in known.values() if use]
+
+
+def declared_signals(
+    components: Iterable[tuple[BaseComponent[Any], str, Path]], report: Callable[..., None]
+) -> dict[str, Signal]:
+    """Collect the signals that the components of a group declare.
+
+    Args:
+        components: Each with its entry-point name and where it stands, which ends with its name.
+        report: Takes the code and the message of a problem, the path, and hints.
+
+    Returns:
+        Those that are sound, by component and name; the others are reported.
+    """
+    found: dict[str, Signal] = {}
+    for component, use, path in components:
+        signals = _listed(component.signals, Signal)
+        if signals is None or any(isinstance(signal, Part) for signal in signals):
+            report("broken-plugin", f"the `signals` of {quoted(use)} are not a list of `Signal`", path, key=True)
+            continue
+        for signal in signals:
+            field = signal.field(str(path[-1]))
+            if signal.name in _TAKEN - {MEASUREMENT}:
+                said = f"{quoted(use)} declares a signal {quoted(signal.name)}, and something else is called so"
+            elif signal.kind != "series" and signal.columns is None:
+                said = f"{quoted(use)} declares a signal {quoted(signal.name)}, a {signal.kind}, and names no columns"
+            elif field in found:
+                said = f"{quoted(use)} declares two signals {quoted(signal.name)}"
+            else:
+                found[field] = signal
+                continue
+            report("broken-plugin", said, path, key=True)
+    return found
 
 
 def name_columns(group: AgentGroup, component: BaseComponent[Any]) -> None:
@@ -85,7 +127,7 @@ def check_omitted(omit: Any, declared: Iterable[str], report: Callable[..., None
 
     Args:
         omit: What stands there.
-        declared: The names of the parts that components declare.
+        declared: The names of the parts and signals that components declare.
         report: Takes the code and the message of a problem, the path, and hints.
     """
     known = omittable(declared)
@@ -105,6 +147,7 @@ def omittable(declared: Iterable[str]) -> list[str]:
     """What `recording.omit` may name.
 
     Args:
-        declared: The names of the parts that components declare.
+        declared: The names of the parts and signals that components declare.
     """
-    return list(dict.fromkeys([*(part.name for part in PARTS), *KINDS, *sorted(declared)]))
+    # What sensors measure is left out with all that they record.
+    return list(dict.fromkeys([*(part.name for part in PARTS), *KINDS, *sorted({*declared} - {MEASUREMENT})]))

@@ -44,7 +44,8 @@ def check_requirements(
         _check_model(document, environment, group, report)
     for slot in slots:
         component, path = slot.components[0], ("agents", slot.group.name, "components", slot.name)
-        if isinstance(component, Sensor) and slot.name in (*FIELDS, *slot.group.awareness.parts):
+        measures = isinstance(component, Sensor) or slot.name in slot.group.awareness.signals
+        if measures and slot.name in (*FIELDS, *slot.group.awareness.parts):
             message = f"a sensor {quoted(slot.name)} could not be told from the series of that name in the log"
             report("bad-name", message, path, key=True, expected=f"none of {', '.join(sorted(FIELDS))}")
         for name, where in component.requires.items():

@@ -7,7 +7,7 @@ from typing import Any
 
 from symaware_cli.scenario.catalogue import GROUPS, Catalogue, PluginError
 from symaware_cli.scenario.document import Scenario
-from symaware_cli.scenario.parts import declared_by, omittable
+from symaware_cli.scenario.parts import declared_by, omittable, signals_of
 from symaware_cli.scenario.sampling import Grid, Ring
 
 _USES = {
@@ -49,7 +49,7 @@ def scenario_schema(
                 continue
             names.append({"const": listing.name, "description": (inspect.getdoc(plugin) or "").partition("\n")[0]})
             branches.append(_branch(listing.name, kind, plugin, definitions))
-            declared.update(part.name for part in declared_by(plugin))
+            declared.update(each.name for each in (*declared_by(plugin), *signals_of(plugin)))
         for use in _USES[kind]:
             definitions[use]["properties"]["use"]["anyOf"] = names
             definitions[use]["allOf"] = branches

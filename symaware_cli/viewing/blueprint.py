@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from symaware_cli.core import Part
 from symaware_cli.recording import journal
-from symaware_cli.recording.sensing import MEASUREMENT, sensors
 from symaware_cli.viewing.cast import Cast
 from symaware_cli.viewing.detail import Detail
-from symaware_cli.viewing.drawing.curves import plotted, reading_paths
+from symaware_cli.viewing.drawing.curves import plotted, unit_paths
 from symaware_cli.viewing.palette import BACKGROUND
 from symaware_cli.viewing.stage import TIMELINE
 
@@ -143,24 +143,20 @@ def _agent(cast: Cast, detail: Detail, content: Content, agent: str) -> rrb.Vert
     contents = [
         *(f"+ world/{part}" for part in ("ground", "figures/**", "scenery/**")),
         f"+ world/agents/{group}/goal",
-        *(f"+ minds/{group}/{part.name}/**" for how in ("ellipse", "bars") for part, _ in troupe.drawn(how)),
+        *(f"+ minds/{group}/{name}/**" for how in ("ellipse", "bars") for name, _ in troupe.drawn(how)),
         *bodies,
     ]
     contents += ["+ world/messages", "+ world/contacts", f"+ as/{agent}/**"]
     view = _spatial(cast, detail, content, f"as {agent} believes", contents, follow=agent)
-    curves = [
-        _curves(f"{field} of {agent}", [f"+ curves/agents/{agent}/{field}"])
-        for field, topic in (
-            *((part.name, topic) for part, topic in plotted(troupe)),
-            ("control", f"/world/{group}/control"),
-        )
-        if topic in content.topics
-    ]
-    for sensor, topic in sensors(sorted(content.topics), group, MEASUREMENT).items():
+    told = [(name, topic) for name, topic in plotted(troupe) if topic in content.topics]
+    fields = [name for name, _ in told if isinstance(troupe.signals[name], Part)]
+    fields += ["control"] * (f"/world/{group}/control" in content.topics)
+    curves = [_curves(f"{field} of {agent}", [f"+ curves/agents/{agent}/{field}"]) for field in fields]
+    for field, topic in told:
         units = content.units.get(topic, [""])
-        for path, columns in reading_paths(agent, sensor, units).items():
+        for path, columns in unit_paths(agent, topic, units).items() if field not in fields else ():
             unit = units[columns[0]]
-            name = f"{sensor} of {agent} [{unit}]" if unit not in ("", "1") else f"{sensor} of {agent}"
+            name = f"{field} of {agent} [{unit}]" if unit not in ("", "1") else f"{field} of {agent}"
             curves.append(_curves(name, [f"+ {path}"]))
     across = 2 if len(curves) <= _CURVES else 3
     return rrb.Vertical(view, rrb.Grid(*curves, grid_columns=across), row_shares=[3, 2], name=agent)

@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from symaware_cli.awareness.part import Drawn
-from symaware_cli.core import Part, Shape
+from symaware_cli.awareness.signal import Drawn
+from symaware_cli.core import Shape, Signal
 from symaware_cli.geometry.footprint import footprint
 from symaware_cli.geometry.rotation import about, attitude, attitude_columns, rotated
 from symaware_cli.recording.error import LogError
+from symaware_cli.recording.fields import signal_topic
 from symaware_cli.recording.geometry import geometry_of
 from symaware_cli.recording.reader import Log
 from symaware_cli.recording.schema import GEOMETRY
@@ -43,7 +44,7 @@ class Troupe:
         perception_range: How far they see [m]; None if that is not limited or not known.
         height: At which height those are whose position is one in a plane [m].
         figure: What their bodies consist of, if more than their outline is known.
-        parts: The parts of awareness that the log has of them, by name.
+        signals: The parts of awareness that the log has of them, and what their components hand out, by name.
     """
 
     name: str
@@ -58,11 +59,15 @@ class Troupe:
     perception_range: float | None = None
     height: float = 0.0
     figure: Figure | None = None
-    parts: Mapping[str, Part] = field(default_factory=dict)
+    signals: Mapping[str, Signal] = field(default_factory=dict)
 
-    def drawn(self, how: Drawn) -> Iterator[tuple[Part, str]]:
-        """The parts of awareness that are drawn in some way, each with its topic."""
-        return ((part, f"/agents/{self.name}/{part.name}") for part in self.parts.values() if part.drawn == how)
+    def drawn(self, how: Drawn) -> Iterator[tuple[str, str]]:
+        """The name of each of `signals` that is drawn in some way, with its topic."""
+        return ((name, self.topic(name)) for name, signal in self.signals.items() if signal.drawn == how)
+
+    def topic(self, name: str) -> str:
+        """The topic of one of `signals`."""
+        return signal_topic(self.name, name, self.signals[name])
 
     @property
     def radius(self) -> float:
@@ -213,7 +218,7 @@ def cast_of(log: Log) -> Cast:
                     perception_range=ranges.get(name),
                     height=heights.get(name, 0.0),
                     figure=of.get(name),
-                    parts=log.parts(name),
+                    signals=log.signals(name),
                 )
                 for (name, group), colour in zip(groups.items(), colours, strict=True)
             },

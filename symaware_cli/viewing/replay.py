@@ -24,6 +24,7 @@ from symaware_cli.viewing.drawing.journal import Events, Knowledge
 from symaware_cli.viewing.drawing.messages import Messages
 from symaware_cli.viewing.drawing.minds import Intents, Uncertainties
 from symaware_cli.viewing.drawing.others import Others
+from symaware_cli.viewing.drawing.points import Points
 from symaware_cli.viewing.drawing.scenery import Scenery
 from symaware_cli.viewing.drawing.sensors import Images, Scans
 from symaware_cli.viewing.excerpt import Excerpt, Gathering
@@ -67,6 +68,7 @@ class Replay:
             Uncertainties(*given),
             Others(*given),
             Bars(*given),
+            Points(*given),
             Scans(*given),
             Images(*given),
             Messages(*given),
@@ -85,10 +87,13 @@ class Replay:
     def gathering(self) -> Gathering:
         """What puts messages together to excerpts for this replay."""
         counts = {
-            f"/{root}/{troupe.name}/{field}": len(troupe.agents)
+            topic: len(troupe.agents)
             for troupe in self._cast.troupes.values()
-            for root, fields in (("world", _TRUTHS), ("agents", ("control", *troupe.parts)))
-            for field in fields
+            for topic in (
+                *(f"/world/{troupe.name}/{field}" for field in _TRUTHS),
+                f"/agents/{troupe.name}/control",
+                *map(troupe.topic, troupe.signals),
+            )
         }
         return Gathering(counts, self._cast.place)
 
@@ -147,7 +152,7 @@ Seed {cast.seed}. Time is simulated time.
 | thin fans | samples of what may happen |
 {shared}| crosses | goals and waypoints |
 | red rings | contacts |
-| fine points | where the rays of lidars end |
+| fine points | where the rays of lidars end, and what other sensors found |
 | yellow arrows | messages as they arrive |
 | red lines that break off at a cross | messages that were lost |
 | yellow dots | who was told what goes around |

@@ -1,4 +1,4 @@
-"""Readings: what the sensors of a group measured at an instant, as plain values that nobody changes."""
+"""Scans and images: what lidars and cameras of a group took at an instant, as plain values that nobody changes."""
 
 from __future__ import annotations
 
@@ -7,8 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-
-from symaware_cli.world.model import Quantity
 
 Array = NDArray[np.float64]
 
@@ -31,21 +29,6 @@ class Scan:
     distances: Array
     range: float
     poses: Array
-
-
-@dataclass(frozen=True, slots=True)
-class Measurement:
-    """Some numbers for each agent.
-
-    Attributes:
-        time: The instant that was measured, in nanoseconds.
-        quantities: What the columns are.
-        values: NaN where the sensor missed its turn; shape (n, columns).
-    """
-
-    time: int
-    quantities: Sequence[Quantity]
-    values: Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,4 +66,4 @@ class Frame:
     targets: Array
 
 
-Reading = Scan | Measurement | Frame
+Reading = Scan | Frame

@@ -45,9 +45,9 @@ def test_an_agent_reads_and_writes_its_own_row_of_any_part(awareness):
 def test_a_part_that_nobody_declared_is_refused_with_those_that_there_are(awareness):
     own = SelfAwareness("robot.1", awareness, 1)
     for refused in (lambda: own["attenton"], lambda: awareness["attenton"]):
-        with pytest.raises(KeyError, match=r"no part `attenton`, only state, .*modes: a component declares"):
+        with pytest.raises(KeyError, match=r"no part or signal `attenton`, only state, .*modes: a component declares"):
             refused()
-    with pytest.raises(KeyError, match="no part `attenton`"):
+    with pytest.raises(KeyError, match="no part or signal `attenton`"):
         own["attenton"] = [1.0]
 
 
@@ -100,7 +100,7 @@ def test_what_another_told_of_a_part_stands_beside_what_is_believed_of_its_state
         ({"name": "my part"}, "identifier in lower case"),
         ({"name": "Attention"}, "identifier in lower case"),
         ({"name": "a", "kind": "matrix"}, "`kind` of the part `a` is one of vector, series"),
-        ({"name": "a", "drawn": "cake"}, "`drawn` of the part `a` is one of curve, path, ellipse, bars, None"),
+        ({"name": "a", "drawn": "cake"}, "`drawn` of the part `a` is one of curve, path, ellipse, bars, points, None"),
         ({"name": "a", "merge": "both"}, "`merge` of the part `a` is one of"),
         ({"name": "a", "drawn": "path"}, "only a series is drawn as a path"),
         ({"name": "a", "columns": []}, "at least one"),

@@ -61,8 +61,8 @@ CASES = {
     "perception.omniscient": Case(["state", "world"]),
     "perception.range": Case(["observation", "seen", "state"], {"range": 9.0, "delay": 0.15, "position_noise": 0.1}),
     "perception.camera": Case(["readings"], {"width": 8, "height": 6, "delay": 0.3}, world=bullet),
-    "perception.contact": Case(["readings"], {"noise": 0.1, "delay": 0.3}),
-    "perception.imu": Case(["readings"], {"acceleration_noise": 0.1, "acceleration_bias": 0.1}),
+    "perception.contact": Case(["signals"], {"noise": 0.1, "delay": 0.3}),
+    "perception.imu": Case(["signals"], {"acceleration_noise": 0.1, "acceleration_bias": 0.1}),
     "perception.lidar": Case(["readings"], {"rays": 8, "noise": 0.1, "delay": 0.3}),
     "uncertainty.gaussian": Case(
         ["seen", "state", "uncertainty"],
@@ -128,6 +128,7 @@ def visible(group):
     parts["seen"], parts["told"] = tracks(awareness.seen), tracks(awareness.told)
     parts["observation"] = observation and (observation.time, observation.state, tracks(observation.tracks))
     parts["readings"] = {name: vars_of(each) for name, each in awareness.readings.items()}
+    parts["signals"] = {name: awareness[name] for name in awareness.signals}
     return {name: plain(part) for name, part in parts.items()}
 
 

@@ -14,10 +14,11 @@ from sensing_log import STEPS, teams, world, write_sensing
 from simulating import STEP, simulation
 
 from symaware_cli import open_log
+from symaware_cli.components.perception_contact import ContactSensor
+from symaware_cli.components.perception_imu import InertialUnit
 from symaware_cli.recording import png
+from symaware_cli.recording.channels import GroupChannels
 from symaware_cli.recording.error import UnknownNameError
-from symaware_cli.recording.rows import RecordedRows
-from symaware_cli.recording.sensing import SensorChannels
 from symaware_cli.recording.writer import LogWriter
 from symaware_cli.viewing.cast import cast_of
 
@@ -35,7 +36,8 @@ def readings():
     for slot in ready.slots:
         for component in slot.components:
             component.compute_and_update()
-    return ready.groups[0].awareness.readings
+    awareness = ready.groups[0].awareness
+    return {**awareness.readings, **{name: awareness[name] for name in awareness.signals}}
 
 
 def test_scans_are_as_they_were_measured(path, readings):
@@ -74,8 +76,9 @@ def test_numbers_are_a_series_by_the_name_of_their_sensor(path, readings, sensor
     together, alone = log.series("robot", sensor), log.series("robot.1", sensor)
     assert together.times.tolist() == alone.times.tolist() == [0, STEP, 2 * STEP]
     assert together.values.shape == (STEPS, 2, width)
-    assert list(zip(together.columns, together.units, strict=True)) == [*readings[sensor].quantities]
-    np.testing.assert_array_equal(together.values[0], readings[sensor].values)
+    (signal,) = {"bumper": ContactSensor, "inertia": InertialUnit}[sensor].signals
+    assert list(zip(together.columns, together.units, strict=True)) == [*signal.columns]
+    np.testing.assert_array_equal(together.values[0], readings[sensor])
     np.testing.assert_array_equal(together.values[:, 1], alone.values)
 
 
@@ -116,7 +119,8 @@ def test_where_agents_run_apart_each_part_of_the_log_has_its_own(tmp_path):
         (group,) = ready.groups
         manifest = {"format": 1, "groups": {"robot": {"agents": list(group.ids)}}, "entities": {}, "roster": []}
         writer.attach("manifest.json", "application/json", json.dumps(manifest).encode())
-        assert SensorChannels(writer, group, RecordedRows(group, [1])).record(0) == 4
+        channels = GroupChannels(writer, ready.environment, group, (), [1])
+        channels.record(0, 0)
         writer.finish({})
     log = open_log(tmp_path / "part.mcap")
     (scan,) = log.scans()
@@ -124,7 +128,7 @@ def test_where_agents_run_apart_each_part_of_the_log_has_its_own(tmp_path):
     np.testing.assert_array_equal(scan.pose, group.awareness.readings["scan"].poses[1])
     assert [image.agent for image in log.images()] == ["robot.1"] * 3
     felt = log.series("robot", "inertia").values[0]
-    np.testing.assert_array_equal(felt[1], group.awareness.readings["inertia"].values[1])
+    np.testing.assert_array_equal(felt[1], group.awareness["inertia"][1])
     assert np.isnan(felt[0]).all()
 
 

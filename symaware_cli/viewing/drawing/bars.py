@@ -22,7 +22,7 @@ _AWAY, _HEIGHT, _APART, _THICK = 1.5, 2.0, 0.45, 0.17
 
 
 class Bars(Drawing):
-    """The parts of awareness that are drawn as bars, of all whose minds are shown."""
+    """What is drawn as bars, of all whose minds are shown."""
 
     def begin(self) -> None:
         """Put up how thick the bars are."""
@@ -30,22 +30,22 @@ class Bars(Drawing):
 
         self._before: dict[str, Array] = {}
         for troupe in self.cast.troupes.values():
-            for part, _ in troupe.drawn("bars"):
+            for name, _ in troupe.drawn("bars"):
                 thick = rr.LineStrips3D.from_fields(radii=_THICK * _size(troupe))
-                self.stage.static(f"minds/{troupe.name}/{part.name}", thick)
+                self.stage.static(f"minds/{troupe.name}/{name}", thick)
 
     def draw(self, excerpt: Excerpt) -> None:
         """Draw the bars of a stretch of the log."""
         for troupe in self.cast.troupes.values():
             rows = [row for row, id in enumerate(troupe.agents) if self.detail.minds or id in self.detail.focus]
             places = excerpt.frames.get(troupe.whereabouts)
-            for number, (part, topic) in enumerate(troupe.drawn("bars")):
+            for number, (name, topic) in enumerate(troupe.drawn("bars")):
                 shares = self._shares(topic, excerpt)
                 if shares is None or places is None or not rows:
                     continue
                 times = np.union1d(places.times, shares.times)
                 positions = troupe.positions(places.at(times))[:, rows]
-                path = f"minds/{troupe.name}/{part.name}"
+                path = f"minds/{troupe.name}/{name}"
                 self._draw(path, troupe, number, times, positions, shares.at(times)[:, rows])
 
     def _shares(self, topic: str, excerpt: Excerpt) -> Frames | None:
@@ -73,8 +73,8 @@ class Bars(Drawing):
 
 def legend(cast: Cast) -> Iterator[tuple[str, str]]:
     """The name of each part that is drawn as bars, and what its bars stand for."""
-    parts = {part.name: part for troupe in cast.troupes.values() for part, _ in troupe.drawn("bars")}
-    return ((name, ", ".join(part.column_names) or part.description) for name, part in parts.items())
+    shown = {name: troupe.signals[name] for troupe in cast.troupes.values() for name, _ in troupe.drawn("bars")}
+    return ((name, ", ".join(signal.column_names) or signal.description) for name, signal in shown.items())
 
 
 def _size(troupe: Troupe) -> float:

@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 from symaware_cli.core import Part
 from symaware_cli.geometry.bodies import Bodies
 from symaware_cli.geometry.proximity import Proximity
-from symaware_cli.recording.sensing import MEASUREMENT, sensors
 from symaware_cli.viewing.cast import Cast, Troupe
 from symaware_cli.viewing.detail import Detail
 from symaware_cli.viewing.drawing.base import Drawing
-from symaware_cli.viewing.excerpt import Excerpt, Frames
+from symaware_cli.viewing.excerpt import Excerpt
 from symaware_cli.viewing.palette import AGENTS, CONTACT, RISK
 from symaware_cli.viewing.stage import Stage
 
@@ -98,7 +97,7 @@ class Separation(Drawing):
 
 
 class Awareness(Drawing):
-    """Control input, parts of awareness and readings of each agent in focus, with names and units."""
+    """Control input, parts of awareness and signals of each agent in focus, with names and units."""
 
     def begin(self) -> None:
         """Nothing is named yet."""
@@ -113,29 +112,33 @@ class Awareness(Drawing):
             applied = excerpt.frames.get(topic)
             if applied is not None:
                 self._curve(agent, troupe, "control", topic, applied.times, applied.values[:, row])
-            for part, topic in plotted(troupe):
+            for name, topic in plotted(troupe):
                 frames, strips = excerpt.frames.get(topic), excerpt.strips.get(topic)
                 if frames is not None:
-                    self._curve(agent, troupe, part.name, topic, frames.times, frames.values[:, row])
+                    times, values = frames.times, frames.values[:, row]
                 elif strips is not None and strips.values.shape[1]:
-                    self._curve(agent, troupe, part.name, topic, strips.times, strips.firsts[:, row])
-            for sensor, topic in sensors(excerpt.frames, group, MEASUREMENT).items():
-                self._readings(agent, topic, sensor, excerpt.frames[topic], row)
+                    times, values = strips.times, strips.firsts[:, row]
+                else:
+                    continue
+                if isinstance(troupe.signals[name], Part):
+                    self._curve(agent, troupe, name, topic, times, values)
+                else:
+                    self._by_unit(agent, topic, name, times, values)
 
     def _curve(
         self, agent: str, troupe: Troupe, field: str, topic: str, times: NDArray[np.int64], values: Array
     ) -> None:
         names, units = self._quantities(topic, field, values.shape[1])
-        if field in troupe.parts and troupe.parts[field].drawn == "ellipse":
+        if field in troupe.signals and troupe.signals[field].drawn == "ellipse":
             names, units, values = _deviations(troupe, names, units, values)
         self._plot(f"curves/agents/{agent}/{field}", times, names, units, values)
 
-    def _readings(self, agent: str, topic: str, sensor: str, frames: Frames, row: int) -> None:
-        names, units = self._quantities(topic, sensor, frames.values.shape[2])
+    def _by_unit(self, agent: str, topic: str, field: str, times: NDArray[np.int64], values: Array) -> None:
+        names, units = self._quantities(topic, field, values.shape[1])
         units = [unit for _, unit in _paired(names, units)]
-        for path, columns in reading_paths(agent, sensor, units).items():
+        for path, columns in unit_paths(agent, topic, units).items():
             # Each path has a view of its own, whose name says the unit.
-            self._plot(path, frames.times, [names[column] for column in columns], [], frames.values[:, row, columns])
+            self._plot(path, times, [names[column] for column in columns], [], values[:, columns])
 
     def _quantities(self, topic: str, field: str, width: int) -> tuple[list[str], list[str]]:
         """The names and units of columns, as far as the log announces them."""
@@ -155,28 +158,27 @@ class Awareness(Drawing):
         self.stage.scalars(path, times, values)
 
 
-def plotted(troupe: Troupe) -> list[tuple[Part, str]]:
-    """The parts of awareness that an agent's tab has curves of, with their topics: all numbers but those of paths."""
-    parts = (part for part in troupe.parts.values() if part.drawn not in (None, "path"))
-    return [(part, f"/agents/{troupe.name}/{part.name}") for part in parts]
+def plotted(troupe: Troupe) -> list[tuple[str, str]]:
+    """The parts and signals that an agent's tab has curves of, with their topics: all numbers but those of paths."""
+    signals = troupe.signals.items()
+    drawn = (name for name, signal in signals if signal.kind != "table" and signal.drawn not in (None, "path"))
+    return [(name, troupe.topic(name)) for name in drawn]
 
 
-def reading_paths(agent: str, sensor: str, units: Sequence[str]) -> dict[str, list[int]]:
-    """Where the readings of a sensor are drawn: a path for each unit, as 10 m/s^2 would hide 0.1 rad/s.
+def unit_paths(agent: str, topic: str, units: Sequence[str]) -> dict[str, list[int]]:
+    """Where the numbers of a signal are drawn: a path for each unit, as 10 m/s^2 would hide 0.1 rad/s.
 
     Args:
         agent: Whose.
-        sensor: Its name.
+        topic: The signal's.
         units: Of its columns.
 
     Returns:
         By path, which columns.
     """
-    apart = list(dict.fromkeys(units))
+    apart, place = list(dict.fromkeys(units)), topic.split("/", 3)[3]
     return {
-        f"curves/agents/{agent}/{MEASUREMENT}/{sensor}/{number}": [
-            column for column, each in enumerate(units) if each == unit
-        ]
+        f"curves/agents/{agent}/{place}/{number}": [column for column, each in enumerate(units) if each == unit]
         for number, unit in enumerate(apart)
     }
 

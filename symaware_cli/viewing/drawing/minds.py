@@ -8,7 +8,6 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core import Part
 from symaware_cli.viewing.cast import Troupe, in_space
 from symaware_cli.viewing.drawing.base import Drawing
 from symaware_cli.viewing.excerpt import Excerpt, Strips
@@ -36,18 +35,18 @@ class Intents(Drawing):
 
         width = rr.LineStrips3D.from_fields(radii=rr.Radius.ui_points([1.5]))
         for troupe in self.cast.troupes.values():
-            for part, _ in troupe.drawn("path"):
-                self.stage.static(f"minds/{troupe.name}/{part.name}", width)
+            for name, _ in troupe.drawn("path"):
+                self.stage.static(f"minds/{troupe.name}/{name}", width)
 
     def draw(self, excerpt: Excerpt) -> None:
         """Draw the intents of all who are shown."""
         for troupe in self.cast.troupes.values():
             rows = [row for row, id in enumerate(troupe.agents) if self.detail.minds or id in self.detail.focus]
-            for part, topic in troupe.drawn("path"):
+            for name, topic in troupe.drawn("path"):
                 strips = excerpt.strips.get(topic)
                 if strips is not None:
-                    columns = path_columns(troupe, part, strips)
-                    fading(self.stage, f"minds/{troupe.name}/{part.name}", troupe, strips, rows, columns)
+                    columns = path_columns(troupe, name, strips)
+                    fading(self.stage, f"minds/{troupe.name}/{name}", troupe, strips, rows, columns)
 
 
 class Uncertainties(Drawing):
@@ -59,8 +58,8 @@ class Uncertainties(Drawing):
 
         thin = rr.Radius.ui_points([0.75])
         for troupe in self.cast.troupes.values():
-            for part, _ in troupe.drawn("ellipse"):
-                path = f"minds/{troupe.name}/{part.name}"
+            for name, _ in troupe.drawn("ellipse"):
+                path = f"minds/{troupe.name}/{name}"
                 self.stage.static(path, rr.Ellipsoids3D.from_fields(line_radii=thin, fill_mode="majorwireframe"))
                 self.stage.static(f"{path}/samples", rr.LineStrips3D.from_fields(radii=thin))
 
@@ -69,8 +68,9 @@ class Uncertainties(Drawing):
         for troupe in self.cast.troupes.values():
             believed = excerpt.frames.get(f"/agents/{troupe.name}/state")
             rows = [row for row, id in enumerate(troupe.agents) if self.detail.minds or id in self.detail.focus]
-            for part, topic in troupe.drawn("ellipse"):
-                path, strips, names = f"minds/{troupe.name}/{part.name}", excerpt.strips.get(topic), part.column_names
+            for name, topic in troupe.drawn("ellipse"):
+                path, strips = f"minds/{troupe.name}/{name}", excerpt.strips.get(topic)
+                names = troupe.signals[name].column_names
                 if strips is None or not rows:
                     continue
                 covariance, samples = covariance_columns(troupe, names), sample_columns(troupe, names)
@@ -218,9 +218,9 @@ def position_columns(troupe: Troupe, names: Sequence[str]) -> list[int] | None:
     return [names.index(name) for name in wanted] if all(name in names for name in wanted) else None
 
 
-def path_columns(troupe: Troupe, part: Part, strips: Strips) -> list[int] | None:
+def path_columns(troupe: Troupe, name: str, strips: Strips) -> list[int] | None:
     """Where the position stands in a path; without names of columns those are states, or positions alone."""
-    named = position_columns(troupe, part.column_names)
+    named = position_columns(troupe, troupe.signals[name].column_names)
     if named:
         return named
     columns = strips.values.shape[1]

@@ -52,8 +52,8 @@ class Others(Drawing):
             for agent, _ in agents:
                 self.stage.static(f"as/{agent}/others", ghosts)
                 self.stage.static(f"as/{agent}/doubts", doubts)
-                for part, _ in self.cast.troupes[group].drawn("path"):
-                    self.stage.static(f"as/{agent}/{part.name}", rr.LineStrips3D.from_fields(radii=thick))
+                for name, _ in self.cast.troupes[group].drawn("path"):
+                    self.stage.static(f"as/{agent}/{name}", rr.LineStrips3D.from_fields(radii=thick))
                 # An eye follows only what there is something of.
                 self.stage.static(f"as/{agent}/place", rr.Points3D([[0.0, 0.0, 0.0]], radii=rr.Radius.ui_points([0.0])))
                 if reach:
@@ -71,11 +71,11 @@ class Others(Drawing):
                     places = troupe.positions(frames.values[:, row])
                     # What stands here moves along, and so does the eye that looks at it.
                     self.stage.poses(f"as/{agent}/place", frames.times, places)
-                for part, topic in troupe.drawn("path"):
+                for name, topic in troupe.drawn("path"):
                     strips = excerpt.strips.get(topic)
                     if strips is not None:
-                        columns = path_columns(troupe, part, strips)
-                        fading(self.stage, f"as/{agent}/{part.name}", troupe, strips, [row], columns)
+                        columns = path_columns(troupe, name, strips)
+                        fading(self.stage, f"as/{agent}/{name}", troupe, strips, [row], columns)
             entries = excerpt.entries.get(f"/agents/{group}/awareness")
             states = [(time, each) for time, each in entries or () if each.tells_states]
             if states:

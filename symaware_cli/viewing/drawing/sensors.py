@@ -15,6 +15,7 @@ from symaware_cli.recording.sensing import IMAGE, SCAN, LoggedScan, hits, scans,
 from symaware_cli.viewing.cast import Cast, Troupe
 from symaware_cli.viewing.detail import Detail
 from symaware_cli.viewing.drawing.base import Drawing
+from symaware_cli.viewing.drawing.points import draw_dots
 from symaware_cli.viewing.excerpt import Excerpt
 from symaware_cli.viewing.stage import TIMELINE, Stage
 
@@ -45,24 +46,10 @@ class Scans(Drawing):
                     self._draw(f"as/{agent}/scan/{sensor}", own, troupe, _NEAR_POINT)
 
     def _draw(self, path: str, found: Sequence[LoggedScan], troupe: Troupe, size: float) -> None:
-        import rerun as rr
-
-        if not found:
-            return
-        flat = np.array([1.0, 1.0, float(self.cast.is_spatial)])
-        points = [flat * hits(scan.angles, scan.distances, scan.pose) for scan in found]
-        moments, which = np.unique([scan.time for scan in found], return_inverse=True)
-        sizes = np.array([len(each) for each in points])
-        rows = np.array([troupe.agents.index(scan.agent) for scan in found])
-        # A little lighter than the bodies, to stand out from the walls that they lie on.
-        colours = (troupe.colours // 4 * 3 + 63)[np.repeat(rows, sizes)]
-        columns = rr.Points3D.columns(
-            positions=np.concatenate(points).astype(np.float32),
-            colors=colours,
-            radii=np.full(int(sizes.sum()), -size, np.float32),  # negative: pixels
-        )
-        counts = np.bincount(which, weights=sizes, minlength=len(moments)).astype(np.int64)
-        self.stage.recording.send_columns(path, [_index(moments)], columns.partition(counts), strict=True)
+        dots = [
+            (scan.time, troupe.agents.index(scan.agent), hits(scan.angles, scan.distances, scan.pose)) for scan in found
+        ]
+        draw_dots(self, path, dots, troupe, size)
 
 
 class Images(Drawing):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -14,14 +14,16 @@ from foxglove_schemas_protobuf.SceneEntity_pb2 import SceneEntity
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from numpy.typing import NDArray
 
-from symaware_cli.core import Part
+from symaware_cli.awareness.signal import Drawn
+from symaware_cli.core import Signal
 from symaware_cli.recording import journal, wire
 from symaware_cli.recording.index import ChannelInfo
-from symaware_cli.recording.sensing import IMAGE, MEASUREMENT, SCAN, sensors
+from symaware_cli.recording.sensing import IMAGE, SCAN, sensors
 from symaware_cli.viewing.cast import Cast, Troupe, in_space
 from symaware_cli.viewing.detail import MANY
 from symaware_cli.viewing.drawing.goals import crosses, known_ways
 from symaware_cli.viewing.drawing.minds import covariance_columns, ellipsoids, position_columns, sample_columns
+from symaware_cli.viewing.drawing.points import places
 from symaware_cli.viewing.figure import Figure
 from symaware_cli.viewing.foxglove import entities
 from symaware_cli.viewing.foxglove.entities import Layer, colour, entity
@@ -39,6 +41,10 @@ _TRAIL = (200_000_000, 50)
 _TRAIL_OF_MANY = (300_000_000, 10)
 #: How long a message between agents is to be seen [ns].
 _ARROW = 300_000_000
+#: What of a part or a signal stands in the scene.
+_LAYERED: tuple[Drawn, ...] = ("path", "ellipse", "points")
+#: Half the size of a dot [m], and how it stands.
+_DOT, _UPRIGHT = np.full(3, 0.06), np.array([0.0, 0.0, 0.0, 1.0])
 #: In how many steps bodies become redder with risk, so that a small change needs no message.
 _TINTS = 20
 
@@ -190,9 +196,9 @@ class _Held:
         return self._values
 
 
-def _layer(part: Part) -> str:
-    """What the drawings of a part are called."""
-    return {"intent": "intents", "uncertainty": "uncertainties"}.get(part.name, part.name)
+def _layer(name: str) -> str:
+    """What the drawings of a part or a signal are called."""
+    return {"intent": "intents", "uncertainty": "uncertainties"}.get(name, name)
 
 
 class _Troupe:
@@ -216,11 +222,14 @@ class _Troupe:
         self._believed: Array | None = None
         self._goals: dict[str, SceneEntity] = {}
         self._ahead: dict[str, dict[str, SceneEntity]] = {}
+        #: Where everybody is, as far as is known; and by signal the last table of each row.
+        self._where: Array | None = None
+        self._tables: dict[str, dict[int, Array]] = {}
         self._trail_step, length = _TRAIL_OF_MANY if crowd else _TRAIL
         self._trail: deque[Array] = deque(maxlen=length)
         self._trail_due = 0
         layers = ["bodies", "labels", "trails", "goals"]
-        layers += [_layer(part) for how in ("path", "ellipse") for part, _ in troupe.drawn(how)]
+        layers += [_layer(name) for how in _LAYERED for name, _ in troupe.drawn(how)]
         self._layers = {kind: Layer(output, f"/{kind}/{troupe.name}") for kind in layers}
         self._show_bodies(start, np.zeros(len(troupe.agents)))
         # The names of a crowd would hide it.
@@ -233,24 +242,52 @@ class _Troupe:
             f"/world/{troupe.name}/control": partial(self._numbers, f"/world/{troupe.name}/control"),
             f"{self._agents}/knowledge": self._knowledge,
         }
-        self.takers |= {f"{self._agents}/{part.name}": self._taker(part) for part in troupe.parts.values()}
-        for topic in sensors(channels, troupe.name, MEASUREMENT).values():
-            self.takers[topic] = partial(self._numbers, topic)
+        self.takers |= {troupe.topic(name): self._taker(name, signal) for name, signal in troupe.signals.items()}
 
-    def _taker(self, part: Part) -> Take:
-        """What draws a part of awareness."""
-        topic = f"{self._agents}/{part.name}"
-        if part.name in ("state", "risk"):
-            return self._state if part.name == "state" else self._risk
-        if part.kind == "vector":
-            return partial(self._numbers, topic)
-        match part.drawn:
-            case "path":
-                return partial(self._path, part)
-            case "ellipse":
-                return partial(self._spread, part)
-            case _:
-                return partial(self._firsts, topic)
+    def _taker(self, name: str, signal: Signal) -> Take:
+        """What draws a part of awareness, or a signal."""
+        topic = self._troupe.topic(name)
+        if name in ("state", "risk"):
+            return self._state if name == "state" else self._risk
+        match signal.kind, signal.drawn:
+            case "table", _:
+                return partial(self._points, name)
+            case "vector", "points":
+                return partial(self._point, name)
+            case "vector", _:
+                return partial(self._numbers, topic)
+            case _, "path":
+                return partial(self._path, name)
+            case _, "ellipse":
+                return partial(self._spread, name)
+        return partial(self._firsts, topic)
+
+    def _point(self, name: str, time: int, message: wire.Rows) -> None:
+        self._numbers(self._troupe.topic(name), time, message)
+        self._show_points(name, time, zip(self._rows(message.rows), message.values[:, None], strict=False))
+
+    def _points(self, name: str, time: int, message: wire.TableRows) -> None:
+        """Show a table that is drawn as points; Foxglove has nothing for others."""
+        if self._troupe.signals[name].drawn == "points":
+            self._show_points(name, time, zip(self._rows(message.rows), message, strict=False))
+
+    def _show_points(self, name: str, time: int, tables: Iterable[tuple[int, Array]]) -> None:
+        troupe, where = self._troupe, self._where
+        if where is None:
+            return
+        known, names = self._tables.setdefault(name, {}), troupe.signals[name].column_names
+        known.update(tables)
+        positions, headings = troupe.positions(where), troupe.headings(where)
+        shown = []
+        for row, table in sorted(known.items()):
+            heading = 0.0 if headings is None else float(headings[row])
+            made, shade = entity(f"{troupe.agents[row]} {name}", time), colour(troupe.colours[row], 0.8)
+            made.spheres.extend(
+                entities.ellipsoid(place, _DOT, _UPRIGHT, shade)
+                for place in places(names, table, positions[row], heading)
+            )
+            shown.append(made)
+        self._layers[name].show(time, shown)
 
     def _numbers(self, topic: str, time: int, message: wire.Rows) -> None:
         self._plot(topic, time, self._update(topic, message.rows, message.values))
@@ -280,9 +317,9 @@ class _Troupe:
         if values.shape[1]:
             self._show_bodies(time, values[:, 0])
 
-    def _path(self, part: Part, time: int, message: wire.SeriesRows) -> None:
+    def _path(self, field: str, time: int, message: wire.SeriesRows) -> None:
         troupe = self._troupe
-        names = [name for name, _ in self._quantities(f"{self._agents}/{part.name}", message.values.shape[1])]
+        names = [name for name, _ in self._quantities(troupe.topic(field), message.values.shape[1])]
         columns = position_columns(troupe, names)
         if columns is None and message.values.shape[1] == len(troupe.position):
             columns = list(range(len(troupe.position)))
@@ -290,17 +327,17 @@ class _Troupe:
             return
         ways = replace(message, values=in_space(message.values[:, columns]))
         sound = bool(np.isfinite(ways.values).all())
-        ahead = self._ahead.setdefault(part.name, {})
+        ahead = self._ahead.setdefault(field, {})
         for row, (_, points) in zip(self._rows(message.rows), ways, strict=False):
             id = troupe.agents[row]
             ahead.pop(id, None)
             if len(points) > 1 and (sound or np.isfinite(points).all()):
                 ahead[id] = entity(id, time)
                 ahead[id].lines.append(entities.line(points, colour(troupe.colours[row], 0.7), 2.0))
-        self._layers[_layer(part)].show(time, ahead.values())
+        self._layers[_layer(field)].show(time, ahead.values())
 
-    def _spread(self, part: Part, time: int, message: wire.SeriesRows) -> None:
-        troupe, topic = self._troupe, f"{self._agents}/{part.name}"
+    def _spread(self, field: str, time: int, message: wire.SeriesRows) -> None:
+        troupe, topic = self._troupe, self._troupe.topic(field)
         values = self._firsts(topic, time, message)
         names = [name for name, _ in self._quantities(topic, message.values.shape[1])]
         covariance, samples = covariance_columns(troupe, names), sample_columns(troupe, names)
@@ -320,7 +357,7 @@ class _Troupe:
                 shade = colour(troupe.colours[row], 0.4)
                 made.lines.extend(entities.line(strip, shade, 1.0) for strip in strips if np.isfinite(strip).all())
                 shown.append(made)
-        self._layers[_layer(part)].show(time, shown)
+        self._layers[_layer(field)].show(time, shown)
 
     def _knowledge(self, time: int, message: Any) -> None:
         troupe = self._troupe
@@ -339,7 +376,7 @@ class _Troupe:
         """Move the bodies to where they are, and draw on the trails."""
         troupe = self._troupe
         positions = troupe.positions(states)
-        self._places[troupe.name] = positions
+        self._places[troupe.name], self._where = positions, states
         if f"/world/{troupe.name}/pose" not in self._channels:
             transforms = transforms_of(time, troupe.agents, positions, troupe.orientations(states))
             self._output.write(f"/tf/{troupe.name}", time, transforms)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from symaware_cli.awareness.signal import MEASUREMENT
 from symaware_cli.core import PARTS, seconds
 from symaware_cli.recording.error import LogError
 from symaware_cli.recording.journal import LoggedContact
@@ -187,7 +188,7 @@ def gather(log: Log, request: Request) -> Content:
         LogError: There is nothing to plot, or not what was asked for.
     """
     cast = cast_of(log)
-    request.require_known(name for troupe in cast.troupes.values() for name in troupe.parts)
+    request.require_known(name for troupe in cast.troupes.values() for name in troupe.signals)
     chosen = Chosen.of(cast, request.agents)
     window = Window.of(log, request)
     reading = _Reading(log, cast, chosen, window, request)
@@ -227,10 +228,14 @@ class _Reading:
 
     @property
     def _further(self) -> Sequence[str]:
-        """The parts of awareness of plugins that are curves or bars."""
-        parts = {part.name: part for troupe in self._cast.troupes.values() for part in troupe.parts.values()}
-        every = {part.name for part in PARTS}
-        return [name for name, part in parts.items() if name not in every and part.drawn in ("curve", "bars")]
+        """The parts of awareness and signals of plugins that are curves or bars."""
+        signals = {name: each for troupe in self._cast.troupes.values() for name, each in troupe.signals.items()}
+        every = {*(part.name for part in PARTS)}
+        return [
+            name
+            for name, signal in signals.items()
+            if name not in every and signal.name != MEASUREMENT and signal.drawn in ("curve", "bars")
+        ]
 
     def _named(self, name: str) -> Sequence[Panel]:
         """The panels of a name; none where the log has nothing for it."""

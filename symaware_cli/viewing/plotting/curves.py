@@ -40,6 +40,7 @@ class Curves:
         values: (k, n); NaN where it is not known.
         lines: How each is drawn.
         stepwise: Whether it jumps from one value to the next, as inputs do.
+        dots: Whether each value stands by itself, as the entries of a table do; then times may repeat.
         note: How it was obtained, where it is not as it was recorded.
     """
 
@@ -50,6 +51,7 @@ class Curves:
     lines: tuple[Line, ...]
     stepwise: bool = False
     note: str = ""
+    dots: bool = False
 
     @property
     def many(self) -> bool:
@@ -80,7 +82,7 @@ def recorded(log: Log, chosen: Chosen, field: str, window: Window) -> list[Curve
     """
     found: dict[tuple[str, str], list[Curves]] = {}
     for name, rows, lines in chosen.groupwise:
-        if field not in (*FIELDS, *log.parts(name)):
+        if field not in (*FIELDS, *log.signals(name)):
             continue  # the components of another group write it
         for curves in _columns(log, name, field, rows, lines, window):
             found.setdefault((curves.name, curves.unit), []).append(curves)
@@ -175,6 +177,9 @@ def _columns(
     Raises:
         UnknownNameError: There is no such field.
     """
+    signal = log.signals(owner).get(field)
+    if signal is not None and signal.kind == "table":
+        return _entries(log, owner, field, rows, lines, window)
     series = series_of(log, owner, field, log.series_topic(owner, field))
     if series is None or series.times[0] > window.end:
         return []
@@ -193,14 +198,49 @@ def _columns(
     ]
 
 
+def _entries(
+    log: Log, group: str, field: str, rows: NDArray[np.intp], lines: tuple[Line, ...], window: Window
+) -> list[Curves]:
+    """The entries of tables, one for each column; none where there are none in the window."""
+    found = [log.series(log.agents[group][row], field) for row in rows.tolist()]
+    times = np.concatenate([series.times for series in found])
+    owner = np.repeat(np.arange(len(found)), [len(series.times) for series in found])
+    entries = np.concatenate([series.values for series in found])
+    order = np.argsort(times, kind="stable")
+    order = order[(times[order] >= window.start) & (times[order] <= window.end)]
+    if not len(order):
+        return []
+    values = np.full((len(order), len(lines), entries.shape[1]), np.nan)
+    values[np.arange(len(order)), owner[order]] = entries[order]
+    return [
+        Curves(name, unit, times[order], values[:, :, number], lines, dots=True)
+        for number, (name, unit) in enumerate(zip(found[0].columns, found[0].units, strict=True))
+    ]
+
+
 def _joined(parts: Sequence[Curves]) -> Curves:
     """Curves of several owners in one table."""
     if len(parts) == 1:
         return parts[0]
+    if all(curves.dots for curves in parts):
+        return _joined_dots(parts)
     times = np.unique(np.concatenate([curves.times for curves in parts]))
     values = [held(curves.times, curves.values, times) for curves in parts]
     lines = tuple(line for curves in parts for line in curves.lines)
     return replace(parts[0], times=times, values=np.concatenate(values, axis=1), lines=lines)
+
+
+def _joined_dots(parts: Sequence[Curves]) -> Curves:
+    """Entries of several owners in one table, each of which stays by itself."""
+    times = np.concatenate([curves.times for curves in parts])
+    lines = tuple(line for curves in parts for line in curves.lines)
+    values, row, column = np.full((len(times), len(lines)), np.nan), 0, 0
+    for curves in parts:
+        rows, columns = curves.values.shape
+        values[row : row + rows, column : column + columns] = curves.values
+        row, column = row + rows, column + columns
+    order = np.argsort(times, kind="stable")
+    return replace(parts[0], times=times[order], values=values[order], lines=lines)
 
 
 def _told_apart(parts: Sequence[tuple[str, Curves]]) -> list[Curves]:

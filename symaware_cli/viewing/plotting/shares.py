@@ -69,8 +69,8 @@ def shares(log: Log, chosen: Chosen, field: str, window: Window) -> list[Shares]
         return []
     found = []
     for name, rows, lines in chosen.groupwise:
-        part = log.parts(name).get(field)
-        if part is None or part.drawn != "bars":
+        signal = log.signals(name).get(field)
+        if signal is None or signal.drawn != "bars":
             continue
         series = series_of(log, name, field, log.series_topic(name, field))
         if series is None or series.times[0] > window.end:

@@ -38,7 +38,7 @@ def draw_curves(axes: Axes, curves: Curves) -> tuple[list[Line2D | Patch], list[
         What a legend is to explain, and what a caption is to say.
     """
     values = np.where(np.isfinite(curves.values), curves.values, np.nan)
-    draw = _draw_bands if curves.many else _draw_lines
+    draw = _draw_dots if curves.dots else _draw_bands if curves.many else _draw_lines
     said = draw(axes, curves, curves.times / 1e9, values)
     unit = f" [{curves.unit}]" if curves.unit not in ("", "1") else ""
     note = f", {curves.note}" if curves.note else ""
@@ -65,6 +65,12 @@ def _draw_lines(axes: Axes, curves: Curves, times: Array, values: Array) -> list
             linewidth=1.0 if len(curves.lines) > 5 else 1.4,
             marker="." if known.sum() == 1 else None,
         )
+    return []
+
+
+def _draw_dots(axes: Axes, curves: Curves, times: Array, values: Array) -> list[str]:
+    for number, line in enumerate(curves.lines):
+        axes.plot(times, values[:, number], color=line.colour, linestyle="none", marker=".", markersize=2.5)
     return []
 
 

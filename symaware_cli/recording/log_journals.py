@@ -1,0 +1,160 @@
+"""What happened in a run, read from its log: events, messages, contacts, knowledge, scans and images."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from functools import cached_property
+from typing import Any, TypeVar
+
+from symaware_cli.recording import journal
+from symaware_cli.recording.error import LogError
+from symaware_cli.recording.journal import Communication, LoggedContact, LoggedEvent, LoggedKnowledge
+from symaware_cli.recording.log_file import LogFile
+from symaware_cli.recording.message import LogMessage
+from symaware_cli.recording.sensing import IMAGE, SCAN, LoggedImage, LoggedReading, LoggedScan, images, scans, sensors
+
+Sensed = TypeVar("Sensed", bound=LoggedReading)
+"""An entry of what a sensor measured."""
+
+
+class LogJournals(LogFile):
+    """The entries of a log, one after the other."""
+
+    @cached_property
+    def presence(self) -> Mapping[str, tuple[tuple[int, int | None], ...]]:
+        """From when until when each agent was in the world, ns, None for until the end; by id.
+
+        Whoever never entered has no such span; most are there all the time.
+        """
+        groups = self.manifest.get("groups", {})
+        absent = {id for group in groups.values() for id in group.get("absent", ())}
+        spans: dict[str, list[tuple[int, int | None]]] = {
+            id: [] if id in absent else [(0, None)] for ids in self.agents.values() for id in ids
+        }
+        if any("absent" in group for group in groups.values()):
+            for event in self.events():
+                own = spans.get(event.source.removeprefix("agents."))
+                if own is None:
+                    continue
+                if event.name == "added":
+                    own.append((event.time, None))
+                elif event.name == "removed" and own:
+                    own[-1] = own[-1][0], event.time
+        return {id: tuple(own) for id, own in spans.items()}
+
+    def events(self, start: int | None = None, end: int | None = None) -> Iterator[LoggedEvent]:
+        """Iterate over the events.
+
+        Args:
+            start: The first simulated time, ns.
+            end: The first simulated time not wanted any more, ns.
+        """
+        return self._journal("/events", "Event", journal.event, start, end)
+
+    def communications(self, start: int | None = None, end: int | None = None) -> Iterator[Communication]:
+        """Iterate over the stages of messages between agents; see `events`."""
+        roster = self.manifest.get("roster", [])
+        for message in self.messages(journal.MESSAGES, start, end):
+            if message.channel.carries("Message") or message.channel.carries("MessageColumns"):
+                with self._readable(message):
+                    entries = journal.communications(message.time, message.decode(), roster)
+                yield from entries
+
+    def contacts(self, start: int | None = None, end: int | None = None) -> Iterator[LoggedContact]:
+        """Iterate over the beginnings and ends of contacts; see `events`."""
+        return self._journal("/contacts", "Contact", journal.contact, start, end)
+
+    def scans(self, name: str | None = None, start: int | None = None, end: int | None = None) -> Iterator[LoggedScan]:
+        """Iterate over the scans of lidars, one for each agent and turn.
+
+        Args:
+            name: An agent, or a group; None for everybody.
+            start: The first simulated time, ns.
+            end: The first simulated time not wanted any more, ns.
+
+        Raises:
+            LogError: There is no such name.
+        """
+        return self._sensed(SCAN, "Scan", scans, name, start, end)
+
+    def images(
+        self, name: str | None = None, start: int | None = None, end: int | None = None
+    ) -> Iterator[LoggedImage]:
+        """Iterate over the images of cameras: colours, depths and segments; see `scans`."""
+        return self._sensed(IMAGE, "Image", images, name, start, end)
+
+    def _sensed(
+        self,
+        word: str,
+        message_name: str,
+        entries: Callable[[int, Any, str, Sequence[str]], Iterable[Sensed]],
+        name: str | None,
+        start: int | None,
+        end: int | None,
+    ) -> Iterator[Sensed]:
+        group, row, _ = (None, None, 0) if name is None else self._place(name)
+        topics = {
+            topic: (sensor, agents)
+            for each, agents in self.agents.items()
+            for sensor, topic in sensors(self.channels, each, word).items()
+            if group in (None, each) and self.channels[topic].carries(message_name)
+        }
+        messages = self.messages(topics, start, end)
+        return self._readings(messages, topics, entries, None if row is None else name)
+
+    def _readings(
+        self,
+        messages: Iterable[LogMessage],
+        topics: Mapping[str, tuple[str, Sequence[str]]],
+        entries: Callable[[int, Any, str, Sequence[str]], Iterable[Sensed]],
+        agent: str | None,
+    ) -> Iterator[Sensed]:
+        for message in messages:
+            with self._readable(message):
+                made = entries(message.time, message.decode(), *topics[message.channel.topic])
+            yield from (entry for entry in made if agent in (None, entry.agent))
+
+    def knowledge(self, name: str | None = None) -> Iterator[LoggedKnowledge]:
+        """Iterate over what agents know: an entry at the beginning, and one whenever it changed.
+
+        Args:
+            name: An agent, or a group; None for everybody.
+
+        Raises:
+            LogError: There is no such name.
+        """
+        groups = {f"/agents/{group}/knowledge": agents for group, agents in self.agents.items()}
+        wanted: str | None = None
+        if name is not None:
+            group, row, _ = self._place(name)
+            topic = f"/agents/{group}/knowledge"
+            wanted = None if row is None else name
+            groups = {topic: groups.get(topic, ())}
+        return self._knowledge(groups, wanted)
+
+    def _knowledge(self, groups: Mapping[str, Sequence[str]], agent: str | None) -> Iterator[LoggedKnowledge]:
+        for message in self.messages(groups):
+            topic = message.channel.topic
+            if not message.channel.carries("Knowledge"):
+                continue
+            with self._fitting(topic):
+                entries = journal.knowledge(message.time, message.decode(), groups[topic])
+            yield from (entry for entry in entries if agent in (None, entry.agent))
+
+    def _journal(
+        self, topic: str, message_name: str, entry: Callable[[int, Any], Any], start: int | None, end: int | None
+    ) -> Iterator[Any]:
+        for message in self.messages(topic, start, end):
+            if message.channel.carries(message_name):
+                with self._readable(message):
+                    made = entry(message.time, message.decode())
+                yield made
+
+    @contextmanager
+    def _readable(self, message: LogMessage) -> Iterator[None]:
+        try:
+            yield
+        except ValueError as error:
+            place = f"on {message.channel.topic} at {message.time} ns in {self.path}"
+            raise LogError(f"the entry {place} is damaged: {error}") from error

@@ -1,0 +1,206 @@
+"""What rows know of others."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from symaware_cli.recording import symaware_v1_pb2 as v1
+from symaware_cli.recording.wire.packing import (
+    BYTES,
+    FLOAT,
+    INDEX,
+    TIME,
+    array_of,
+    fields_of,
+    indices_of,
+    packed,
+    rows_field,
+    text_field,
+    varint,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class OthersSeries:
+    """The intents, uncertainties or risks that rows hold of others: all of them, for each row that is there.
+
+    Attributes:
+        part: Which part of awareness.
+        rows: (m,) indices, or None for all.
+        lengths: (m,) others of whom each row holds a series.
+        entities: (sum,) indices in the roster, one row's after another.
+        columns: (sum,) numbers per point of each series.
+        points: (sum,) points of each series.
+        times: ns; series after series.
+        values: flat, series after series.
+    """
+
+    part: str
+    rows: NDArray[np.uint32] | None
+    lengths: NDArray[np.uint32]
+    entities: NDArray[np.uint32]
+    columns: NDArray[np.uint32]
+    points: NDArray[np.uint32]
+    times: NDArray[np.int64]
+    values: NDArray[np.float64]
+
+    def __iter__(self) -> Iterator[tuple[int, int, NDArray[np.int64], NDArray[np.float64]]]:
+        """Yield for each series the place of its row, whom it is about, its times (k,) and values (k, columns)."""
+        places = np.repeat(np.arange(len(self.lengths)), self.lengths).tolist()
+        columns, points = self.columns.tolist(), self.points.tolist()
+        point = number = 0
+        for place, other, width, count in zip(places, self.entities.tolist(), columns, points, strict=True):
+            values = self.values[number : number + width * count].reshape(count, width)
+            yield place, other, self.times[point : point + count], values
+            point, number = point + count, number + width * count
+
+
+@dataclass(frozen=True, slots=True)
+class Awareness:
+    """What each row knows of others.
+
+    Attributes:
+        world: Everyone knows the whole world; the rest is empty then.
+        rows: (m,) indices, or None for all.
+        lengths: (m,) others known per row, or (1,) for all.
+        entities: (sum,) indices in the roster, one row's after another.
+        columns: (sum,) numbers per entity, or (1,) for all.
+        values: flat, entity after entity.
+        covariances: flat, a matrix of columns x columns for each entity, or empty.
+        ages: (sum,) s since each was last seen, or empty.
+        series: What they know of other parts of awareness than the state.
+    """
+
+    world: bool
+    rows: NDArray[np.uint32] | None
+    lengths: NDArray[np.uint32]
+    entities: NDArray[np.uint32]
+    columns: NDArray[np.uint32]
+    values: NDArray[np.float64]
+    covariances: NDArray[np.float64]
+    ages: NDArray[np.float64]
+    series: tuple[OthersSeries, ...] = ()
+
+    @property
+    def tells_states(self) -> bool:
+        """Whether it says anything of where others are."""
+        return self.world or len(self.lengths) > 0
+
+
+WHOLE_WORLD = b"\x08\x01"
+"""The `Awareness` message of a group whose agents know the whole world as it is."""
+
+
+def encode_awareness(
+    lengths: ArrayLike,
+    entities: ArrayLike,
+    columns: ArrayLike,
+    values: ArrayLike,
+    rows: ArrayLike | None = None,
+    *,
+    covariances: ArrayLike = (),
+    ages: ArrayLike = (),
+) -> bytes:
+    """Encode an `Awareness` message; see also `WHOLE_WORLD`.
+
+    Args:
+        lengths: (m,) how many others each row knows.
+        entities: (sum of lengths,) who, as indices in the roster, one row's after another.
+        columns: Numbers per known entity: one for all of them, or (sum of lengths,).
+        values: Their believed states, entity after entity; any shape.
+        rows: (m,) indices, or None for all.
+        covariances: Of those states, entity after entity; any shape, or empty.
+        ages: (sum of lengths,) s since each was last seen, or empty.
+
+    Raises:
+        ValueError: The shapes do not fit.
+    """
+    lengths, sizes, table = np.atleast_1d(lengths), np.atleast_1d(columns), np.asarray(values)
+    known = len(np.atleast_1d(entities))
+    if lengths.sum() != known or len(sizes) not in (1, known):
+        raise ValueError(f"{lengths.sum()} others are known, {known} are named, {len(sizes)} sizes are given")
+    sizes_each = sizes if len(sizes) == known else np.repeat(sizes, known)
+    numbers, squares = int(sizes_each.sum()), int((sizes_each.astype(np.int64) ** 2).sum())
+    if table.size != numbers:
+        raise ValueError(f"{numbers} numbers were announced, {table.size} given")
+    spread, since = np.asarray(covariances), np.asarray(ages)
+    if spread.size not in (0, squares) or since.size not in (0, known):
+        raise ValueError(f"{squares} covariances and {known} ages were announced, {spread.size} and {since.size} given")
+    return b"".join(
+        (
+            rows_field(2, rows, len(lengths)),
+            packed(3, lengths, INDEX),
+            packed(4, entities, INDEX),
+            packed(5, sizes, INDEX),
+            packed(6, table, FLOAT),
+            packed(7, spread, FLOAT),
+            packed(8, since, FLOAT),
+        )
+    )
+
+
+def encode_others_series(
+    part: str,
+    lengths: ArrayLike,
+    entities: ArrayLike,
+    columns: ArrayLike,
+    points: ArrayLike,
+    times: ArrayLike,
+    values: ArrayLike,
+    rows: ArrayLike | None = None,
+) -> bytes:
+    """Encode what an `Awareness` message says of a part that is a series, behind the rest of it; see `OthersSeries`.
+
+    Raises:
+        ValueError: The shapes do not fit.
+    """
+    known, sizes, counts = np.size(entities), np.asarray(columns, np.int64), np.asarray(points, np.int64)
+    if np.sum(lengths) != known or len(sizes) != known or len(counts) != known:
+        raise ValueError(f"{np.sum(lengths)} series are announced, {known} named, {len(counts)} of a length")
+    if np.size(times) != counts.sum() or np.size(values) != (sizes * counts).sum():
+        raise ValueError(f"{(sizes * counts).sum()} numbers were announced, {np.size(values)} given")
+    content = b"".join(
+        (
+            text_field(1, part),
+            rows_field(2, rows, np.size(lengths)),
+            packed(3, lengths, INDEX),
+            packed(4, entities, INDEX),
+            packed(5, sizes, INDEX),
+            packed(6, counts, INDEX),
+            packed(7, times, TIME),
+            packed(8, values, FLOAT),
+        )
+    )
+    return bytes((9 << 3 | BYTES,)) + varint(len(content)) + content
+
+
+def decode_awareness(data: bytes) -> Awareness:
+    """Decode an `Awareness` message."""
+    fields = fields_of(data, several=9)
+    if fields is None:
+        message = v1.Awareness.FromString(data)
+        fields = {1: message.world, 2: message.rows, 3: message.lengths}
+        fields |= {4: message.entities, 5: message.columns, 6: message.values}
+        fields |= {7: message.covariances, 8: message.ages}
+        fields[9] = [each.SerializeToString() for each in message.series]
+    lengths, entities, columns = (array_of(fields, number, INDEX) for number in (3, 4, 5))
+    values, covariances, ages = (array_of(fields, number, FLOAT) for number in (6, 7, 8))
+    series = tuple(_others_series(each) for each in fields.get(9, ()))
+    world = bool(fields.get(1, 0))
+    return Awareness(world, indices_of(fields, 2), lengths, entities, columns, values, covariances, ages, series)
+
+
+def _others_series(data: bytes | memoryview) -> OthersSeries:
+    fields = fields_of(data, first=BYTES)
+    if fields is None:
+        message = v1.OthersSeries.FromString(bytes(data))
+        fields = {1: message.part.encode(), 2: message.rows, 3: message.lengths, 4: message.entities}
+        fields |= {5: message.columns, 6: message.points, 7: message.times, 8: message.values}
+    lengths, entities, columns, points = (array_of(fields, number, INDEX) for number in (3, 4, 5, 6))
+    part = bytes(fields.get(1, b"")).decode()
+    times, values = array_of(fields, 7, TIME), array_of(fields, 8, FLOAT)
+    return OthersSeries(part, indices_of(fields, 2), lengths, entities, columns, points, times, values)

@@ -1,0 +1,129 @@
+"""What components hand out as points: where they found something, or where they mean to look."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symaware_cli.recording import wire
+from symaware_cli.viewing.cast import Cast, Troupe
+from symaware_cli.viewing.detail import Detail
+from symaware_cli.viewing.drawing.base import Drawing
+from symaware_cli.viewing.excerpt import Excerpt
+from symaware_cli.viewing.stage import TIMELINE, Stage
+
+Array = NDArray[np.float64]
+Dots = tuple[int, int, Array]
+"""When, the row of whose they are, and where: shape (m, 3) [m]."""
+
+#: How large points are, in the scene and in the tab of the agent [pixels].
+_POINT, _NEAR_POINT = 3.0, 4.0
+
+
+class Points(Drawing):
+    """The points of all agents in the scene, unless they are a crowd, and in tabs one's own."""
+
+    def __init__(self, cast: Cast, detail: Detail, stage: Stage) -> None:
+        super().__init__(cast, detail, stage)
+        #: By topic, what was said last of each row.
+        self._known: dict[str, list[Array]] = {}
+
+    def draw(self, excerpt: Excerpt) -> None:
+        """Draw the points of each instant until the next."""
+        for troupe in self.cast.troupes.values():
+            for name, topic in troupe.drawn("points"):
+                found = list(self._found(troupe, name, topic, excerpt))
+                if self.detail.minds:
+                    draw_dots(self, f"minds/{troupe.name}/{name}", found, troupe, _POINT)
+                for agent in self.detail.focus:
+                    if agent in troupe.agents:
+                        own = [dots for dots in found if troupe.agents[dots[1]] == agent]
+                        draw_dots(self, f"as/{agent}/{name}", own, troupe, _NEAR_POINT)
+
+    def _found(self, troupe: Troupe, name: str, topic: str, excerpt: Excerpt) -> Iterator[Dots]:
+        """The points of every agent at each instant at which any were said."""
+        known = self._known.setdefault(topic, [np.empty((0, 0))] * len(troupe.agents))
+        names, whereabouts = troupe.signals[name].column_names, excerpt.frames.get(troupe.whereabouts)
+        for time, tables in self._said(topic, excerpt):
+            for row, table in tables:
+                known[row] = table
+            now = np.array([time])
+            states = np.full((len(known), len(troupe.state)), np.nan)
+            if whereabouts is not None:
+                states = whereabouts.at(now)[0]
+            positions, headings = troupe.positions(states), troupe.headings(states)
+            for row, table in enumerate(known):
+                heading = 0.0 if headings is None else float(headings[row])
+                yield time, row, places(names, table, positions[row], heading) if len(table) else np.empty((0, 3))
+
+    def _said(self, topic: str, excerpt: Excerpt) -> Iterator[tuple[int, Iterable[tuple[int, Array]]]]:
+        """What is said at each instant, and of which rows."""
+        frames = excerpt.frames.get(topic)
+        if frames is not None:
+            for time, values in zip(frames.times.tolist(), frames.values, strict=True):
+                yield time, ((row, each[None]) for row, each in enumerate(values))
+        for time, message in excerpt.entries.get(topic, ()):
+            if isinstance(message, wire.TableRows):
+                rows = range(len(message.lengths)) if message.rows is None else message.rows.tolist()
+                yield time, zip(rows, message, strict=False)
+
+
+def places(names: Sequence[str], table: Array, position: Array, heading: float) -> Array:
+    """Where points are in the world.
+
+    Args:
+        names: Of the columns: `x`, `y` and perhaps `z`; or `distance`, `bearing` and perhaps `elevation`.
+        table: (m, columns) [m] or [rad].
+        position: Where the body is; (3,) [m].
+        heading: Where it points [rad].
+
+    Returns:
+        (k, 3) [m], those that are known.
+    """
+
+    def column(name: str, default: float) -> Array:
+        return table[:, names.index(name)] if name in names else np.full(len(table), default)
+
+    if "x" in names and "y" in names:
+        found = np.stack([column("x", 0.0), column("y", 0.0), column("z", position[2])], axis=1)
+    else:
+        distance, bearing, elevation = column("distance", np.nan), column("bearing", 0.0), column("elevation", 0.0)
+        level = distance * np.cos(elevation)
+        ahead = heading + bearing
+        found = position + np.stack(
+            [level * np.cos(ahead), level * np.sin(ahead), distance * np.sin(elevation)], axis=1
+        )
+    known: Array = found[np.isfinite(found).all(axis=1)]
+    return known
+
+
+def draw_dots(drawing: Drawing, path: str, found: Sequence[Dots], troupe: Troupe, size: float) -> None:
+    """Draw points in the colours of those whose they are, from each instant until the next.
+
+    Args:
+        drawing: What draws.
+        path: The Rerun entity.
+        found: In the order of time.
+        troupe: Whose they are.
+        size: Of the dots [pixels].
+    """
+    import rerun as rr
+
+    if not found:
+        return
+    flat = np.array([1.0, 1.0, float(drawing.cast.is_spatial)])
+    moments, which = np.unique([time for time, _, _ in found], return_inverse=True)
+    sizes = np.array([len(points) for _, _, points in found])
+    rows = np.array([row for _, row, _ in found])
+    # A little lighter than the bodies, to stand out from the walls that they lie on.
+    colours = (troupe.colours // 4 * 3 + 63)[np.repeat(rows, sizes)]
+    columns = rr.Points3D.columns(
+        positions=(flat * np.concatenate([points for _, _, points in found])).astype(np.float32),
+        colors=colours,
+        radii=np.full(int(sizes.sum()), -size, np.float32),  # negative: pixels
+    )
+    counts = np.bincount(which, weights=sizes, minlength=len(moments)).astype(np.int64)
+    index = rr.TimeColumn(TIMELINE, duration=moments.astype("timedelta64[ns]"))
+    drawing.stage.recording.send_columns(path, [index], columns.partition(counts), strict=True)
