@@ -17,7 +17,7 @@ from simulating import COMMAND
 
 from symaware_cli.recording import wire
 from symaware_cli.recording.merging import merge
-from symaware_cli.recording.part import open_parts
+from symaware_cli.recording.process_log import open_process_logs
 from symaware_cli.recording.reader import Log, open_log
 
 PATIENCE = 180
@@ -146,7 +146,7 @@ class Spread:
     def merged(self) -> Log:
         """The log of the whole run."""
         path = self.folder / "merged.mcap"
-        merge(open_parts([each.log for each in self.processes]), path)
+        merge(open_process_logs([each.log for each in self.processes]), path)
         return open_log(path)
 
 

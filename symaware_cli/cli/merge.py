@@ -16,7 +16,7 @@ from symaware_cli.cli.terminal import DATA_LOST, INTERRUPTED, Json, is_lively, p
 
 if TYPE_CHECKING:
     from symaware_cli.recording.merging import Merged
-    from symaware_cli.recording.part import Part
+    from symaware_cli.recording.process_log import ProcessLog
 
 
 def merge(
@@ -35,9 +35,9 @@ def merge(
     try:
         with trouble_shown(as_json):
             from symaware_cli.recording.merging import merge as write
-            from symaware_cli.recording.part import missing_in_words, open_parts
+            from symaware_cli.recording.process_log import missing_in_words, open_process_logs
 
-            parts = open_parts(paths)
+            parts = open_process_logs(paths)
             start = min((part.log.start_time or 0 for part in parts), default=0)
             end = max((part.log.end_time or 0 for part in parts), default=0)
             shown = is_lively(sys.stderr) and not as_json
@@ -57,7 +57,7 @@ def merge(
     raise typer.Exit(DATA_LOST if lost or merged.missing else 0)
 
 
-def _plain(parts: Sequence[Part], merged: Merged, lost: Sequence[Part]) -> dict[str, Any]:
+def _plain(parts: Sequence[ProcessLog], merged: Merged, lost: Sequence[ProcessLog]) -> dict[str, Any]:
     """Lay out what was merged for scripts; times in seconds."""
     return {
         "log": str(merged.path),
@@ -83,7 +83,7 @@ def _plain(parts: Sequence[Part], merged: Merged, lost: Sequence[Part]) -> dict[
     }
 
 
-def _text(parts: Sequence[Part], merged: Merged) -> str:
+def _text(parts: Sequence[ProcessLog], merged: Merged) -> str:
     once = f"; {merged.repeated:,} that stand in several parts are written once" if merged.repeated else ""
     names = ["(whole)" if part.whole else part.name for part in parts]
     width = max(map(len, ["part", *names]))

@@ -14,7 +14,7 @@ from symaware_cli.recording.error import LogError, OutputError
 from symaware_cli.recording.index import ChannelInfo
 from symaware_cli.recording.message import LogMessage
 from symaware_cli.recording.output import whole_file
-from symaware_cli.recording.part import Part, missing_agents, missing_in_words
+from symaware_cli.recording.process_log import ProcessLog, missing_agents, missing_in_words
 from symaware_cli.recording.recovery import Damage
 from symaware_cli.recording.schema import MANIFEST, MESSAGES, RECOVERY, TIMING, json_values
 from symaware_cli.recording.writer import LogWriter
@@ -53,7 +53,7 @@ class Merged:
 
 
 def merge(
-    parts: Sequence[Part], path: str | os.PathLike[str], on_progress: Callable[[int], None] | None = None
+    parts: Sequence[ProcessLog], path: str | os.PathLike[str], on_progress: Callable[[int], None] | None = None
 ) -> Merged:
     """Join the parts of a run into one log, as a single process would have written it.
 
@@ -62,7 +62,8 @@ def merge(
     part, and a digest of each message of one instant that might stand in several.
 
     Args:
-        parts: What `open_parts` returned; what is damaged in them is left out, and their damage tells of it afterwards.
+        parts: What `open_process_logs` returned; what is damaged in them is left out, and their damage tells of it
+            afterwards.
         path: The new log; what is there is replaced once the new one is complete.
         on_progress: Is told now and then which simulated time was reached [ns].
 
@@ -82,7 +83,7 @@ def merge(
 
 
 def _write(
-    writer: LogWriter, parts: Sequence[Part], on_progress: Callable[[int], None] | None
+    writer: LogWriter, parts: Sequence[ProcessLog], on_progress: Callable[[int], None] | None
 ) -> tuple[int | None, int | None, int]:
     """Write the log, and return its first and last time, and how many messages were left out."""
     _attach(writer, parts)
@@ -102,7 +103,7 @@ def _write(
     return start, end, repeated
 
 
-def _attach(writer: LogWriter, parts: Sequence[Part]) -> None:
+def _attach(writer: LogWriter, parts: Sequence[ProcessLog]) -> None:
     """Write the attachments of the host, and such as only others have (or have whole)."""
     written: set[str] = set()
     for part in parts:
@@ -115,12 +116,12 @@ def _attach(writer: LogWriter, parts: Sequence[Part]) -> None:
         written |= own
 
 
-def _manifest(parts: Sequence[Part]) -> bytes:
+def _manifest(parts: Sequence[ProcessLog]) -> bytes:
     content = {key: value for key, value in parts[0].log.manifest.items() if key != "part"}
     return json.dumps({**content, "parts": [part.describe() for part in parts]}, indent=1).encode()
 
 
-def _open_channels(writer: LogWriter, parts: Sequence[Part]) -> dict[str, int]:
+def _open_channels(writer: LogWriter, parts: Sequence[ProcessLog]) -> dict[str, int]:
     """Open the channels of all parts, the host's first, and return their numbers by topic."""
     numbers = {TIMING: writer.timing}
     known: dict[str, tuple[ChannelInfo, Path]] = {}
@@ -138,7 +139,7 @@ def _open_channels(writer: LogWriter, parts: Sequence[Part]) -> dict[str, int]:
     return numbers
 
 
-def _stream(rank: int, part: Part) -> Iterator[tuple[int, int, LogMessage]]:
+def _stream(rank: int, part: ProcessLog) -> Iterator[tuple[int, int, LogMessage]]:
     """Read the messages of a part with their time and the place of the part, which decide on the order."""
     last = 0
     for message in part.log.messages(part.log.channels.keys() - (set() if part.host else {TIMING})):
@@ -151,7 +152,7 @@ def _stream(rank: int, part: Part) -> Iterator[tuple[int, int, LogMessage]]:
 class _Once:
     """Finds what several parts tell: of n equal messages of one instant in one and m in another, max(n, m) stay."""
 
-    def __init__(self, parts: Sequence[Part]) -> None:
+    def __init__(self, parts: Sequence[ProcessLog]) -> None:
         topics = Counter(topic for part in parts for topic in part.log.channels)
         self._shared = {topic for topic, count in topics.items() if count > 1}
         #: Whether a part tells how the run ended. Otherwise, as of a host that was killed, what its members say stays.
@@ -193,7 +194,7 @@ def _is_end(message: LogMessage) -> bool:
     return (event.name, event.source) == (_END.decode(), "run")
 
 
-def _describe_end(writer: LogWriter, parts: Sequence[Part]) -> None:
+def _describe_end(writer: LogWriter, parts: Sequence[ProcessLog]) -> None:
     """Write the metadata of the host, and what is lost of any part."""
     for part in parts:
         # These may turn out to be damaged once their JSON is read.
@@ -206,7 +207,7 @@ def _describe_end(writer: LogWriter, parts: Sequence[Part]) -> None:
         writer.metadata(RECOVERY, json_values(lost))
 
 
-def _losses(parts: Sequence[Part]) -> dict[str, Any] | None:
+def _losses(parts: Sequence[ProcessLog]) -> dict[str, Any] | None:
     """What is missing of the parts, now or since they were recovered themselves; None if nothing is."""
     damages = [(part, part.log.damage) for part in parts if part.log.damage]
     told = [(part.log.path.name, str(damage), damage.lost) for part, damage in damages]

@@ -29,14 +29,14 @@ from symaware_cli.recording.digest import digest
 from symaware_cli.recording.error import LogError, OutputError
 from symaware_cli.recording.index import FRAME
 from symaware_cli.recording.merging import merge
-from symaware_cli.recording.part import open_parts
+from symaware_cli.recording.process_log import open_process_logs
 from symaware_cli.recording.reader import open_log
 from symaware_cli.recording.writer import LogWriter
 
 
 def joined(paths, path):
     """Merge, and see to what holds of every log: it is sound, numbered and in order."""
-    merged = merge(open_parts(paths), path)
+    merged = merge(open_process_logs(paths), path)
     log = open_log(path)
     assert log.verify() is None
     messages = list(log.messages())
@@ -259,7 +259,7 @@ def test_what_several_parts_tell_is_written_once_and_what_one_tells_twice_stays_
     two = write_events(tmp_path / "2.mcap", "two", [(1, "c"), (1, "a"), (1, "a"), (1, "a"), (2, "b"), (3, "a")])
     log = joined([host, one, two], tmp_path / "whole.mcap")
     assert texts(log) == [(1, each) for each in "aabca"] + [(2, each) for each in "aaab"] + [(3, "a")]
-    assert merge(open_parts([host, one, two]), tmp_path / "whole.mcap").repeated == 2 + 1 + 2 + 1
+    assert merge(open_process_logs([host, one, two]), tmp_path / "whole.mcap").repeated == 2 + 1 + 2 + 1
 
 
 def write_end(path, name, why, *, host=False, end="finish"):
@@ -367,9 +367,9 @@ def test_a_member_that_is_killed_anywhere_costs_what_it_had_not_flushed(tmp_path
         cut.write_bytes(data[:place])
         if place < announced:
             with pytest.raises(LogError, match=re.escape(str(cut))):
-                open_parts([host, cut])
+                open_process_logs([host, cut])
             continue
-        parts = open_parts([host, cut])
+        parts = open_process_logs([host, cut])
         merge(parts, tmp_path / "whole.mcap")
         log = open_log(tmp_path / "whole.mcap")
         assert log.verify() is None
@@ -421,7 +421,7 @@ def refused(paths, folder):
     said = set()
     for order in (paths, paths[::-1]):
         with pytest.raises(LogError) as caught:
-            merge(open_parts(order), folder / "whole.mcap")
+            merge(open_process_logs(order), folder / "whole.mcap")
         said.add(str(caught.value).replace(f"{folder}/", ""))
     assert not (folder / "whole.mcap").exists()
     assert len(said) == 1
@@ -506,16 +506,16 @@ def test_no_part_is_overwritten(parts, tmp_path):
     before = [path.read_bytes() for path in parts]
     for path in parts:
         with pytest.raises(LogError, match="it is what is read"):
-            merge(open_parts(parts), path)
+            merge(open_process_logs(parts), path)
     (tmp_path / "link.mcap").symlink_to(parts[1])
     with pytest.raises(LogError, match="it is what is read"):
-        merge(open_parts(parts), tmp_path / "link.mcap")
+        merge(open_process_logs(parts), tmp_path / "link.mcap")
     assert [path.read_bytes() for path in parts] == before
 
 
 def test_a_place_that_cannot_be_written_to_is_told_by_its_name(parts, tmp_path):
     with pytest.raises(OutputError, match=r"cannot write .*missing/whole.mcap: its folder does not exist"):
-        merge(open_parts(parts), tmp_path / "missing" / "whole.mcap")
+        merge(open_process_logs(parts), tmp_path / "missing" / "whole.mcap")
 
 
 def write_long(path, name, rows, *, steps, host=False):
@@ -542,7 +542,7 @@ def test_memory_does_not_grow_with_the_logs(tmp_path):
         ]
         tracemalloc.start()
         try:
-            merge(open_parts(paths), tmp_path / "whole.mcap")
+            merge(open_process_logs(paths), tmp_path / "whole.mcap")
             return tracemalloc.get_traced_memory()[1]
         finally:
             tracemalloc.stop()

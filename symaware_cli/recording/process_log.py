@@ -19,7 +19,7 @@ _NAMED = 12
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class ProcessLog:
     """What one process recorded of a run.
 
     Attributes:
@@ -60,7 +60,7 @@ class Part:
         }
 
 
-def open_parts(paths: Iterable[str | os.PathLike[str]]) -> list[Part]:
+def open_process_logs(paths: Iterable[str | os.PathLike[str]]) -> list[ProcessLog]:
     """Open the logs of the processes of one run.
 
     A process that died and came back has left several, each from later on.
@@ -87,7 +87,7 @@ def open_parts(paths: Iterable[str | os.PathLike[str]]) -> list[Part]:
     return parts
 
 
-def missing_agents(parts: Sequence[Part]) -> list[str]:
+def missing_agents(parts: Sequence[ProcessLog]) -> list[str]:
     """The agents of a run that none of its parts ran, in the order of the manifest."""
     present = {agent for part in parts for agent in part.agents}
     return [agent for agents in parts[0].log.agents.values() for agent in agents if agent not in present]
@@ -100,21 +100,21 @@ def missing_in_words(agents: Sequence[str]) -> str:
     return f"no part ran {listed}, so what they knew and did is missing: name the logs of all processes"
 
 
-def _part(log: Log) -> Part:
+def _part(log: Log) -> ProcessLog:
     log.require_manifest(": leave it out")
     part = log.manifest.get("part")
     if part is None:
         everybody = tuple(agent for agents in log.agents.values() for agent in agents)
-        return Part(log, "", host=True, agents=everybody, whole=True)
-    return Part(log, part["name"], part["host"], tuple(part["agents"]), whole=False)
+        return ProcessLog(log, "", host=True, agents=everybody, whole=True)
+    return ProcessLog(log, part["name"], part["host"], tuple(part["agents"]), whole=False)
 
 
-def _order(part: Part) -> tuple[bool, str, int, str]:
+def _order(part: ProcessLog) -> tuple[bool, str, int, str]:
     start = part.start
     return not part.host, part.name, -1 if start is None else start, str(part.log.path)
 
 
-def _require_host(parts: Sequence[Part]) -> None:
+def _require_host(parts: Sequence[ProcessLog]) -> None:
     whole = next((part for part in parts if part.whole), None)
     if whole and len(parts) > 1:
         raise LogError(f"{whole.log.path} is the log of a whole run and no part of one: leave it out")
@@ -144,7 +144,7 @@ def _require_one_run(log: Log, other: Log) -> None:
         raise differ("their manifests do not name the same agents and entities")
 
 
-def _require_one_place(one: Part, other: Part) -> None:
+def _require_one_place(one: ProcessLog, other: ProcessLog) -> None:
     """An agent runs in one process at a time; it may move on when that died."""
     spans = [(part.start, part.log.end_time) for part in (one, other)]
     start, end = (max(span[0] or 0 for span in spans), min(span[1] or 0 for span in spans))
