@@ -47,6 +47,7 @@ COMPONENTS = {
     "doubles.chance": "Chance",
     "doubles.risk": "Risk",
     "doubles.thinker": "Thinker",
+    "doubles.keeper": "Keeper",
     "doubles.napper": "Napper",
     "doubles.odd": "Odd",
     "doubles.unruly": "Unruly",
@@ -413,6 +414,38 @@ class Thinker(Controller):
     def _update(self, value):
         super()._update(value)
         self._last = np.array(value[0])
+
+
+class Keeper(Thinker):
+    """A thinker that keeps something that nobody can take, and tells of it, or does not."""
+
+    uncaptured: ClassVar = ("_vault",)
+
+    class Parameters(Thinker.Parameters):
+        """Where it keeps it."""
+
+        hidden: bool = Field(True, description="Whether what it keeps is in an attribute that holds no state.")
+
+    def initialise_component(self, agent, awareness, knowledge):
+        super().initialise_component(agent, awareness, knowledge)
+        self._vault = (threading.Lock(), [0])
+        if not self.parameters.hidden:
+            self._lock = threading.Lock()
+
+    def _compute(self):
+        self._vault[1][0] += 1
+        way, intent = super()._compute()
+        return way + 0.01 * self._vault[1][0], intent
+
+    def _update(self, value):
+        super()._update(value)
+        self._vault[1][0] *= 2
+
+    def captured(self):
+        return self._vault[1][0]
+
+    def restored(self, state):
+        self._vault[1][0] = state
 
 
 class Napper(Component):

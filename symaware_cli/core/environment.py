@@ -61,7 +61,7 @@ class Environment(Plugin, ABC):
         proximity: Which agents are near each other, shared by all who ask about `snapshot().positions`.
         roster: Who is who.
         is_open: Whether agents can enter and leave this world, by `admit` and `dismiss`.
-        is_shared: Whether other processes can follow this world, by `capture` and `adopt`.
+        is_shared: Whether other processes can follow this world, by `share` and `follow`.
         present: Which agents are in it, by index, read-only; shape (N,). None for all of them.
         time_step: Simulated time between two steps, in nanoseconds.
     """
@@ -262,20 +262,20 @@ class Environment(Plugin, ABC):
         """The contacts that began or ended with the last step."""
         return ()
 
-    def capture(self) -> Mapping[str, Array]:
-        """Take all that it needs to see this world as it is now, for `adopt` in another process.
+    def share(self) -> Mapping[str, Array]:
+        """Take all that it needs to see this world as it is now, for `follow` in another process.
 
         Raises:
             NotImplementedError: This world cannot be followed.
         """
         raise NotImplementedError(f"{type(self).__name__} cannot be followed by other processes")
 
-    def adopt(self, time: int, captured: Mapping[str, Array], contacts: Sequence[Contact]) -> None:
+    def follow(self, time: int, shared: Mapping[str, Array], contacts: Sequence[Contact]) -> None:
         """Become as the world of another process is, instead of making a step.
 
         Args:
             time: The instant, in nanoseconds.
-            captured: What `capture` took there.
+            shared: What `share` took there.
             contacts: Those that began or ended with the last step there.
 
         Raises:

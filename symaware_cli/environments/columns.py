@@ -77,31 +77,31 @@ class ColumnEnvironment(Environment):
             )
         return self._snapshot
 
-    def capture(self) -> Mapping[str, Array]:
+    def share(self) -> Mapping[str, Array]:
         """Take the states of all groups, and their control inputs in force."""
         states = {f"state/{group.name}": state for group, state in zip(self.groups, self._states, strict=True)}
         return states | {f"input/{group.name}": given for group, given in zip(self.groups, self._applied, strict=True)}
 
-    def adopt(self, time: int, captured: Mapping[str, Array], contacts: Sequence[Contact]) -> None:
+    def follow(self, time: int, shared: Mapping[str, Array], contacts: Sequence[Contact]) -> None:
         """Become as the world of another process is.
 
         Raises:
             ValueError: That is not of a world like this one.
         """
-        self._states = [adopted(captured, f"state/{group.name}", group.initial_state.shape) for group in self.groups]
-        self._applied = [adopted(captured, f"input/{group.name}", group.control_input.shape) for group in self.groups]
+        self._states = [followed(shared, f"state/{group.name}", group.initial_state.shape) for group in self.groups]
+        self._applied = [followed(shared, f"input/{group.name}", group.control_input.shape) for group in self.groups]
         self._time = time
         self._snapshot, self._contacts = None, tuple(contacts)
 
 
-def adopted(captured: Mapping[str, Array], name: str, shape: tuple[int, ...]) -> Array:
-    """One of the arrays that were captured, read-only.
+def followed(shared: Mapping[str, Array], name: str, shape: tuple[int, ...]) -> Array:
+    """One of the arrays that were shared, read-only.
 
     Raises:
         ValueError: There is none of this name and shape.
     """
-    values = captured.get(name)
+    values = shared.get(name)
     if values is None or values.shape != shape:
-        raise ValueError(f"there is no `{name}` of shape {shape} in what was captured of the world")
+        raise ValueError(f"there is no `{name}` of shape {shape} in what was shared of the world")
     values.flags.writeable = False
     return values

@@ -23,7 +23,7 @@ from symaware_cli.core import (
 )
 from symaware_cli.core.state import StateError
 from symaware_cli.environments.actuator import Actuator
-from symaware_cli.environments.columns import ColumnEnvironment, adopted
+from symaware_cli.environments.columns import ColumnEnvironment, followed
 from symaware_cli.environments.contact_tracker import GROUND, ContactTracker
 
 Array = NDArray[np.float64]
@@ -331,23 +331,23 @@ class PhysicsEnvironment(ColumnEnvironment):
         self._velocities = velocities
         self._snapshot = self._contacts = None
 
-    def capture(self) -> Mapping[str, Array]:
+    def share(self) -> Mapping[str, Array]:
         """Take what all worlds take, how free bodies move, and where the engine has everything."""
         free = self._free_bodies
         own = {"velocities": self._velocities, "free": np.column_stack([free.positions, free.headings, free.motion])}
-        return {**super().capture(), **own, **self._placement()}
+        return {**super().share(), **own, **self._placement()}
 
-    def adopt(self, time: int, captured: Mapping[str, Array], contacts: Sequence[Contact]) -> None:
+    def follow(self, time: int, shared: Mapping[str, Array], contacts: Sequence[Contact]) -> None:
         """Become as the world of another process is; the engine's bodies are put there for rays and pictures.
 
         Raises:
             ValueError: That is not of a world like this one.
         """
-        super().adopt(time, captured, contacts)
-        self._velocities = adopted(captured, "velocities", self._velocities.shape)
+        super().follow(time, shared, contacts)
+        self._velocities = followed(shared, "velocities", self._velocities.shape)
         width = self.dimensions
-        free = adopted(captured, "free", (len(self._free), 2 * width + 2))
-        self._place({name: adopted(captured, name, known.shape) for name, known in self._placement().items()})
+        free = followed(shared, "free", (len(self._free), 2 * width + 2))
+        self._place({name: followed(shared, name, known.shape) for name, known in self._placement().items()})
         turned = self._read_free().orientations if self._free else None
         self._free_known = Bodies(free[:, :width], free[:, width], free[:, width + 1 :], turned)
 

@@ -8,13 +8,17 @@ import signal
 import subprocess
 import sys
 from collections.abc import Collection, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, BinaryIO, ClassVar
 
 from symaware_cli import processor
 from symaware_cli.core import AgentGroup, Component, Environment, GroupComponent, Plugin
+from symaware_cli.core.state import StateError
+from symaware_cli.runtime.replica import Outcome, SlotDescription, SlotTransfer
 from symaware_cli.runtime.simulation import Simulation, Slot
-from symaware_cli.runtime.worker import Codec, Part, State, group_data, read, write
+from symaware_cli.runtime.state.state import packages
+from symaware_cli.runtime.worker import read, write
 from symaware_cli.world.chance import Turn
 
 
@@ -64,12 +68,12 @@ class Workers:
             count: How many workers; None for one for each core.
         """
         self._simulation = simulation
-        self._offices = {slot.path: _Office(simulation, slot, number) for number, slot in enumerate(slots)}
-        self._workers = [_Worker(list(self._offices.values())) for _ in range(count or _cores())]
+        self._slots = {slot.path: _RemoteSlot(simulation, slot, number) for number, slot in enumerate(slots)}
+        self._workers = [_Worker(list(self._slots.values())) for _ in range(count or _cores())]
 
     def start(self) -> None:
         """Start all workers, if there is anything for them to do, and wait until they are ready."""
-        if not self._offices:
+        if not self._slots:
             return
         for worker in self._workers:
             worker.start()
@@ -86,19 +90,19 @@ class Workers:
         Returns:
             What came of it, by row.
         """
-        office, now = self._offices[slot.path], self._simulation.clock.now
-        data = office.codec.encode(group_data(slot.group, sees_world=slot.components[0].sees_world))
+        remote, now = self._slots[slot.path], self._simulation.clock.now
+        data = remote.transfer.knowledge(), remote.transfer.surroundings(sees_world=remote.sees_world)
         shares: dict[_Worker, list[int]] = {}
         for row in turns:
-            shares.setdefault(self._workers[(office.number + row) % len(self._workers)], []).append(row)
+            shares.setdefault(self._workers[(remote.number + row) % len(self._workers)], []).append(row)
         results: dict[int, Computed | WorkerError] = {}
         asked = []
         try:
             for worker, share in shares.items():
                 asked.append(worker)
-                worker.ask(office, now, data, {row: turns[row] for row in share})
+                results |= worker.ask(remote, now, data, {row: turns[row] for row in share})
             for worker, share in shares.items():
-                results |= worker.answer(office, share)
+                results |= worker.answer(remote, [row for row in share if row not in results])
         except BaseException:
             # Interrupted: nobody is going to listen to what they still have to say.
             for worker in asked:
@@ -108,8 +112,8 @@ class Workers:
 
     def restart(self, slot: Slot, row: int) -> None:
         """Let the worker of a component begin anew, too: it may hold what the component does not."""
-        office = self._offices[slot.path]
-        self._workers[(office.number + row) % len(self._workers)].stop()
+        remote = self._slots[slot.path]
+        self._workers[(remote.number + row) % len(self._workers)].stop()
 
     def close(self) -> None:
         """End all workers."""
@@ -117,33 +121,59 @@ class Workers:
             worker.stop()
 
 
-class _Office:
+class _RemoteSlot:
     """What workers have to know of one slot, and how to talk about it."""
 
     def __init__(self, simulation: Simulation, slot: Slot, number: int) -> None:
         self.slot = slot
         self.number = number
-        group = slot.group
-        self.codec = Codec(group, group.surroundings, simulation.groups)
-        first = slot.components[0]
-        if not isinstance(first, GroupComponent):
-            self.codec.name_agents()
-        for row, component in enumerate(slot.components):
-            self.codec.name_component(row, component)
-        self.states = [State(self.codec, each) for each in slot.components]
+        environment, first = simulation.environment, slot.components[0]
+        self.sees_world = first.sees_world
+        is_group, known = isinstance(first, GroupComponent), packages(simulation)
+        self.transfer = SlotTransfer(slot.group, simulation.groups, known, of_group=is_group)
+        for component in slot.components:
+            self.transfer.name({component.path: component})
+        #: Each component as its worker has it, by row.
+        self.sent: dict[int, bytes] = {}
         own = [None if type(each).Parameters is Plugin.Parameters else each.parameters for each in slot.components]
-        environment = simulation.environment
-        part = Part(
+        self.transfer.name_parameters(own)
+        description = SlotDescription(
             kind=type(first),
             parameters=own,
             attributes=[_attributes(each) for each in slot.components],
-            group=group.name,
+            group=slot.group.name,
             groups=[_arguments(each) for each in simulation.groups],
             time_step=environment.time_step,
-            world=_world(environment) if first.sees_world else None,
+            world=_world(environment) if self.sees_world else None,
             seed=simulation.seed,
+            packages=known,
         )
-        self.part = pickle.dumps(part)
+        self.description = pickle.dumps(description)
+
+    def changed(self, row: int) -> bytes | None:
+        """A component as it is now; None if its worker has it so.
+
+        Raises:
+            StateError: It cannot be sent.
+        """
+        state = self.transfer.component(self.slot.components[row])
+        if state == self.sent.get(row):
+            return None
+        self.sent[row] = state
+        return state
+
+    def take(self, outcome: Outcome) -> Computed | WorkerError:
+        """Take over what became of a computation."""
+        row, component = outcome.row, self.slot.components[outcome.row]
+        if outcome.value is None:
+            return WorkerError(outcome.problem, outcome.trace)
+        try:
+            if outcome.state is not None:
+                self.transfer.put(outcome.state)
+                self.sent[row] = outcome.state
+            return Computed(self.transfer.put_value(component, outcome.value), outcome.events)
+        except StateError as error:
+            return WorkerError(str(error))
 
 
 def _arguments(group: AgentGroup) -> tuple[Any, ...]:
@@ -164,14 +194,14 @@ def _attributes(component: Component | GroupComponent) -> dict[str, str]:
 class _Worker:
     """One process, and both ends of its pipes that are ours."""
 
-    def __init__(self, offices: Sequence[_Office]) -> None:
-        self._offices = offices
+    def __init__(self, slots: Sequence[_RemoteSlot]) -> None:
+        self._slots = slots
         self._process: subprocess.Popen[bytes] | None = None
         self._is_ready = False
         self._requests: BinaryIO
         self._answers: BinaryIO
-        #: The group's data that it has, by slot.
-        self._known: dict[int, bytes] = {}
+        #: The knowledge and the surroundings that it has, by slot.
+        self._known: dict[int, tuple[bytes, bytes]] = {}
 
     def _start(self) -> None:
         theirs_in, ours_out = os.pipe()
@@ -188,16 +218,15 @@ class _Worker:
         self._requests, self._answers = os.fdopen(ours_out, "wb"), os.fdopen(ours_in, "rb")
         self._known.clear()
         write(self._requests, pickle.dumps(sys.path))
-        write(self._requests, pickle.dumps([office.part for office in self._offices]))
+        write(self._requests, pickle.dumps([slot.description for slot in self._slots]))
 
     def start(self) -> None:
         """Start the process, and do not wait for it."""
         if self._process is None:
             self._start()
             self._is_ready = False
-            for office in self._offices:
-                for state in office.states:
-                    state.forget()
+            for slot in self._slots:
+                slot.sent.clear()
 
     def get_ready(self) -> None:
         """Wait until it can answer.
@@ -209,18 +238,25 @@ class _Worker:
             read(self._answers)
             self._is_ready = True
 
-    def ask(self, office: _Office, now: int, data: bytes, turns: Mapping[int, Turn]) -> None:
-        """Let it compute."""
-        try:
+    def ask(
+        self, slot: _RemoteSlot, now: int, data: tuple[bytes, bytes], turns: Mapping[int, Turn]
+    ) -> dict[int, WorkerError]:
+        """Let it compute, and return what is wrong with those that cannot be sent."""
+        states, wrong = [], {}
+        with suppress(BrokenPipeError):  # what became of it is found when its answer is asked for
             self.start()
-            known = self._known.get(office.number) == data
-            self._known[office.number] = data
-            states = [(row, turn, office.states[row].changed()) for row, turn in turns.items()]
-            write(self._requests, pickle.dumps((office.number, now, None if known else data, states)))
-        except BrokenPipeError:
-            pass  # what became of it is found when its answer is asked for
+            known = self._known.get(slot.number, (None, None))
+            news = [None if each == last else each for each, last in zip(data, known, strict=True)]
+            self._known[slot.number] = data
+            for row, turn in turns.items():
+                try:
+                    states.append((row, turn, slot.changed(row)))
+                except StateError as error:
+                    wrong[row] = WorkerError(str(error))
+            write(self._requests, pickle.dumps((slot.number, now, *news, states)))
+        return wrong
 
-    def answer(self, office: _Office, rows: Sequence[int]) -> dict[int, Computed | WorkerError]:
+    def answer(self, slot: _RemoteSlot, rows: Sequence[int]) -> dict[int, Computed | WorkerError]:
         """What came of it, by row."""
         try:
             self.get_ready()
@@ -228,14 +264,7 @@ class _Worker:
         except EOFError:
             error = WorkerError(f"its worker process {self._end()}")
             return dict.fromkeys(rows, error)
-        found: dict[int, Computed | WorkerError] = {}
-        for outcome in outcomes:
-            if outcome.value is None:
-                found[outcome.row] = WorkerError(outcome.problem, outcome.trace)
-            else:
-                office.states[outcome.row].take(outcome.state)
-                found[outcome.row] = Computed(office.codec.decode(outcome.value), outcome.events)
-        return found
+        return {outcome.row: slot.take(outcome) for outcome in outcomes}
 
     def _end(self) -> str:
         """Wait for the end of a worker that is dead, and say how it ended."""

@@ -1,4 +1,4 @@
-"""A world that adopts what was captured of another one is like it, for whoever asks."""
+"""A world that follows what was shared of another one is like it, for whoever asks."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ WORLDS = [
 
 @pytest.fixture(params=WORLDS, ids=lambda param: "-".join(param))
 def both(request, scenarios):
-    """A world that has moved for a while, and one that adopted it."""
+    """A world that has moved for a while, and one that followed it."""
     name, use = request.param
     overrides = [f"environment.use={use}"] if name == "three-worlds.yaml" else []
     one, other = (build(scenarios / name, overrides).simulation for _ in range(2))
@@ -27,8 +27,8 @@ def both(request, scenarios):
             group.control_input = group.control_input + 0.3
         for _ in range(20):
             world.step()
-        captured = {name: np.array(values) for name, values in world.capture().items()}
-        follower.adopt(world.snapshot().time, captured, world.contacts())
+        shared = {name: np.array(values) for name, values in world.share().items()}
+        follower.follow(world.snapshot().time, shared, world.contacts())
         yield world, follower
 
 
@@ -70,10 +70,10 @@ def test_joints_stand_as_they_do_there(both):
 
 def test_what_is_of_another_world_is_refused(both):
     world, follower = both
-    captured = {name: np.array(values) for name, values in world.capture().items()}
-    first = next(iter(captured))
+    shared = {name: np.array(values) for name, values in world.share().items()}
+    first = next(iter(shared))
     with pytest.raises(ValueError, match=first):
-        follower.adopt(0, captured | {first: captured[first][:, :1]}, ())
-    del captured[first]
+        follower.follow(0, shared | {first: shared[first][:, :1]}, ())
+    del shared[first]
     with pytest.raises(ValueError, match=first):
-        follower.adopt(0, captured, ())
+        follower.follow(0, shared, ())

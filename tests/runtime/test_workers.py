@@ -144,6 +144,24 @@ def test_what_happens_to_a_worker_is_a_failure_of_the_component(how, said, ran):
         assert "symaware_doubles.py" in failed[0].data["traceback"]
 
 
+def test_an_attribute_that_cannot_be_taken_is_a_failure_that_names_it(ran):
+    summary, log = ran(document(think={"use": "doubles.keeper", "with": {"hidden": False}}))
+    assert summary.status == "failed"
+    (failed,) = [event for event in log.events() if event.name == "failed"]
+    assert failed.source == "agents.robot.0.think"
+    assert "the state of agents.robot.0.think._lock cannot be taken: it is a _thread.lock" in failed.data["problem"]
+    assert "`uncaptured`" in failed.data["problem"]
+
+
+def test_what_a_component_tells_of_its_state_goes_to_its_worker_and_back(ran):
+    logs = []
+    for where in ("here", "process"):
+        summary, log = ran(document(think={"use": "doubles.keeper", "run_in": where}, duration=0.5), where)
+        assert summary.status == "finished", summary.failure
+        logs.append(channels(log))
+    assert logs[0] == logs[1]
+
+
 def test_a_hang_is_a_failure_after_the_limit_of_wall_time(ran):
     think = {"with": {"at": 0.3, "how": "hang", "agent": "robot.2"}}
     summary, log = ran(document(think=think, turn_limit=0.5))

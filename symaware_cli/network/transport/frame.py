@@ -76,7 +76,7 @@ class Step:
     Attributes:
         step: How many steps were made.
         time: Simulated time, in nanoseconds.
-        world: All that `Environment.adopt` takes, by name.
+        world: All that `Environment.follow` takes, by name.
         contacts: Those that began or ended.
         arrived: Messages, in columns.
         started: As in `Welcome`.

@@ -135,7 +135,7 @@ class Host(Participant):
         simulation, environment = self._simulation, self._simulation.environment
         if not self._members:
             return
-        world, contacts = environment.capture(), tuple(environment.contacts())
+        world, contacts = environment.share(), tuple(environment.contacts())
         started = self._started
         for member in self._in_order:
             arrived = tuple(member.arrived)

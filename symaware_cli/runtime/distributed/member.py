@@ -77,7 +77,7 @@ class Member(Participant):
         if step is None:
             self._blame_end()
         run.kernel.join(step.step, step.time)
-        self._adopt(step)
+        self._follow(step)
 
     def _on_event(self, event: Event) -> None:
         """Let the others know what our agents' components tell of; how a run ends is told in another way."""
@@ -127,16 +127,16 @@ class Member(Participant):
             if end.status == "finished":
                 return end.reason.removeprefix(f"{run.kernel.done} steps made; ")
             self._blame_end()
-        self._adopt(step)
+        self._follow(step)
         return None
 
-    def _adopt(self, step: Step) -> None:
+    def _follow(self, step: Step) -> None:
         run, simulation = self._run, self._simulation
         if run.pacer is not None and not math.isnan(step.started) and self._peer is not None:
             run.pacer.start_at(step.started - self.port.offset(self._peer))
         try:
             contacts, self._contacts = self._contacts, []
-            simulation.environment.adopt(step.time, step.world, contacts)
+            simulation.environment.follow(step.time, step.world, contacts)
         except ValueError as error:
             self._fail("environment", str(error), error)
 

@@ -7,7 +7,7 @@ import functools
 import types
 from collections import Counter, OrderedDict, defaultdict, deque
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -26,7 +26,10 @@ _KNOWN = (*COLLECTIONS.values(), Counter, OrderedDict, defaultdict)
 _GENERATORS = frozenset({"MT19937", "PCG64", "PCG64DXSM", "Philox", "SFC64"})
 
 #: Entries without references.
-_SIMPLE = frozenset({"array", "int", "fixed", "enum", "same", "complex", "dtype", "range", "slice"})
+_SIMPLE = frozenset({"array", "int", "fixed", "enum", "same", "complex", "dtype", "range", "slice", "known"})
+
+#: Entries of objects that need not stand already.
+_MADE = frozenset({*COLLECTIONS, "object", "array", "objects", "view"})
 
 
 class Counterparts:
@@ -38,13 +41,22 @@ class Counterparts:
         roots: The references of what is to be put somewhere.
     """
 
-    def __init__(self, entries: Sequence[Entry], root: Mapping[str, Any], packages: Collection[str]) -> None:
+    def __init__(
+        self,
+        entries: Sequence[Entry],
+        root: Mapping[str, Any],
+        packages: Collection[str],
+        known: Mapping[str, Any] | None = None,
+    ) -> None:
         """Find the counterparts of all entries.
 
         Args:
             entries: What `Taking` made of a root like this one.
             root: The objects.
             packages: The packages of whose classes objects may be made, besides data classes.
+            known: Those that `Taking` was told to know, by name. Then what is put is but a part of what there is: all
+                is made anew, but for these, the root and what cannot be made, so that nobody takes what has changed
+                for what it was because it is the same object.
 
         Raises:
             StateError: An object cannot be made that does not stand here; says where it stood.
@@ -55,9 +67,18 @@ class Counterparts:
         self._packages = packages
         self._claimed: set[int] = set()
         self._places: dict[int, Path] = {}
+        self._makeable: dict[tuple[str, str], bool] = {}
+        if known is not None:
+            self.found.update((n, known[name]) for n, (kind, name, _) in enumerate(entries) if kind == "known")
+            self._claimed.update(map(id, self.found.values()))
         self._find(root)
+        if known is not None:
+            stays = {each[0] for each in self.roots if type(each) is tuple}
+            for number in [each for each in self.found if each not in stays and self._is_made(each)]:
+                del self.found[number]
         for number in sorted(self._places.keys() - self.found.keys()):
-            self._look_at(number)
+            if not self._can_be_made(number):
+                self._refuse(number)
 
     def _find(self, root: Mapping[str, Any]) -> None:
         contents = self.entries[0][2]
@@ -193,32 +214,36 @@ class Counterparts:
         live = self.found.get(number, NOTHING)
         return NOTHING if live is NOTHING else ("object", id(live))
 
-    def _look_at(self, number: int) -> None:
-        """Make sure that what has no counterpart can be made."""
+    def _is_made(self, number: int) -> bool:
+        return self.entries[number][0] in _MADE and self._can_be_made(number)
+
+    def _can_be_made(self, number: int) -> bool:
+        """Whether what has no counterpart can be made."""
         kind, name, _ = self.entries[number]
+        can = self._makeable.get((kind, name))
+        if can is None:
+            can = self._makeable[kind, name] = self._look_at(kind, name)
+        return can
+
+    def _look_at(self, kind: str, name: str) -> bool:
+        found = resolved(name)
         if kind in COLLECTIONS or kind in ("array", "objects", "view"):
-            found = resolved(name)
             base = COLLECTIONS.get(kind, np.ndarray)
-            right = isinstance(found, type) and issubclass(found, base) and (found in _KNOWN or self._is_known(found))
-            if found is np.ndarray or right:
-                return
-        elif kind == "object":
-            found = resolved(name)
-            if isinstance(found, type) and self._can_make(found):
-                return
-        elif kind in ("function", "fixed"):
-            found = resolved(name)
-            if name.endswith(":") or (found is not None and "<" not in name and named_class(found) == name):
-                return
-        elif kind == "generator":
-            if name in _GENERATORS:
-                return
-        elif kind == "enum":
-            found = resolved(name)
-            if isinstance(found, type) and issubclass(found, enum.Enum):
-                return
-        elif kind not in ("same",):
-            return
+            return found is np.ndarray or (
+                isinstance(found, type) and issubclass(found, base) and (found in _KNOWN or self._is_known(found))
+            )
+        if kind == "object":
+            return isinstance(found, type) and self._can_make(found)
+        if kind in ("function", "fixed"):
+            return name.endswith(":") or (found is not None and "<" not in name and named_class(found) == name)
+        if kind == "generator":
+            return name in _GENERATORS
+        if kind == "enum":
+            return isinstance(found, type) and issubclass(found, enum.Enum)
+        return kind not in ("same", "known")
+
+    def _refuse(self, number: int) -> NoReturn:
+        kind, name, _ = self.entries[number]
         what = {"function": "function"}.get(kind, "object of the class")
         place = said_path(self._places.get(number))
         raise StateError(

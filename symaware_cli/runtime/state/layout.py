@@ -15,6 +15,9 @@ from symaware_cli.core import AwarenessVector, Scenery, Snapshot, TimeSeries, Tr
 
 _NO_ATTRIBUTES: Mapping[str, Any] = types.MappingProxyType({})
 
+#: Stands for no object.
+_NOTHING = object()
+
 #: Objects of these never change; so they are made anew and not changed under the hands of who holds them.
 _VALUES = (AwarenessVector, KnownVector, Scenery, Snapshot, TimeSeries, Tracks)
 
@@ -107,24 +110,31 @@ def said_class(name: str) -> str:
 
 def attributes(value: Any, of: Layout) -> dict[str, Any]:
     """The attributes of an object that hold state, by name."""
-    own = getattr(value, "__dict__", _NO_ATTRIBUTES)
     if "*" in of.uncaptured:
         return {}
+    own = _own(value, "__dict__", _NO_ATTRIBUTES)
     found = {name: each for name, each in own.items() if name not in of.uncaptured}
     for name in of.slots:
         if name not in of.uncaptured:
-            try:
-                found[name] = getattr(value, name)
-            except AttributeError:
-                continue
+            each = _own(value, name, _NOTHING)
+            if each is not _NOTHING:
+                found[name] = each
     return found
+
+
+def _own(value: Any, name: str, otherwise: Any) -> Any:
+    """An attribute of an object itself, even if its class says that it has those of another object, too."""
+    try:
+        return object.__getattribute__(value, name)
+    except AttributeError:
+        return otherwise
 
 
 def give(value: Any, of: Layout, found: Mapping[str, Any]) -> None:
     """Give an object the attributes that `attributes` returned of another, and take from it what that had not."""
     if "*" in of.uncaptured:
         return
-    own = getattr(value, "__dict__", None)
+    own = _own(value, "__dict__", None)
     if own is not None:
         for name in [name for name in own if name not in found and name not in of.uncaptured]:
             del own[name]
@@ -134,7 +144,7 @@ def give(value: Any, of: Layout, found: Mapping[str, Any]) -> None:
             continue
         if name in found:
             object.__setattr__(value, name, found[name])
-        elif hasattr(value, name):
+        elif _own(value, name, _NOTHING) is not _NOTHING:
             object.__delattr__(value, name)
 
 

@@ -33,12 +33,12 @@ class Putting:
             if kind == "object" and callable(getattr(live, "check_state", None)):
                 live.check_state(self._value(contents[0])[0])
 
-    def put(self) -> None:
-        """Change the objects."""
-        for each in self._counterparts.roots:
-            self._value(each)
+    def put(self) -> list[Any]:
+        """Change the objects of the root, and return them as they are then."""
+        found = self._all(self._counterparts.roots)
         for live, state in self._told:
             live.restored(state[0])
+        return found
 
     def _value(self, content: Any) -> Any:
         """What an atom or a reference stands for."""
@@ -153,10 +153,9 @@ class Putting:
 
     def _array(self, number: int, live: Any, name: str, contents: list[Any]) -> Any:
         data, dtype, shape, order, writeable, *extra = contents
-        axes = _numbers(order)
-        dense = np.frombuffer(data, _dtype(dtype)).reshape(_numbers(shape))
-        back = np.argsort(axes) if len(axes) > 1 else axes
-        found = dense.transpose(back) if len(axes) > 1 else dense
+        found = np.frombuffer(data, _dtype(dtype)).reshape(_numbers(shape))
+        if order:
+            found = found.transpose(np.argsort(_numbers(order)))
         if live is not NOTHING and live.shape == found.shape and live.dtype == found.dtype:
             alike = live.strides == found.strides
             if writeable and live.flags.writeable and live.base is None and alike:
@@ -171,7 +170,7 @@ class Putting:
             ):
                 return live
         made = found.copy(order="K")
-        kind = np.ndarray if live is NOTHING and name == "numpy:ndarray" else resolved(name)
+        kind = np.ndarray if name == "numpy:ndarray" else resolved(name)
         return self._dressed(made, kind, writeable, extra)
 
     @staticmethod
@@ -251,6 +250,9 @@ class Putting:
         return resolved(name)
 
     def _same(self, number: int, live: Any, name: str, contents: list[Any]) -> Any:
+        return live
+
+    def _known(self, number: int, live: Any, name: str, contents: list[Any]) -> Any:
         return live
 
     def _enum(self, number: int, live: Any, name: str, contents: list[Any]) -> Any:

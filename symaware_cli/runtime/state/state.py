@@ -15,7 +15,9 @@ from symaware_cli.runtime.state.putting import Putting
 from symaware_cli.runtime.state.taking import Entry, Taking
 
 if TYPE_CHECKING:
+    from symaware_cli.core import AgentGroup
     from symaware_cli.runtime.run import Run
+    from symaware_cli.runtime.simulation import Simulation
 
 #: What begins the bytes of a state.
 _MAGIC = b"SymAware state 1\n"
@@ -91,7 +93,7 @@ def take(run: Run, scenario: str, version: str) -> SimulationState:
         StateError: It is over, or something of it cannot be taken; says what.
     """
     _check(run)
-    entries = Taking(_roots(run), _packages(run)).entries
+    entries = Taking(_roots(run), packages(run.simulation)).entries
     return SimulationState(scenario, version, run.simulation.clock.now, run.done, entries)
 
 
@@ -106,7 +108,7 @@ def put(run: Run, state: SimulationState, scenario: str, version: str) -> None:
         raise StateError(f"the state was taken by version {state.version} of the package, and this is {version}")
     if state.scenario != scenario:
         raise StateError("the state is one of another scenario, of other changes to it, or of another seed")
-    Putting(Counterparts(state.entries, _roots(run), _packages(run))).put()
+    Putting(Counterparts(state.entries, _roots(run), packages(run.simulation))).put()
 
 
 def _check(run: Run) -> None:
@@ -114,9 +116,14 @@ def _check(run: Run) -> None:
     if run.status is not None:
         raise StateError(f"the run of {run.simulation.name} is over: {run.status}")
     for group in run.simulation.groups:
-        for column in group.awareness.columns.values():
-            if isinstance(column, SeriesColumn):
-                column.settle()
+        settle(group)
+
+
+def settle(group: AgentGroup) -> None:
+    """Compute what was left for later of a group's series, before its state is taken."""
+    for column in group.awareness.columns.values():
+        if isinstance(column, SeriesColumn):
+            column.settle()
 
 
 def _roots(run: Run) -> Mapping[str, Any]:
@@ -132,9 +139,8 @@ def _roots(run: Run) -> Mapping[str, Any]:
     }
 
 
-def _packages(run: Run) -> frozenset[str]:
-    """The packages that the run has classes of."""
-    simulation = run.simulation
+def packages(simulation: Simulation) -> frozenset[str]:
+    """The packages that a simulation has classes of."""
     plugins: list[object] = [simulation.environment, *(each for slot in simulation.slots for each in slot.components)]
     plugins += [group.model for group in simulation.groups]
     return frozenset({"symaware_cli", *(layout(type(each)).package for each in plugins)})

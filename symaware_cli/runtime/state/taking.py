@@ -11,7 +11,7 @@ import enum
 import types
 from collections import defaultdict, deque
 from collections.abc import Callable, Collection, Iterable, Mapping
-from functools import partial
+from functools import cache, partial
 from pathlib import PurePath
 from typing import Any
 
@@ -26,6 +26,8 @@ Entry = tuple[str, str, list[Any]]
 Path = tuple[Any, str]
 
 _ATOMS = frozenset({type(None), bool, float, str, bytes})
+
+_NOBODY: Mapping[int, str] = types.MappingProxyType({})
 
 _HELP = (
     "if it holds no state, name the attribute in `uncaptured` of its class; otherwise let the class tell its state by "
@@ -49,13 +51,15 @@ class Taking:
         entries: The table; the first entry is that of the object.
     """
 
-    def __init__(self, root: Mapping[str, Any], packages: Collection[str]) -> None:
+    def __init__(self, root: Mapping[str, Any], packages: Collection[str], known: Mapping[int, str] = _NOBODY) -> None:
         """Take objects apart.
 
         Args:
             root: Named as messages about what they refer to shall name them.
             packages: The packages whose classes are taken by their attributes, besides data classes; of others, nobody
                 knows whether these are all.
+            known: The names, by identity, of objects that are not taken unless they are of the root, because they stand
+                where this goes to, too.
 
         Raises:
             StateError: Something cannot be taken; says where it stands.
@@ -67,14 +71,16 @@ class Taking:
         contents: list[Any] = []
         self.entries.append(("root", "", contents))
         self._waiting: deque[Callable[[], None]] = deque()
+        self._known = _NOBODY
         for name, value in root.items():
             contents += [name, self._put(value, (None, name))]
+        self._known = known
         while self._waiting:
             # What is near the root comes first, so that everything is named by the shortest way to it.
             self._waiting.popleft()()
 
     def _put(self, value: Any, path: Path) -> Any:
-        kind = type(value)
+        kind: Any = type(value)
         if kind in _ATOMS:
             return value
         if kind is int:
@@ -82,15 +88,10 @@ class Taking:
         number = self._numbers.get(id(value))
         if number is not None:
             return (number,)
-        if isinstance(value, np.generic) and value.dtype.kind in "biuf":
-            return value
-        for known, take in _TAKERS:
-            if isinstance(value, known):
-                return take(self, value, path)
-        of = layout(kind)
-        if not (of.speaks or (of.is_plain and (of.is_data or of.package in self._packages))):
-            self._refuse(path, f"is a {said_class(of.name)}")
-        return self._object(value, of, path)
+        name = self._known.get(id(value))
+        if name is not None:
+            return self._new(value, "known", name, [])
+        return _taker(kind)(self, value, path)
 
     def _refuse(self, path: Path, why: str) -> None:
         raise StateError(f"the state of {said_path(path)} cannot be taken: it {why}; {_HELP}")
@@ -111,11 +112,20 @@ class Taking:
 
     def _attributes(self, value: Any, of: Layout, path: Path) -> list[Any]:
         found: list[Any] = []
-        for name, each in attributes(value, of).items():
+        for name, each in sorted(attributes(value, of).items()):
             found += [name, self._put(each, (path, f".{name}"))]
         return found
 
-    def _object(self, value: Any, of: Layout, path: Path) -> tuple[int]:
+    def _number(self, value: Any, path: Path) -> Any:
+        if value.dtype.kind not in "biuf":
+            self._refuse(path, f"is a {said_class(named_class(type(value)))}")
+        return value
+
+    def _object(self, value: Any, path: Path) -> tuple[int]:
+        of = layout(type(value))
+        if not (of.speaks or (of.is_plain and (of.is_data or of.package in self._packages))):
+            self._refuse(path, f"is a {said_class(of.name)}")
+
         def fill() -> list[Any]:
             if not of.speaks:
                 return [None, 0, *self._attributes(value, of, path)]
@@ -181,11 +191,11 @@ class Taking:
             contents = [told, offset, _joined(value.shape), _joined(value.strides), writeable, *extra]
             return self._new(value, "view", own, [self._put(base, path), *contents])
         # Laid out in memory as it is, because the last bits of what is computed from it may depend on that.
-        axes = list(range(value.ndim))
-        if value.size:
-            axes.sort(key=lambda axis: -abs(value.strides[axis]))
-        dense = np.ascontiguousarray(value.transpose(axes).view(np.ndarray)) if axes else value.view(np.ndarray)
-        contents = [dense.tobytes(), told, _joined(dense.shape), _joined(axes), writeable, *extra]
+        dense, axes = value, ""
+        if not value.flags.c_contiguous:
+            order = sorted(range(value.ndim), key=lambda axis: -abs(value.strides[axis]))
+            dense, axes = np.ascontiguousarray(value.transpose(order).view(np.ndarray)), _joined(order)
+        contents = [dense.tobytes(), told, _joined(dense.shape), axes, writeable, *extra]
         return self._new(value, "array", own, contents)
 
     def _method(self, value: Any, path: Path) -> tuple[int]:
@@ -272,4 +282,10 @@ _TAKERS: tuple[tuple[Any, Taker], ...] = (
     (complex, Taking._complex),
     (types.CoroutineType | types.GeneratorType, Taking._running),
     (PurePath, Taking._same),
+    (np.generic, Taking._number),
 )
+
+
+@cache
+def _taker(kind: Any) -> Taker:
+    return next((take for known, take in _TAKERS if issubclass(kind, known)), Taking._object)

@@ -98,6 +98,14 @@ def test_an_array_has_the_same_bits_layout_and_permission(array, writeable):
     assert found.base is None
 
 
+def test_an_array_of_another_layout_is_one_array_for_all_who_hold_it():
+    array = np.arange(6.0).reshape(2, 3).T.copy(order="F")
+    thing = moved(one=array, other=array)
+    assert thing.one is thing.other
+    assert np.array_equal(thing.one, array)
+    assert thing.one.strides == array.strides
+
+
 def test_an_array_of_objects_holds_the_same_objects():
     part = [1]
     array = np.empty(2, object)
@@ -143,6 +151,28 @@ def test_slots_without_a_value_have_none_afterwards():
     put(entries, target)
     assert target.b == 1
     assert not hasattr(target, "_a")
+
+
+class Standing:
+    """Something that has all attributes of another object besides its own."""
+
+    __slots__ = ("_for", "note")
+
+    def __getattr__(self, name):
+        return getattr(self._for, name)
+
+
+def test_what_stands_in_for_another_object_has_its_own_attributes_only():
+    thing, target = Thing(note="not its own"), Thing()
+    standing = Standing()
+    standing._for = thing
+    source = Thing(standing=standing)
+    put(take(source), target)
+    assert target.standing is not standing
+    assert target.standing._for.note == "not its own"
+    standing.note = "its own"
+    put(take(source), target)
+    assert (target.standing.note, target.standing._for.note) == ("its own", "not its own")
 
 
 def test_what_never_changes_is_not_changed_under_the_hands_of_who_holds_it():

@@ -1,0 +1,289 @@
+"""Replicas: the components of one slot, and what they live on, as they are in a worker process."""
+
+from __future__ import annotations
+
+import traceback
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from operator import is_
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symaware_cli.core import AgentGroup, Clock, Event, EventBus, GroupComponent, Roster, Surroundings
+from symaware_cli.core.event import RECURRING
+from symaware_cli.runtime.failure import describe
+from symaware_cli.runtime.state.state import settle
+from symaware_cli.runtime.state.transfer import Transfer
+from symaware_cli.runtime.turn import in_turn
+from symaware_cli.world.chance import Turn
+
+
+@dataclass(frozen=True, slots=True)
+class SlotDescription:
+    """All that it takes to make the replica of one slot.
+
+    Attributes:
+        kind: The class of the components.
+        parameters: Those of each component.
+        attributes: Name, path and entry-point name of each.
+        group: The name of the group.
+        groups: The arguments of all groups, as they are at the start.
+        time_step: That of the world, in nanoseconds.
+        world: What makes the world: its class, its parameters, its folder and its obstacles; None where the components
+            do not look at it.
+        seed: The seed of the run.
+        packages: The packages that the run has classes of.
+    """
+
+    kind: type[Any]
+    parameters: list[Any]
+    attributes: list[dict[str, str]]
+    group: str
+    groups: list[tuple[Any, ...]]
+    time_step: int
+    world: tuple[Any, ...] | None
+    seed: int
+    packages: frozenset[str]
+
+    def environment(self, groups: Sequence[AgentGroup]) -> Any:
+        """Make a world that follows the one of the run, or what stands for it."""
+        if self.world is None:
+            models = {group.name: group.model for group in groups}
+            roster = Roster({group.name: group.ids for group in groups}, models)
+            return Unavailable("world", roster=roster, time_step=self.time_step)
+        kind, parameters, folder, obstacles = self.world
+        environment = kind(parameters)
+        environment.folder = folder
+        environment.initialise(groups, obstacles, self.seed)
+        return environment
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What became of one computation.
+
+    Attributes:
+        row: Whose it was.
+        value: What it returned, as `Transfer` takes it; None where it failed.
+        state: The component, likewise; None where it is as it was.
+        events: What was fired meanwhile: name, source, level, text and data of each.
+        problem: What went wrong, in one line; empty where nothing did.
+        trace: The traceback of that.
+    """
+
+    row: int
+    value: bytes | None = None
+    state: bytes | None = None
+    events: tuple[tuple[Any, ...], ...] = ()
+    problem: str = ""
+    trace: str = ""
+
+    @classmethod
+    def of_failure(cls, row: int, error: BaseException) -> Outcome:
+        """The outcome of a computation that raised something."""
+        return cls(row, problem=describe(error), trace="".join(traceback.format_exception(error)))
+
+
+class Unavailable:
+    """Stands for the world, and for the exchange, where there is none."""
+
+    def __init__(self, what: str, **known: Any) -> None:
+        self.__dict__.update(known)
+        self._what = what
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__"):
+            raise AttributeError(name)
+        raise RuntimeError(
+            f"a component that computes in a process of its own has no {self._what}: it lives on what its agent is "
+            "aware of"
+        )
+
+
+class SlotTransfer(Transfer):
+    """Sends what components of one slot may look at of their group and of the world, and the components themselves."""
+
+    def __init__(
+        self, group: AgentGroup, groups: Sequence[AgentGroup], packages: frozenset[str], *, of_group: bool
+    ) -> None:
+        """Give names to what both ends have.
+
+        Args:
+            group: Whose components.
+            groups: All groups.
+            packages: The packages that the run has classes of.
+            of_group: Whether they are components of the whole group; only others have agents.
+        """
+        super().__init__(packages)
+        self._group = group
+        self._groups = groups
+        self._agents = () if of_group else group.agents
+        awareness, surroundings = group.awareness, group.surroundings
+        columns = {f"part {name}": column for name, column in awareness.columns.items()}
+        state = {"awareness": awareness, "control": group.control_column, **columns}
+        knowledge: dict[str, Any] = {f"knowledge {row}": each for row, each in enumerate(group.knowledge)}
+        knowledge |= {"changes": group.knowledge_changes, "known": group._known}
+        self._state, self._knowledge = tuple(state), tuple(knowledge)
+        self.name(state | knowledge)
+        #: The knowledge that was taken last, each name and each value, and as it was taken.
+        self._taken: tuple[list[Any], bytes] = [], b""
+        self.name(
+            {
+                "surroundings": surroundings,
+                "environment": surroundings.environment,
+                "exchange": surroundings.exchange,
+                "clock": surroundings.clock,
+                "events": surroundings.events,
+                "roster": awareness.roster,
+                "parts": awareness.parts,
+                "signals": awareness.signals,
+            }
+        )
+        for other in groups:
+            self.name({f"group {other.name}": other, f"model {other.name}": other.model})
+        for row, agent in enumerate(self._agents):
+            self.name(
+                {
+                    f"agent {row}": agent,
+                    f"model {row}": agent.model,
+                    f"self {row}": agent.self_awareness,
+                    f"database {row}": agent.awareness_database,
+                    f"knowledges {row}": agent.knowledge_database,
+                }
+            )
+
+    def name_parameters(self, parameters: Sequence[Any]) -> None:
+        """Give names to the parameters of components, by row; None for those who have none of their own."""
+        self.name({f"parameters {row}": each for row, each in enumerate(parameters) if each is not None})
+
+    def surroundings(self, *, sees_world: bool) -> bytes:
+        """What a computation may look at besides knowledge and its component, and what changes in a run."""
+        settle(self._group)
+        environment = self._group.surroundings.environment
+        values: dict[str, Any] = {
+            "present": {each.name: each.present for each in self._groups if each.present is not None},
+            "held": [each.awareness_database.held for each in self._agents],
+        }
+        if sees_world:
+            values["world"] = environment.snapshot().time, dict(environment.share()), list(environment.contacts())
+        return self.taken(self._state, values)
+
+    def knowledge(self) -> bytes:
+        """What the agents know; the same bytes for as long as that does not change, as it seldom does."""
+        known = [entry for each in self._group.knowledge for entry in (*each, *each.values())]
+        last, data = self._taken
+        if not data or len(known) != len(last) or not all(map(is_, known, last)):
+            data = self.taken(self._knowledge)
+            self._taken = known, data
+        return data
+
+    def component(self, component: Any) -> bytes:
+        """The state of a component, which has its path as a name."""
+        return self.taken([component.path])
+
+    def value(self, component: Any, value: Any) -> bytes:
+        """What a component computed."""
+        return self.taken((), {f"what {component.path} computed": value})
+
+    def put_value(self, component: Any, data: bytes) -> Any:
+        """What a component computed at the other end."""
+        return self.put(data)[f"what {component.path} computed"]
+
+
+class Replica:
+    """The components of one slot in a worker."""
+
+    def __init__(self, description: SlotDescription) -> None:
+        self._description = description
+        groups = [AgentGroup(*arguments) for arguments in description.groups]
+        self._groups = {group.name: group for group in groups}
+        self._group = group = self._groups[description.group]
+        self._fired: list[Event] = []
+        events = EventBus()
+        for name in ("*", *sorted(RECURRING)):
+            events.subscribe(name, self._fired.append)
+        self._world = description.environment(groups)
+        self._clock = Clock()
+        surroundings = Surroundings(description.seed, self._world, Unavailable("exchange"), self._clock, events)
+        for each in groups:
+            each.awareness.roster = self._world.roster
+            each.surroundings = surroundings
+            each.awareness.clock = self._clock
+        self._is_group = issubclass(description.kind, GroupComponent)
+        self._transfer = SlotTransfer(group, groups, description.packages, of_group=self._is_group)
+        self._transfer.name_parameters(description.parameters)
+        self._components: dict[int, Any] = {}
+        #: Each component as the other end has it, by row.
+        self._sent: dict[int, bytes] = {}
+
+    def compute(
+        self,
+        now: int,
+        knowledge: bytes | None,
+        surroundings: bytes | None,
+        rows: list[tuple[int, Turn, bytes | None]],
+    ) -> list[Outcome]:
+        """Compute for some rows.
+
+        Args:
+            now: In nanoseconds.
+            knowledge: What `SlotTransfer.knowledge` took; None where that is as it was.
+            surroundings: What `SlotTransfer.surroundings` took, likewise.
+            rows: Whose turns, and the component of each, likewise.
+        """
+        if knowledge is not None:
+            self._transfer.put(knowledge)
+        if surroundings is not None:
+            found = self._transfer.put(surroundings)
+            self._take_presence(found["present"])
+            if "world" in found:
+                self._world.follow(*found["world"])
+            for agent, held in zip(self._group.agents if found["held"] else (), found["held"], strict=True):
+                agent.awareness_database.held = held
+        self._clock.now = now
+        return [self._compute_one(*each) for each in rows]
+
+    def _take_presence(self, present: Mapping[str, NDArray[np.bool_]]) -> None:
+        """Let agents enter and leave the world here as they did there; all are in one that has just been made."""
+        for name, flags in present.items():
+            group = self._groups[name]
+            before = np.ones(len(group), bool) if group.present is None else group.present
+            group.present = flags
+            if self._description.world is not None:
+                for move, rows in ((self._world.dismiss, before & ~flags), (self._world.admit, flags & ~before)):
+                    if rows.any():
+                        move(group, np.flatnonzero(rows).tolist())
+
+    def _compute_one(self, row: int, turn: Turn, state: bytes | None) -> Outcome:
+        try:
+            component = self._component(row)
+            if state is not None:
+                self._transfer.put(state)
+                self._sent[row] = state
+            self._fired.clear()
+            with in_turn(component, turn):
+                value = self._transfer.value(component, component._compute())
+            events = tuple((e.name, e.source, int(e.level), e.text, e.data) for e in self._fired)
+            before, after = self._sent.get(row), self._transfer.component(component)
+            self._sent[row] = after
+            return Outcome(row, value, None if after == before else after, events)
+        except BaseException as error:
+            return Outcome.of_failure(row, error)
+
+    def _component(self, row: int) -> Any:
+        """The replica of a component, which takes up its work here as it did there: what is not sent is made."""
+        component = self._components.get(row)
+        if component is None:
+            made_of = self._description
+            component = made_of.kind() if made_of.parameters[row] is None else made_of.kind(made_of.parameters[row])
+            vars(component).update(made_of.attributes[row])
+            if self._is_group:
+                component.initialise_component(self._group)
+            else:
+                agent = self._group.agents[row]
+                component.initialise_component(agent, agent.awareness_database, agent.knowledge_database)
+            self._transfer.name({component.path: component})
+            self._components[row] = component
+        return component
