@@ -96,7 +96,7 @@ def cases(peers: bool, original: str | None, drones: str | None, folder: Path) -
         ("python", 1000, 400, True),
         ("dictionary", 10, 1000, False),
         ("dictionary", 100, 100, False),
-        ("dictionary", 1000, 3, False),
+        ("dictionary", 1000, 10, False),
         ("mixed", 10, 4000, True),
         ("stock", 10, 4000, True),
         ("stock", 1000, 500, True),
@@ -127,7 +127,7 @@ def cases(peers: bool, original: str | None, drones: str | None, folder: Path) -
         found["IR-SIM hello"] = Case([_python(PEERS), str(HERE / "peers" / "irsim_dash.py"), "4", "240"], whole=True)
     if original:
         script = str(HERE / "peers" / "original_symaware.py")
-        for agents, steps in (("10", "1000"), ("100", "100"), ("1000", "3")):
+        for agents, steps in (("10", "1000"), ("100", "100"), ("1000", "10")):
             found[f"original {agents}"] = Case([original, script, agents, steps])
             found[f"original aware {agents}"] = Case([original, script, agents, steps, "--aware"])
     if drones:

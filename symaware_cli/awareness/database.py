@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import ItemsView, Iterator, Mapping, MutableMapping, Sequence, ValuesView
+from itertools import repeat
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -351,7 +352,7 @@ class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
                     self.set_state(id, state, is_state=True)
             return
         if own in places:
-            self._own.state = states[own]
+            self._awareness.state_column.set_row(self._row, states[own])
         self.others.set_motions(places, motions, rows, self._now)
         self._changed("state")
 
@@ -429,7 +430,11 @@ class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
             # Not changed in place, because somebody may be going through them.
             views, own = self._views, self._own.id
             self._views = {own: self._own}
-            self._views.update((id, views.get(id) or OtherAwareness(id, self)) for id in ids if id != own)
+            if len(views) == 1:
+                self._views.update(zip(ids, map(OtherAwareness, ids, repeat(self)), strict=True))
+            else:
+                self._views.update((id, views.get(id) or OtherAwareness(id, self)) for id in ids)
+            self._views[own] = self._own
             self._views_of = sources
         return self._views
 

@@ -103,7 +103,8 @@ class Snapshot:
         Raises:
             KeyError: There is no such agent, or it is not there.
         """
-        self._index(id)
+        if id not in self:
+            raise KeyError(id)
         group, row = self.roster.place(id)
         state: Array = self.states[group][row]
         return state
