@@ -68,7 +68,10 @@ class Signal:
                 raise ValueError(f"`{key}` of {what} is one of {listed}, not {given!r}")
         if self.drawn not in _DRAWN[self.kind]:
             kinds = " or a ".join(kind for kind, known in _DRAWN.items() if self.drawn in known)
-            raise ValueError(f"{what} is a {self.kind}, and only a {kinds} is drawn as a {self.drawn}")
+            drawn = {"ellipse": "an ellipse", "bars": "bars", "points": "points"}.get(
+                self.drawn or "", f"a {self.drawn}"
+            )
+            raise ValueError(f"{what} is a {self.kind}, and only a {kinds} is drawn as {drawn}")
         if self.columns is None:
             return
         columns = tuple(self.columns)

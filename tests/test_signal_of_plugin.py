@@ -1,4 +1,4 @@
-"""A plugin adds a channel, and a sensor with a new kind of reading, in a file each: the examples of docs/plugins.md."""
+"""A plugin adds a channel, and a sensor with a new kind of reading, in a file each: examples of docs/plugins.md."""
 
 import csv
 import json
@@ -179,3 +179,27 @@ def test_show_and_the_editor_know_the_signal(symaware):
     assert "effort  a vector of power, energy: of the motion" in symaware("show", "mine.gauge").stdout
     schema = json.loads(symaware("schema").stdout)
     assert {"effort", "returns"} <= set(schema["$defs"]["Recording"]["properties"]["omit"]["items"]["enum"])
+
+
+def test_several_processes_record_the_signals_of_their_own_agents_and_their_logs_are_one(log, folder, symaware):
+    from concurrent.futures import ThreadPoolExecutor
+
+    from ports import free_port
+
+    here, port = ("--set", "agents.robot.components.radar.run_in=here"), free_port()
+    with ThreadPoolExecutor() as both:
+        done = [
+            both.submit(symaware, "run", "radar.yaml", "--quiet", *here, *role)
+            for role in (
+                ("--listen", port, "--only", "robot.0", "--output", folder / "host.mcap"),
+                ("--join", f"127.0.0.1:{port}", "--only", "robot.1,robot.2", "--output", folder / "member.mcap"),
+            )
+        ]
+        for each in done:
+            each.result()
+    symaware("merge", folder / "host.mcap", folder / "member.mcap", "--output", folder / "whole.mcap")
+    whole, single = open_log(folder / "whole.mcap"), open_log(log)
+    for row in range(3):
+        for field in ("radar.returns", "gauge.effort"):
+            one, other = (each.series(f"robot.{row}", field) for each in (whole, single))
+            assert one.values.tobytes() == other.values.tobytes()
