@@ -54,10 +54,6 @@ class TableColumn:
         self._tables[index] = self._sound(table)
         self._changed.add(index)
 
-    def exchange(self, tables: Sequence[Array]) -> None:
-        """Put tables in place that were read elsewhere, which counts as no change."""
-        self._tables = [frozen(table) for table in tables]
-
     def take_changes(self) -> Sequence[int] | None:
         """Return the rows written since the last call, ascending; None stands for every row."""
         changed, self._changed = self._changed, set()

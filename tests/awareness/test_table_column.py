@@ -23,7 +23,6 @@ def test_what_was_written_since_is_told_once():
     assert column.take_changes() == [0, 2]
     column.set([[], [], []])
     assert column.take_changes() is None
-    column.exchange(column.tables)
     assert column.take_changes() == []
 
 
