@@ -2,10 +2,11 @@
 
     .venv/bin/python -m fuzzing.mutants [--count 60] [--seed 1] [--output FILE]
 
-Each mutant is one changed operator, constant, condition, result or call in `core/`, `runtime/`, `network/` or
-`recording/`. The tests that mirror its folder run against a copy of the checkout, those named like its module first,
-and stop at the first failure. What survives them is tried with `WIDER`, too. The verdicts stand in FILE, one JSON
-object a line; mutants that are in it already are not tried again.
+Each mutant is one changed operator, constant, condition, result or call in one of `FOLDERS`. Tests run against a copy
+of the checkout, in one process, until one of them fails, fails again, and does not fail without the mutant. They come
+in rounds: those nearest to the module for all mutants, then for those that are left all tests of its folder, and then
+`WIDER`. The verdicts stand in FILE, one JSON object a line and the last one of a mutant counts, so that a run that was
+stopped goes on where it was.
 """
 
 from __future__ import annotations
@@ -149,35 +150,58 @@ def drawn(count: int, seed: int) -> list[Mutant]:
     return chosen
 
 
-def candidates(mutant: Mutant) -> list[list[str]]:
-    """The tests to try, in order: those named like the module, those of its folder, and wider ones."""
-    path = Path(mutant.path).relative_to(PACKAGE)
-    folder = Path("tests") / path.parts[0]
-    named = sorted(str(each) for each in Path("tests").rglob(f"test_{path.stem}*.py"))
-    return [*([named] if named else []), [str(folder)], list(WIDER)]
+def rounds(mutant: Mutant) -> list[list[str]]:
+    """The tests to try: of its folder those named like the module or its package, or importing it; all; wider ones."""
+    path = Path(mutant.path)
+    folder = Path("tests", path.parts[1])
+    module = ".".join(path.with_suffix("").parts)
+    names = [path.stem, *path.parts[2:-1]]
+    files = sorted(folder.rglob("test_*.py"))
+    found = [each for name in names for each in files if each.stem.startswith(f"test_{name}")]
+    found += [each for each in files if each.parent.name in names[1:] or f"from {module} import" in each.read_text()]
+    return [[*dict.fromkeys(map(str, found))], [str(folder)], list(WIDER)]
 
 
-def verdict(mutant: Mutant, tree: Path) -> dict[str, object]:
-    """Try the tests against a mutant in a copy of the checkout."""
+def verdict(mutant: Mutant, tests: list[str], tree: Path) -> dict[str, object]:
+    """Try tests against a mutant in a copy of the checkout.
+
+    A test counts that fails with the mutant, fails with it again, and does not fail without it: on a busy machine tests
+    may fail that wait for other processes.
+    """
     module = tree / mutant.path
     source = module.read_text()
-    module.write_text(mutant.applied(source))
+
+    def tested(wanted: list[str], changed: str) -> subprocess.CompletedProcess[str]:
+        module.write_text(changed)
+        try:
+            return _tested(wanted, tree)
+        finally:
+            module.write_text(source)
+
+    unsure: list[str] = []
+    while tests:
+        try:
+            done = tested([*(f"--deselect={each}" for each in unsure), *tests], mutant.applied(source))
+        except subprocess.TimeoutExpired:
+            return {"killed": True, "by": "the tests hang"}
+        if done.returncode in (0, 5):
+            break
+        failed = [line for line in done.stdout.splitlines() if line.startswith("FAILED ")]
+        if not failed:
+            return {"killed": True, "by": (done.stdout + done.stderr)[-200:]}
+        test = failed[0].removeprefix("FAILED ").split(" - ")[0]
+        if tested([test], mutant.applied(source)).returncode and not tested([test], source).returncode:
+            return {"killed": True, "by": test}
+        unsure.append(test)
+    return {"killed": False, "by": ""}
+
+
+def _tested(tests: list[str], tree: Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "pytest", "-q", "-x", "-n", "0", "-p", "no:cacheprovider", *tests]
     environment = dict(os.environ, PYTHONPATH=str(tree))
-    try:
-        for tests in candidates(mutant):
-            command = [sys.executable, "-m", "pytest", "-q", "-x", "-n", "2", "-p", "no:cacheprovider", *tests]
-            try:
-                done = subprocess.run(
-                    command, cwd=tree, env=environment, capture_output=True, text=True, timeout=TIME_LIMIT, check=False
-                )
-            except subprocess.TimeoutExpired:
-                return {"killed": True, "by": "the tests hang"}
-            if done.returncode not in (0, 5):
-                failed = [line for line in done.stdout.splitlines() if line.startswith(("FAILED", "ERROR"))]
-                return {"killed": True, "by": failed[0] if failed else done.stdout[-200:] + done.stderr[-200:]}
-        return {"killed": False, "by": ""}
-    finally:
-        module.write_text(source)
+    return subprocess.run(
+        command, cwd=tree, env=environment, capture_output=True, text=True, timeout=TIME_LIMIT, check=False
+    )
 
 
 def main() -> None:
@@ -191,20 +215,25 @@ def main() -> None:
     done = {}
     if arguments.output.exists():
         done = {line["mutant"]: line for line in map(json.loads, arguments.output.read_text().splitlines())}
-    killed = 0
     chosen = drawn(arguments.count, arguments.seed)
+    names = [f"{mutant.path}:{mutant.line}: {mutant.before} -> {mutant.after}" for mutant in chosen]
     with tempfile.TemporaryDirectory() as folder:
         tree = Path(folder) / "tree"
         shutil.copytree(".", tree, ignore=shutil.ignore_patterns(".git", ".venv", ".fuzz", ".peers", "__pycache__"))
-        for number, mutant in enumerate(chosen, 1):
-            name = f"{mutant.path}:{mutant.line}: {mutant.before} -> {mutant.after}"
-            if name not in done:
-                done[name] = {"mutant": name, **asdict(mutant), **verdict(mutant, tree)}
+        # What was tried before counts; the next tests take longer, so they wait until every mutant had the ones before.
+        for number in range(3):
+            for name, mutant in zip(names, chosen, strict=True):
+                if name in done and (done[name]["killed"] or done[name]["rounds"] > number):
+                    continue
+                found = verdict(mutant, rounds(mutant)[number], tree)
+                done[name] = {"mutant": name, **asdict(mutant), **found, "rounds": number + 1}
                 with arguments.output.open("a") as file:
                     file.write(json.dumps(done[name]) + "\n")
-            killed += bool(done[name]["killed"])
-            print(f"{number}/{len(chosen)} {'killed  ' if done[name]['killed'] else 'SURVIVED'} {name}", flush=True)
-    print(f"{killed} of {len(chosen)} killed")
+                print(f"round {number + 1}: {'killed  ' if found['killed'] else 'survived'} {name}", flush=True)
+    for name in names:
+        if not done[name]["killed"]:
+            print(f"SURVIVED {name}")
+    print(f"{sum(bool(done[name]['killed']) for name in names)} of {len(chosen)} killed")
 
 
 if __name__ == "__main__":

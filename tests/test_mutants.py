@@ -2,11 +2,12 @@
 
 import ast
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from fuzzing.mutants import FOLDERS, Mutant, candidates, drawn, mutants
+from fuzzing.mutants import FOLDERS, Mutant, drawn, mutants, rounds, verdict
 
 
 @pytest.fixture(autouse=True)
@@ -23,7 +24,9 @@ def changes(tmp_path, source):
 def test_a_seed_draws_the_same_mutants_from_each_folder_again():
     chosen = drawn(10, seed=3)
     assert chosen == drawn(10, seed=3) != drawn(10, seed=4)
-    assert Counter(Path(mutant.path).parts[1] for mutant in chosen) == dict(zip(FOLDERS, (3, 3, 2, 2), strict=True))
+    assert Counter(Path(mutant.path).parts[1] for mutant in chosen) == dict(
+        zip(FOLDERS, (2, 2, 2, 2, 1, 1), strict=True)
+    )
 
 
 def test_every_mutant_compiles_and_is_another_module():
@@ -47,9 +50,50 @@ def test_annotations_errors_and_imports_for_types_stay(tmp_path):
     )
 
 
-def test_tests_named_like_the_module_come_before_those_of_its_folder():
-    mutant = Mutant("symaware_cli/network/outbox.py", 1, 0, 0, "", "")
-    named, folder, wider = candidates(mutant)
-    assert named == ["tests/network/test_outbox.py"]
+def test_tests_named_like_the_module_or_its_package_come_before_all_of_its_folder():
+    def rounds_of(path):
+        return rounds(Mutant(f"symaware_cli/{path}", 1, 0, 0, "", ""))
+
+    near, folder, wider = rounds_of("network/outbox.py")
+    assert near == ["tests/network/test_outbox.py"]
     assert folder == ["tests/network"]
     assert all(Path(each).exists() for each in wider)
+    assert rounds_of("network/channel/backlog.py")[0] == ["tests/network/test_channel.py"]
+    assert rounds_of("core/nothing.py")[0] == []
+
+
+@pytest.fixture
+def checked(tmp_path):
+    """A checkout with one module, and the verdict on a mutant of it after some tests."""
+    (tmp_path / "doubling.py").write_text("def double(x):\n    return x * 2\n")
+    (tmp_path / "pytest.ini").write_text("[pytest]\n")
+
+    def verdict_of(tests):
+        (tmp_path / "test_doubling.py").write_text(f"from doubling import double\n\n\n{tests}")
+        (mutant,) = (each for each in mutants(tmp_path / "doubling.py") if each.after == "(x + 2)")
+        found = verdict(replace(mutant, path="doubling.py"), ["test_doubling.py"], tmp_path)
+        assert (tmp_path / "doubling.py").read_text() == "def double(x):\n    return x * 2\n"
+        return found
+
+    return verdict_of
+
+
+def test_a_mutant_is_killed_by_a_test_that_fails_with_it_alone(checked):
+    assert checked("def test_it():\n    assert double(3) == 6\n") == {
+        "killed": True,
+        "by": "test_doubling.py::test_it",
+    }
+
+
+def test_a_test_that_fails_in_any_case_kills_no_mutant(checked):
+    assert not checked("def test_it():\n    assert double(2) == 5\n")["killed"]
+
+
+def test_a_test_that_fails_now_and_then_kills_no_mutant(checked):
+    assert not checked(
+        "def test_it():\n"
+        "    from pathlib import Path\n\n"
+        "    before = Path('failed').exists()\n"
+        "    Path('failed').touch()\n"
+        "    assert before\n"
+    )["killed"]

@@ -18,7 +18,7 @@ from symaware_cli.recording import geometry
 from symaware_cli.recording.error import LogError
 from symaware_cli.recording.geometry import GeometryWriter, geometry_of
 from symaware_cli.recording.recorder import Recorder
-from symaware_cli.recording.surface import bounds
+from symaware_cli.recording.surface import bounds, triangles
 from symaware_cli.recording.writer import LogWriter
 
 PACKAGE = Path(pybullet.__file__).parent
@@ -169,6 +169,13 @@ def binary_stl(corners):
 )
 def test_the_box_around_a_mesh(data, suffix, expected):
     np.testing.assert_array_equal(bounds(data, suffix), expected)
+
+
+@pytest.mark.parametrize("face", [b"f 1 2 4 3", b"f 1/1 2/2 4/1 3/2", b"f -8 -7 -5 -6"])
+def test_a_face_of_a_mesh_is_a_fan_of_triangles(face):
+    vertices, corners = triangles(CUBE.rpartition("f")[0].encode() + face, ".obj")
+    assert vertices.shape == (8, 3)
+    assert corners.tolist() == [[0, 1, 3], [0, 3, 2]]
 
 
 @pytest.mark.parametrize(("data", "suffix"), [(b"", ".obj"), (b"v 1\n", ".obj"), (b"x", ".stl"), (b"glTF", ".glb")])

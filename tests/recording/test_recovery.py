@@ -159,6 +159,22 @@ def test_a_damaged_chunk_is_left_out_and_counted(tmp_path, whole, places, chunks
     assert "2 damaged chunks left out" in str(log.damage)
 
 
+@pytest.mark.parametrize("number", [4, -1])
+def test_a_damaged_chunk_that_two_readings_come_across_is_counted_once(tmp_path, whole, places, chunks, number):
+    path = tmp_path / "log.mcap"
+    broken = bytearray(whole)
+    _, _, end = [place for place in places if place[0] == Opcode.CHUNK][number]
+    broken[end - 50] ^= 0xFF
+    path.write_bytes(broken)
+    log = open_log(path)
+    one, other = log.messages(), log.messages()
+    first = next(one), next(other)
+    assert [message.sequence for message in first] == [0, 0]
+    expected = sum(len(inside) for _, inside in chunks) - len(chunks[number][1]) - 1
+    assert len(list(one)) == len(list(other)) == expected
+    assert log.damage.chunks_skipped == 1
+
+
 def test_verify_finds_damage_before_anything_is_read(tmp_path, whole, places):
     broken = bytearray(whole)
     _, _, end = next(place for place in places if place[0] == Opcode.CHUNK)

@@ -103,8 +103,19 @@ def test_awareness_is_written_as_the_generated_class_writes_it(data, lengths, un
     columns = [3] if uniform else data.draw(st.lists(st.integers(0, 4), min_size=known, max_size=known))
     size = 3 * known if uniform else sum(columns)
     values = data.draw(hnp.arrays(np.float64, size, elements=finite))
-    written = wire.encode_awareness(lengths, entities, columns, values, rows)
-    expected = v1.Awareness(rows=rows or [], lengths=lengths, entities=entities, columns=columns, values=values)
+    squares = 9 * known if uniform else sum(each * each for each in columns)
+    spread = data.draw(hnp.arrays(np.float64, data.draw(st.sampled_from([0, squares])), elements=finite))
+    ages = data.draw(hnp.arrays(np.float64, data.draw(st.sampled_from([0, known])), elements=finite))
+    written = wire.encode_awareness(lengths, entities, columns, values, rows, covariances=spread, ages=ages)
+    expected = v1.Awareness(
+        rows=rows or [],
+        lengths=lengths,
+        entities=entities,
+        columns=columns,
+        values=values,
+        covariances=spread,
+        ages=ages,
+    )
     assert written == expected.SerializeToString()
     decoded = wire.decode_awareness(written)
     assert decoded.lengths.tolist() == lengths
@@ -112,6 +123,22 @@ def test_awareness_is_written_as_the_generated_class_writes_it(data, lengths, un
     assert decoded.columns.tolist() == columns
     assert np.array_equal(decoded.values, values)
     assert not decoded.world
+
+
+@given(st.data(), st.lists(st.integers(0, 3), max_size=5))
+def test_series_of_others_are_written_as_the_generated_class_writes_them(data, lengths):
+    def drawn(elements, count):
+        return data.draw(st.lists(elements, min_size=count, max_size=count))
+
+    known = sum(lengths)
+    rows = data.draw(row_indices(len(lengths)))
+    entities, columns, points = (drawn(st.integers(0, most), known) for most in (2**32 - 1, 4, 3))
+    stamps = drawn(times, sum(points))
+    values = drawn(finite, sum(size * count for size, count in zip(columns, points, strict=True)))
+    written = wire.encode_others_series("risk", lengths, entities, columns, points, stamps, values, rows)
+    own = {"part": "risk", "rows": rows or [], "lengths": lengths, "entities": entities, "columns": columns}
+    expected = v1.Awareness(series=[v1.OthersSeries(**own, points=points, times=stamps, values=values)])
+    assert written == expected.SerializeToString()
 
 
 def test_knowing_the_whole_world_takes_two_bytes():

@@ -388,6 +388,21 @@ def test_a_condition_leaves_turns_out(options):
     assert [time / MILLISECOND for time, _ in turns] == [100, 150, 200, 250]
 
 
+@pytest.mark.parametrize("intent", [{}, {0.05: [1.0]}, {0.05: [1.0], 0.1: [2.0]}], ids=len)
+def test_an_agent_has_an_intent_from_its_first_point_on(intent):
+    class Intends(Component):
+        def _compute(self):
+            return TimeSeries(intent)
+
+        def _update(self, value):
+            self._agent.self_awareness.intent = value
+
+    turns = []
+    condition = Expression("has_intent", {"has_intent"})
+    simulate({"a": Team({"plan": Intends, "it": noting(turns)}, timings={"it": Timing(condition=condition)})}, 1)
+    assert len(turns) == (1 if intent else 0)
+
+
 @pytest.mark.parametrize("options", [RunOptions(), ASYNCHRONOUS], ids=["synchronous", "asynchronous"])
 def test_the_condition_of_a_group_holds_if_it_holds_for_any_of_its_agents_that_take_part(options):
     turns = []

@@ -15,6 +15,7 @@ from symaware_cli import Component, open_log
 from symaware_cli.recording.recorder import Recorder
 from symaware_cli.recording.writer import LogWriter
 from symaware_cli.runtime.interruption import Interrupted
+from symaware_cli.runtime.options import RunOptions
 from symaware_cli.runtime.run import run
 
 SCENARIO = """
@@ -243,6 +244,16 @@ def test_a_run_in_another_thread_leaves_signals_to_the_main_one():
     thread.start()
     thread.join(timeout=60)
     assert summaries[0].status == "finished"
+
+
+def test_a_run_in_another_thread_ends_with_its_wall_time_too():
+    summaries, options = [], RunOptions(timeout=0.2)
+    thread = threading.Thread(
+        target=lambda: summaries.append(execute(simulation({"robot": Team()}), 300_000, options=options))
+    )
+    thread.start()
+    thread.join(timeout=60)
+    assert summaries[0].status == "interrupted"
 
 
 @pytest.mark.slow

@@ -6,6 +6,7 @@ import yaml
 
 from symaware_cli import open_log
 from symaware_cli.recording.digest import digest
+from symaware_cli.runtime.run import run
 from symaware_cli.scenario.build import build
 from symaware_cli.scenario.execution import execute
 
@@ -68,6 +69,20 @@ def test_an_agent_enters_at_a_time_in_its_initial_state_and_leaves_on_a_conditio
     assert truth.values[0].tolist() == [0.0, 0.0]
     assert truth.values[-2, 0] == pytest.approx(1.0)
     assert np.isnan(truth.values[-1]).all()
+
+
+def test_that_somebody_is_about_to_enter_or_leave_is_announced_before_it_is_so(tmp_path):
+    built = build(scenario(tmp_path, {"car": group({"from": 1.0, "until": 2.0})}))
+    (car,), seen = built.simulation.groups, []
+    for name in ("adding", "added", "removing", "removed"):
+        built.simulation.events.subscribe(name, lambda event: seen.append((event.name, event.source, len(car.rows))))
+    run(built.simulation, built.steps, options=built.options)
+    assert seen == [
+        ("adding", "agents.car", 0),
+        ("added", "agents.car", 1),
+        ("removing", "agents.car", 1),
+        ("removed", "agents.car", 0),
+    ]
 
 
 def test_agents_enter_and_leave_with_events_of_others_and_of_their_own(tmp_path):

@@ -3,6 +3,7 @@
 import ctypes
 import os
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -479,6 +480,19 @@ def test_a_process_that_never_closes_its_ports_ends(kind: type[Transport]) -> No
     assert (done.returncode, done.stdout, done.stderr) == (0, "came came\n", "")
 
 
+def test_a_process_that_ends_while_it_connects_ends_in_order(kind: type[Transport]) -> None:
+    script = (
+        "import socket\n"
+        f"from {kind.__module__} import {kind.__name__} as kind\n"
+        "silent = socket.create_server(('127.0.0.1', 0))\n"
+        "member = kind(kind.Parameters(timeout=2.0)).join(*silent.getsockname())\n"
+        "connection, _ = silent.accept()\n"
+        "print('connected')\n"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "connected\n", "")
+
+
 def test_a_transport_whose_library_is_not_there_says_what_to_install() -> None:
     script = (
         "import sys\n"
@@ -489,6 +503,17 @@ def test_a_transport_whose_library_is_not_there_says_what_to_install() -> None:
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert "pip install 'symaware-cli[zenoh]'" in done.stdout
+
+
+def test_who_comes_as_the_port_closes_does_not_hold_it_up(stack: ExitStack, monkeypatch: pytest.MonkeyPatch) -> None:
+    for limit in ("tcp.PARTING", "port._CLOSING"):
+        monkeypatch.setattr(f"symaware_cli.network.transport.{limit}", 60.0)
+    host = Tcp(Tcp.Parameters()).listen("127.0.0.1", 0)
+    host.later(time.sleep, 0.5)  # so that it is closing when it hears of who came
+    stack.enter_context(socket.create_connection(("127.0.0.1", number(host))))
+    began = time.monotonic()
+    host.close()
+    assert time.monotonic() - began < 30.0
 
 
 def test_ports_leave_no_thread_and_no_descriptor(make: Callable[..., Transport]) -> None:

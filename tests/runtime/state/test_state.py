@@ -144,6 +144,28 @@ def test_an_object_that_stands_is_the_same_one_afterwards():
     assert thing.called() is inner
 
 
+def test_an_object_that_stands_is_found_under_the_key_that_stands():
+    key, held = Thing(), Speaking()
+    thing = Thing(key=key, table={key: held})
+    entries = take(thing)
+    held.number = 2
+    put(entries, thing)
+    assert thing.table == {key: held}
+    assert held.number == 1
+
+
+@pytest.mark.parametrize("instead", [lambda held: held.clear, lambda held: None])
+def test_a_method_of_a_list_is_put_back_where_something_else_stands(instead):
+    held = [1]
+    thing = Thing(held=held, call=held.append)
+    entries = take(thing)
+    thing.call = instead(held)
+    put(entries, thing)
+    thing.call(2)
+    assert thing.held is held
+    assert held == [1, 2]
+
+
 def test_slots_without_a_value_have_none_afterwards():
     source, target = Slotted(), Slotted()
     source.b, target._a = 1, 2
