@@ -19,7 +19,7 @@ from symaware_cli.environments.kinematic import KinematicEnvironment
 from symaware_cli.models.integrator import SingleIntegrator
 from symaware_cli.runtime.options import RunOptions
 from symaware_cli.runtime.run import run
-from symaware_cli.runtime.simulation import Simulation, Slot
+from symaware_cli.runtime.simulation import ComponentEntry, Simulation
 from symaware_cli.runtime.timing import Timing
 
 HERE = Path(__file__).parent
@@ -67,7 +67,7 @@ def simulation(kind, count, timing, time_step):
         environment=world,
         environment_use="kinematic",
         groups=[group],
-        slots=[Slot(group, "it", "benchmark", components, timing)],
+        entries=[ComponentEntry(group, "it", "benchmark", components, timing)],
         obstacles={},
     )
 
@@ -79,7 +79,7 @@ def measured(kind, count, timing, duration, time_step=0.1, **options):
     summary = run(ready, round(duration / time_step), options=RunOptions(mode="asynchronous", **options))
     cpu = time.process_time() - started
     assert summary.status == "finished", summary.failure
-    return cpu, [component.count for component in ready.slots[0].components], summary
+    return cpu, [component.count for component in ready.entries[0].components], summary
 
 
 def cases(count, duration):
@@ -96,7 +96,7 @@ def synchronous(count, duration):
     ready = simulation(Trivial, count, Timing(), 0.01)
     started = time.process_time()
     summary = run(ready, round(duration / 0.01))
-    return time.process_time() - started, [each.count for each in ready.slots[0].components], summary
+    return time.process_time() - started, [each.count for each in ready.entries[0].components], summary
 
 
 def simpy(count, turns):

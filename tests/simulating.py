@@ -14,7 +14,7 @@ from symaware_cli.recording.recorder import Recorder
 from symaware_cli.recording.writer import LogWriter
 from symaware_cli.runtime.options import RunOptions
 from symaware_cli.runtime.run import run
-from symaware_cli.runtime.simulation import Simulation, Slot
+from symaware_cli.runtime.simulation import ComponentEntry, Simulation
 from symaware_cli.runtime.summary import Summary
 from symaware_cli.runtime.timing import STEADY, Timing
 
@@ -42,15 +42,15 @@ class Team:
         state = self.state or [[float(row), *[0.0] * (len(self.model.state) - 1)] for row in range(len(ids))]
         return AgentGroup(name, ids, self.model, self.entity, state, self.knowledge)
 
-    def slots(self, group: AgentGroup) -> list[Slot]:
-        slots = []
+    def entries(self, group: AgentGroup) -> list[ComponentEntry]:
+        entries = []
         for name, make in self.components.items():
             first = make()
             others = [] if isinstance(first, GroupComponent) else [make() for _ in group.ids[1:]]
             group.awareness.declare({signal.field(name): signal for signal in first.signals})
             timing = self.timings.get(name, STEADY)
-            slots.append(Slot(group, name, f"test.{name}", [first, *others], timing))
-        return slots
+            entries.append(ComponentEntry(group, name, f"test.{name}", [first, *others], timing))
+        return entries
 
 
 def simulation(
@@ -68,7 +68,7 @@ def simulation(
         environment=environment or KinematicEnvironment(KinematicEnvironment.Parameters(time_step=STEP / 1e9)),
         environment_use="test-world",
         groups=list(groups.values()),
-        slots=[slot for name, team in teams.items() for slot in team.slots(groups[name])],
+        entries=[entry for name, team in teams.items() for entry in team.entries(groups[name])],
         obstacles=obstacles or {},
     )
 

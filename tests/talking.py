@@ -52,11 +52,11 @@ class Watch:
 
     def fault(self, effect, group, component, step, steps=None, rows=None):
         """Let something happen to a component just before the turns of a step, for some steps."""
-        slot = next(each for each in self.simulation.slots if (each.group.name, each.name) == (group, component))
-        concerned = Components(slot, range(len(slot.group)) if rows is None else rows)
+        entry = next(each for each in self.simulation.entries if (each.group.name, each.name) == (group, component))
+        concerned = Components(entry, range(len(entry.group)) if rows is None else rows)
         lasting = None if steps is None else steps * STEP
         name = f"fault {len(self.faults)}"
-        self.faults.append(Fault(name, name, slot.path, effect([concerned]), step * STEP, lasting=lasting))
+        self.faults.append(Fault(name, name, entry.path, effect([concerned]), step * STEP, lasting=lasting))
         return self
 
     def fired(self, name):

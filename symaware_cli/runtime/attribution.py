@@ -14,10 +14,10 @@ if TYPE_CHECKING:
 
 def attribute_livelock(simulation: Simulation, error: LivelockError) -> RunError:
     """Name those who wake each other without end."""
-    slots = [simulation.slots[place] for place in error.places if place >= 0]
-    names = ", ".join(f"`{slot.path}`" for slot in slots)
+    entries = [simulation.entries[place] for place in error.places if place >= 0]
+    names = ", ".join(f"`{entry.path}`" for entry in entries)
     problem = f"no time passes any more: {names} take turn after turn at one instant"
-    source, plugin = (slots[0].path, slots[0].use) if slots else ("run", "symaware")
+    source, plugin = (entries[0].path, entries[0].use) if entries else ("run", "symaware")
     return RunError(source, plugin, simulation.clock.now, problem)
 
 

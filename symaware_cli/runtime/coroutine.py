@@ -12,7 +12,7 @@ from symaware_cli.runtime.failure import describe
 from symaware_cli.runtime.guard import FAILED, Guard
 from symaware_cli.runtime.interruption import Interrupted
 from symaware_cli.runtime.queue import Queue
-from symaware_cli.runtime.simulation import Simulation, Slot
+from symaware_cli.runtime.simulation import ComponentEntry, Simulation
 from symaware_cli.runtime.turn import computed_at, in_turn
 from symaware_cli.runtime.turns_in_progress import TurnsInProgress
 from symaware_cli.world.chance import Turn
@@ -36,7 +36,7 @@ class CoroutineTurns:
     def __init__(
         self,
         simulation: Simulation,
-        slot: Slot,
+        entry: ComponentEntry,
         place: int,
         queue: Queue,
         guard: Guard,
@@ -48,8 +48,8 @@ class CoroutineTurns:
 
         Args:
             simulation: What runs.
-            slot: Whose turns they are.
-            place: Its position among all slots.
+            entry: Whose turns they are.
+            place: Its position among all entries.
             queue: Where it is entered when they go on.
             guard: Calls them.
             progress: Which turns are under way.
@@ -57,7 +57,7 @@ class CoroutineTurns:
             over: Told of the row of a turn that is over.
         """
         self._simulation = simulation
-        self._slot = slot
+        self._entry = entry
         self._place = place
         self._queue = queue
         self._guard = guard
@@ -72,7 +72,7 @@ class CoroutineTurns:
             for row in rows:
                 turn = self._progress.begin(row, self._queue.clock.now)
                 wakeups = Wakeups(self._queue, self._place, row)
-                begun = _CoroutineTurn(self._slot.components[row], row, turn, wakeups)
+                begun = _CoroutineTurn(self._entry.components[row], row, turn, wakeups)
                 self._progress.occupy(row, begun)
                 begun.coroutine = self._whole_turn(begun)
                 self._go_on(begun)
@@ -143,7 +143,7 @@ class CoroutineTurns:
             return
         turn.wakeups.clear()
         guard = self._guard
-        if not guard.supervision.interferes and self._slot.timing.on_failure == "stop":
+        if not guard.supervision.interferes and self._entry.timing.on_failure == "stop":
             self._go_on(turn)
             guard.check(None)
             return

@@ -8,7 +8,7 @@ from typing import Any
 from symaware_cli.core import Event, Level
 from symaware_cli.runtime.guard import FAILED, Guard
 from symaware_cli.runtime.queue import Phase, Queue
-from symaware_cli.runtime.simulation import Simulation, Slot
+from symaware_cli.runtime.simulation import ComponentEntry, Simulation
 from symaware_cli.runtime.turn import computed_at, in_turn
 from symaware_cli.runtime.turns_in_progress import TurnsInProgress
 from symaware_cli.runtime.workers import Computed, WorkerError, Workers
@@ -27,7 +27,7 @@ class DelayedTurns:
     def __init__(
         self,
         simulation: Simulation,
-        slot: Slot,
+        entry: ComponentEntry,
         place: int,
         queue: Queue,
         guard: Guard,
@@ -39,8 +39,8 @@ class DelayedTurns:
 
         Args:
             simulation: What runs.
-            slot: Whose turns they are.
-            place: Its position among all slots.
+            entry: Whose turns they are.
+            place: Its position among all entries.
             queue: Where updates are entered.
             guard: Calls the components.
             progress: Which turns are under way.
@@ -49,7 +49,7 @@ class DelayedTurns:
         """
         self._simulation = simulation
         self._events = simulation.events
-        self._slot = slot
+        self._entry = entry
         self._place = place
         self._queue = queue
         self._guard = guard
@@ -84,12 +84,12 @@ class DelayedTurns:
         """Yield what each component computes, one after the other; in workers they compute all at once before."""
         guard, events = self._guard, self._events
         done: dict[int, Computed | WorkerError] | None = None
-        if self._slot.timing.in_process:
-            done = guard.attempt(next(iter(turns)), self._workers.compute, self._slot, turns)
+        if self._entry.timing.in_process:
+            done = guard.attempt(next(iter(turns)), self._workers.compute, self._entry, turns)
             if done is FAILED:
                 return
         for row, turn in turns.items():
-            component = self._slot.components[row]
+            component = self._entry.components[row]
             if "computing" in events.wanted:
                 component._announce("computing")
             if done is None:
@@ -115,7 +115,7 @@ class DelayedTurns:
             for row, turn, value in landing:
                 if not self._progress.vacate(row, turn):
                     continue
-                component = self._slot.components[row]
+                component = self._entry.components[row]
                 if "computed" in wanted:
                     component._announce("computed", value)
                 with in_turn(component, turn), computed_at(component, turn.instant):

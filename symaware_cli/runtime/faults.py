@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from symaware_cli.core import AgentGroup
 from symaware_cli.network.disturbance import Disturbance
-from symaware_cli.runtime.simulation import Simulation, Slot
+from symaware_cli.runtime.simulation import ComponentEntry, Simulation
 from symaware_cli.runtime.timing import Duration, Trigger
 from symaware_cli.runtime.turn import Turns
 from symaware_cli.world.chance import GroupChance, agent_numbers
@@ -44,11 +44,11 @@ class Components(NamedTuple):
     """A component of some agents.
 
     Attributes:
-        slot: The component.
+        entry: The component.
         rows: Of which agents, ascending.
     """
 
-    slot: Slot
+    entry: ComponentEntry
     rows: Sequence[int]
 
 
@@ -58,7 +58,7 @@ class Targets:
 
     Attributes:
         simulation: What runs.
-        schedulers: The turns of each slot, in their order.
+        schedulers: The turns of each entry, in their order.
         membership: Which agents take part.
         motion: What the world does.
         ends: Ends another fault, by its name.
@@ -72,7 +72,7 @@ class Targets:
 
     def scheduler(self, components: Components) -> TurnScheduler:
         """The turns of a component."""
-        return self.schedulers[self.simulation.slots.index(components.slot)]
+        return self.schedulers[self.simulation.entries.index(components.entry)]
 
 
 class Effect(ABC):
@@ -174,7 +174,7 @@ class Blind(Effect):
             disturbance = partial(_blindfold, frozenset(each.rows))
             scheduler = targets.scheduler(each)
             scheduler.supervision.disturb(disturbance)
-            disturbance(scheduler.slot.group, ())
+            disturbance(scheduler.entry.group, ())
             begun.append((scheduler, disturbance))
         return begun
 
@@ -218,7 +218,7 @@ class Error(Effect):
         begun = []
         for each in self.components:
             scheduler = targets.scheduler(each)
-            noise = _Noise(self.deviation, scheduler.slot, targets.simulation.seed, name)
+            noise = _Noise(self.deviation, scheduler.entry, targets.simulation.seed, name)
             disturbance = partial(_mismeasure, self, each.rows, noise)
             scheduler.supervision.disturb(disturbance)
             begun.append((scheduler, disturbance))
@@ -233,11 +233,11 @@ class Error(Effect):
 class _Noise:
     """The noise of one fault in what one component measures: keyed by both, the agent and the turn."""
 
-    def __init__(self, deviation: Array, slot: Slot, seed: int, fault: str) -> None:
+    def __init__(self, deviation: Array, entry: ComponentEntry, seed: int, fault: str) -> None:
         self._deviation = deviation
         self._seed = seed
-        self._purpose = f"component {slot.name} fault {fault}"
-        self._numbers = agent_numbers(slot.group.ids)
+        self._purpose = f"component {entry.name} fault {fault}"
+        self._numbers = agent_numbers(entry.group.ids)
         self._turns = Turns()
 
     def draw(self, rows: Sequence[int], now: int) -> Array:

@@ -11,7 +11,7 @@ from symaware_cli.core import AgentGroup, Component, GroupComponent, Level, Subs
 from symaware_cli.runtime.failure import RunError, describe
 from symaware_cli.runtime.finiteness import FinitenessCheck
 from symaware_cli.runtime.interruption import Interrupted, Interruption
-from symaware_cli.runtime.simulation import Simulation, Slot
+from symaware_cli.runtime.simulation import ComponentEntry, Simulation
 from symaware_cli.runtime.supervision import Supervision
 from symaware_cli.runtime.timing import Coast
 
@@ -34,7 +34,7 @@ class Guard:
     def __init__(
         self,
         simulation: Simulation,
-        slot: Slot,
+        entry: ComponentEntry,
         supervision: Supervision,
         interruption: Interruption,
         isolate: Isolate,
@@ -44,7 +44,7 @@ class Guard:
 
         Args:
             simulation: What runs.
-            slot: Whose components are called.
+            entry: Whose components are called.
             supervision: See there.
             interruption: Holds signals back.
             isolate: See `Isolate`.
@@ -54,13 +54,13 @@ class Guard:
         self.failures = 0
         self.tries: Counter[int] = Counter()
         self._simulation = simulation
-        self._slot = slot
-        self._group = slot.group
-        self._is_group = isinstance(slot.components[0], GroupComponent)
+        self._entry = entry
+        self._group = entry.group
+        self._is_group = isinstance(entry.components[0], GroupComponent)
         self._interruption = interruption
         self._isolate = isolate
         self._restart = restart
-        self._finiteness = FinitenessCheck(slot.group)
+        self._finiteness = FinitenessCheck(entry.group)
 
     def attempt(self, row: int, call: Callable[..., Any], *arguments: Any) -> Any:
         """Call something of a component, with signals let through; `FAILED` where it raised, which is its failure."""
@@ -70,7 +70,7 @@ class Guard:
         except (SubscriberError, Interrupted):
             raise
         except BaseException as error:
-            self.fail(row, self.failure(self._slot.components[row], describe(error), error))
+            self.fail(row, self.failure(self._entry.components[row], describe(error), error))
             return FAILED
         finally:
             self._interruption.shield()
@@ -79,7 +79,7 @@ class Guard:
         self, component: Component | GroupComponent, problem: str, cause: BaseException | None = None
     ) -> RunError:
         """What to say of a component that failed."""
-        return RunError(component.path, self._slot.use, self._simulation.clock.now, problem, cause)
+        return RunError(component.path, self._entry.use, self._simulation.clock.now, problem, cause)
 
     def fail(self, row: int, failure: RunError, agents: Sequence[int] | None = None) -> None:
         """Do what the scenario says about a component that failed.
@@ -92,7 +92,7 @@ class Guard:
         Raises:
             RunError: The failure ends the run.
         """
-        timing = self._slot.timing
+        timing = self._entry.timing
         if timing.on_failure == "stop" or (timing.on_failure == "restart" and self.tries[row] >= timing.tries):
             raise failure
         self.failures += 1
@@ -106,7 +106,7 @@ class Guard:
 
     def present(self) -> Sequence[Array] | None:
         """What stands in the columns, to go back to if it is overwritten with what is not finite."""
-        return None if self._slot.timing.on_failure == "stop" else self._finiteness.present()
+        return None if self._entry.timing.on_failure == "stop" else self._finiteness.present()
 
     def check(self, before: Sequence[Array] | None) -> None:
         """Look for what is not finite in what was written.
@@ -116,10 +116,10 @@ class Guard:
         """
         if not self._finiteness.is_due:
             return
-        ids, name, now = self._group.ids, self._slot.name, self._simulation.clock.now
+        ids, name, now = self._group.ids, self._entry.name, self._simulation.clock.now
         for rows, problem in self._finiteness.offences(before):
             others = f", and so for {len(rows) - 1} more agents" if len(rows) > 1 else ""
-            failure = RunError(f"agents.{ids[rows[0]]}.{name}", self._slot.use, now, problem + others)
+            failure = RunError(f"agents.{ids[rows[0]]}.{name}", self._entry.use, now, problem + others)
             if before is None:
                 raise failure
             if self._is_group:
@@ -127,4 +127,4 @@ class Guard:
                 continue
             for row in rows:
                 path = f"agents.{ids[row]}.{name}"
-                self.fail(row, RunError(path, self._slot.use, now, problem.partition(":")[0]))
+                self.fail(row, RunError(path, self._entry.use, now, problem.partition(":")[0]))

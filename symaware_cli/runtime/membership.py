@@ -54,7 +54,7 @@ class Membership:
 
         Args:
             simulation: What runs.
-            schedulers: The turns of each slot.
+            schedulers: The turns of each entry.
             presence: When the agents of groups are in the world, in the order of their rows; of all others: always.
             observer: Knows of contacts, goals and risks, for conditions on which agents enter.
             router: Connects events with what they bring about.
@@ -191,7 +191,7 @@ class Membership:
         raise RunError("environment", use, now, describe(error), error) from error
 
     def _of(self, group: AgentGroup) -> list[TurnScheduler]:
-        return [scheduler for scheduler in self._schedulers if scheduler.slot.group is group]
+        return [scheduler for scheduler in self._schedulers if scheduler.entry.group is group]
 
     def _hold(self, group: AgentGroup, row: int) -> bool:
         """Take an agent out of the run, for one reason; return whether it is the first.

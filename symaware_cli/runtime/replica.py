@@ -1,4 +1,4 @@
-"""Replicas: the components of one slot, and what they live on, as they are in a worker process."""
+"""Replicas: the components of one entry, and what they live on, as they are in a worker process."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from symaware_cli.world.chance import Turn
 
 
 @dataclass(frozen=True, slots=True)
-class SlotDescription:
-    """All that it takes to make the replica of one slot.
+class EntryDescription:
+    """All that it takes to make the replica of one entry.
 
     Attributes:
         kind: The class of the components.
@@ -102,8 +102,8 @@ class Unavailable:
         )
 
 
-class SlotTransfer(Transfer):
-    """Sends what components of one slot may look at of their group and of the world, and the components themselves."""
+class EntryTransfer(Transfer):
+    """Sends what components of one entry may look at of their group and of the world, and the components themselves."""
 
     def __init__(
         self, group: AgentGroup, groups: Sequence[AgentGroup], packages: frozenset[str], *, of_group: bool
@@ -193,9 +193,9 @@ class SlotTransfer(Transfer):
 
 
 class Replica:
-    """The components of one slot in a worker."""
+    """The components of one entry in a worker."""
 
-    def __init__(self, description: SlotDescription) -> None:
+    def __init__(self, description: EntryDescription) -> None:
         self._description = description
         groups = [AgentGroup(*arguments) for arguments in description.groups]
         self._groups = {group.name: group for group in groups}
@@ -212,7 +212,7 @@ class Replica:
             each.surroundings = surroundings
             each.awareness.clock = self._clock
         self._is_group = issubclass(description.kind, GroupComponent)
-        self._transfer = SlotTransfer(group, groups, description.packages, of_group=self._is_group)
+        self._transfer = EntryTransfer(group, groups, description.packages, of_group=self._is_group)
         self._transfer.name_parameters(description.parameters)
         self._components: dict[int, Any] = {}
         #: Each component as the other end has it, by row.
@@ -229,8 +229,8 @@ class Replica:
 
         Args:
             now: In nanoseconds.
-            knowledge: What `SlotTransfer.knowledge` took; None where that is as it was.
-            surroundings: What `SlotTransfer.surroundings` took, likewise.
+            knowledge: What `EntryTransfer.knowledge` took; None where that is as it was.
+            surroundings: What `EntryTransfer.surroundings` took, likewise.
             rows: Whose turns, and the component of each, likewise.
         """
         if knowledge is not None:

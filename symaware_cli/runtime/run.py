@@ -79,7 +79,7 @@ class Run:
     Attributes:
         simulation: What runs.
         kernel: Goes from instant to instant.
-        schedulers: The turns of each slot.
+        schedulers: The turns of each entry.
         membership: Which agents take part.
         recorder: Writes it down; None where nobody does.
         status: How it ended, as `Summary` says it; None while it goes on.
@@ -124,13 +124,13 @@ class Run:
         self._observer = Observer(simulation)
         self._pacer = Pacer(options.pace) if options.pace else None
         self._workers = Workers(
-            simulation, [slot for slot in simulation.slots if slot.timing.in_process], options.workers
+            simulation, [entry for entry in simulation.entries if entry.timing.in_process], options.workers
         )
         if recorder:
             record_events(recorder, simulation, self._interruption, participant)
             if self._pacer:
                 recorder.pace = self._pacer.kept.figures
-        components = [each for slot in simulation.slots for each in slot.components]
+        components = [each for entry in simulation.entries for each in entry.components]
         self._bridge: AsyncioBridge | None = None
         if is_asynchronous and self._pacer and any(is_coroutine(each) for each in components):
             # asyncio takes as long to import as a short run does.
@@ -143,7 +143,7 @@ class Run:
         self.schedulers += [
             TurnScheduler(
                 simulation,
-                slot,
+                entry,
                 place,
                 queue=queue,
                 router=router,
@@ -152,7 +152,7 @@ class Run:
                 isolate=self.membership.retire,
                 awaiter=awaiter,
             )
-            for place, slot in enumerate(simulation.slots)
+            for place, entry in enumerate(simulation.entries)
         ]
         self.kernel.steady = [(each.place, each.take) for each in self.schedulers if each.is_steady]
         self._faults = FaultScheduler(

@@ -18,7 +18,7 @@ from symaware_cli.runtime.guard import Guard, Isolate
 from symaware_cli.runtime.interruption import Interrupted, Interruption
 from symaware_cli.runtime.queue import Phase, Queue
 from symaware_cli.runtime.scope import AgentScope
-from symaware_cli.runtime.simulation import Simulation, Slot
+from symaware_cli.runtime.simulation import ComponentEntry, Simulation
 from symaware_cli.runtime.supervision import Supervision
 from symaware_cli.runtime.timing import Timetable
 from symaware_cli.runtime.trigger import concerned
@@ -29,7 +29,7 @@ from symaware_cli.world.chance import key_of
 
 
 class TurnScheduler:
-    """Lets the components of one slot take their turns.
+    """Lets the components of one entry take their turns.
 
     A row here is that of a component: of an agent, or 0 where one component serves the whole group. In the queue there
     are, at its place, entries of these kinds:
@@ -40,8 +40,8 @@ class TurnScheduler:
     ``update`` and ``resume``: see `DelayedTurns` and `CoroutineTurns`.
 
     Attributes:
-        slot: Whose turns they are.
-        place: Its position among all slots.
+        entry: Whose turns they are.
+        place: Its position among all entries.
         turns: How many turns were taken, each component's counted.
         overruns: How many were due while the one before still computed.
         supervision: Who takes no part at present, and what faults make of the others.
@@ -50,7 +50,7 @@ class TurnScheduler:
     def __init__(
         self,
         simulation: Simulation,
-        slot: Slot,
+        entry: ComponentEntry,
         place: int,
         *,
         queue: Queue,
@@ -64,8 +64,8 @@ class TurnScheduler:
 
         Args:
             simulation: What runs.
-            slot: Whose turns they are.
-            place: Its position among all slots.
+            entry: Whose turns they are.
+            place: Its position among all entries.
             queue: Where turns are entered.
             router: Where triggers are heard.
             interruption: Holds signals back.
@@ -73,31 +73,31 @@ class TurnScheduler:
             isolate: Takes agents out of the run.
             awaiter: What components may wait for within their turns; None where they may not.
         """
-        self.slot = slot
+        self.entry = entry
         self.place = place
         self.turns = 0
         self.overruns = 0
         self._simulation = simulation
-        self._timing = slot.timing
-        self._group = slot.group
-        self._is_group = isinstance(slot.components[0], GroupComponent)
-        self._written = slot.group.control_column, slot.group.awareness.state_column
-        self._row_of = {id: row for row, id in enumerate(slot.group.ids)}
+        self._timing = entry.timing
+        self._group = entry.group
+        self._is_group = isinstance(entry.components[0], GroupComponent)
+        self._written = entry.group.control_column, entry.group.awareness.state_column
+        self._row_of = {id: row for row, id in enumerate(entry.group.ids)}
         self._queue = queue
         self._router = router
         self._interruption = interruption
         self._workers = workers
-        self._scope = AgentScope(slot.group) if self._timing.condition else None
+        self._scope = AgentScope(entry.group) if self._timing.condition else None
         self._progress = TurnsInProgress()
         #: How many turns of each row were put off, and who is to take one that an event asked for.
         self._backlog: Counter[int] = Counter()
         self._called: set[int] | None = None
-        self.supervision = Supervision(simulation, slot, self._review)
-        self._guard = Guard(simulation, slot, self.supervision, interruption, isolate, self.restart)
-        common = simulation, slot, place, queue, self._guard, self._progress
+        self.supervision = Supervision(simulation, entry, self._review)
+        self._guard = Guard(simulation, entry, self.supervision, interruption, isolate, self.restart)
+        common = simulation, entry, place, queue, self._guard, self._progress
         self._delayed = DelayedTurns(*common, workers, self._over)
         self._coroutines: CoroutineTurns | None = None
-        if awaiter is not None and any(is_coroutine(each) for each in slot.components):
+        if awaiter is not None and any(is_coroutine(each) for each in entry.components):
             self._coroutines = CoroutineTurns(*common, awaiter, self._over)
         queue.register(place, {"period": self._on_period, "trigger": self._on_called, "again": self._on_again})
         self._timetables: dict[int, Timetable] = {}
@@ -139,7 +139,7 @@ class TurnScheduler:
             self._timetables[0] = Timetable(timing, step, queue.grid)
             self._enter_turn(None, 0, queue.clock.now)
             return
-        for row, component in enumerate(self.slot.components):
+        for row, component in enumerate(self.entry.components):
             key = key_of(self._simulation.seed, component.path, "jitter")
             self._timetables[row] = Timetable(timing, step, queue.grid, key)
             self._enter_turn([row], 0, queue.clock.now)
@@ -176,7 +176,7 @@ class TurnScheduler:
         if not self._is_group:
             self.take(agents)
             return
-        component = vars(self.slot.components[0])
+        component = vars(self.entry.components[0])
         component["_triggered"] = agents
         try:
             self.take([0])
@@ -193,23 +193,23 @@ class TurnScheduler:
             RunError: One failed, and that ends the run.
         """
         if not self._plain:
-            self._take_each(range(len(self.slot.components)) if rows is None else rows)
+            self._take_each(range(len(self.entry.components)) if rows is None else rows)
             return
         # One after the other, with nothing to think of: the hot loop.
-        slot, interruption = self.slot, self._interruption
-        component = slot.components[0]
+        entry, interruption = self.entry, self._interruption
+        component = entry.components[0]
         update, value = None, None
         interruption.unshield()
         try:
-            if slot.turns and not self._simulation.events.turns_wanted:
+            if entry.turns and not self._simulation.events.turns_wanted:
                 # What compute_and_update does where nobody listens, for half its price.
-                turns = slot.turns if rows is None else [slot.turns[row] for row in rows]
+                turns = entry.turns if rows is None else [entry.turns[row] for row in rows]
                 self.turns += len(turns)
                 for component, compute, update in turns:  # noqa: B007 (tells which one raised)
                     value = compute()
                     update(value)
             else:
-                components = slot.components if rows is None else [slot.components[row] for row in rows]
+                components = entry.components if rows is None else [entry.components[row] for row in rows]
                 self.turns += len(components)
                 for component in components:
                     component.compute_and_update()
@@ -240,7 +240,7 @@ class TurnScheduler:
         else:
             with self.supervision.watched():
                 for row in rows:
-                    component = self.slot.components[row]
+                    component = self.entry.components[row]
                     with in_turn(component, self._progress.begin(row, self._queue.clock.now)):
                         guard.attempt(row, component.compute_and_update)
         guard.check(before)
@@ -272,12 +272,12 @@ class TurnScheduler:
         try:
             return any(condition.holds(partial(scope.look_up, each)) for each in rows)
         except EvaluationError as error:
-            self._guard.fail(row, self._guard.failure(self.slot.components[row], str(error), error))
+            self._guard.fail(row, self._guard.failure(self.entry.components[row], str(error), error))
             return False
 
     def _overrun(self, row: int) -> None:
         self.overruns += 1
-        component, overrun = self.slot.components[row], self._timing.overrun
+        component, overrun = self.entry.components[row], self._timing.overrun
         done = {"skip": "is left out", "queue": "is put off", "fail": "is a failure"}[overrun]
         text = f"a turn is due while the one before still computes; it {done}"
         self._simulation.announce("overrun", component.path, text, level=Level.WARNING, overrun=overrun)
@@ -308,7 +308,7 @@ class TurnScheduler:
         Raises:
             RunError: It cannot.
         """
-        component, tried = self.slot.components[row], self._guard.tries[row]
+        component, tried = self.entry.components[row], self._guard.tries[row]
         self._renew(row)
         tries = f", for the {_ordinal(tried)} of {self._timing.tries} times" if tried else ""
         self._simulation.announce("restarted", component.path, f"begins anew{tries}", level=Level.WARNING)
@@ -330,8 +330,8 @@ class TurnScheduler:
     def _renew(self, row: int) -> None:
         self._give_up(row)
         if self._timing.in_process:
-            self._workers.restart(self.slot, row)
-        self.slot.initialise_one(row, self._simulation.clock.now)
+            self._workers.restart(self.entry, row)
+        self.entry.initialise_one(row, self._simulation.clock.now)
 
     def hold(self, agent: int) -> None:
         """Let an agent take no part until it is released as often as it was held."""

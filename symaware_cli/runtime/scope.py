@@ -126,7 +126,7 @@ class WorldScope:
         self._rows = {id: (group, row) for group in simulation.groups for row, id in enumerate(group.ids)}
         self._parts = frozenset(further_parts(simulation.groups))
         self._with_goal = sorted(
-            id for slot in simulation.slots if "goal-reached" in slot.components[0].events for id in slot.group.ids
+            id for entry in simulation.entries if "goal-reached" in entry.components[0].events for id in entry.group.ids
         )
 
     def look_up(self, name: str) -> Any:

@@ -23,7 +23,7 @@ class Shared:
     Attributes:
         simulation: What runs; all processes have built the whole of it.
         kernel: Goes from instant to instant.
-        schedulers: The turns of each slot.
+        schedulers: The turns of each entry.
         motion: What the world does.
         observer: Watches the run for what the summary tells.
         interruption: Holds signals back and lets them through.

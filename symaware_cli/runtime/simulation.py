@@ -34,7 +34,7 @@ from symaware_cli.world.chance import Turn
 _MOST_LINKS_NAMED = 40
 
 
-class Slot:
+class ComponentEntry:
     """One component entry of one group: an instance for each agent, or one for all of them.
 
     Attributes:
@@ -126,7 +126,7 @@ class Simulation:
         seed: The seed in force.
         environment: The world.
         groups: The groups of agents, by name, so that their order in a file changes nothing.
-        slots: The components in execution order: groups by name, components in declared order.
+        entries: The components in execution order: groups by name, components in declared order.
         clock: Simulated time.
         events: Who is told of what happens.
         exchange: What carries messages.
@@ -140,7 +140,7 @@ class Simulation:
         environment: Environment,
         environment_use: str,
         groups: Sequence[AgentGroup],
-        slots: Sequence[Slot],
+        entries: Sequence[ComponentEntry],
         obstacles: Mapping[str, Obstacle],
     ) -> None:
         self.name = name
@@ -148,7 +148,7 @@ class Simulation:
         self.environment = environment
         self.environment_use = environment_use
         self.groups = tuple(sorted(groups, key=lambda group: group.name))
-        self.slots = tuple(sorted(slots, key=lambda slot: slot.group.name))
+        self.entries = tuple(sorted(entries, key=lambda entry: entry.group.name))
         self.clock = Clock()
         self.events = EventBus()
         self._ids = frozenset(id for group in groups for id in group.ids)
@@ -158,7 +158,7 @@ class Simulation:
             raise
         except BaseException as error:
             raise RunError("environment", environment_use, 0, describe(error), error) from error
-        listening = {id for slot in self.slots if slot.listens and slot.kinds is None for id in slot.group.ids}
+        listening = {id for entry in self.entries if entry.listens and entry.kinds is None for id in entry.group.ids}
         self.exchange = MemoryExchange(
             environment.roster.ids,
             listening,
@@ -168,11 +168,11 @@ class Simulation:
             time_step=environment.time_step,
         )
         self.exchange.present = environment.present
-        for slot in self.slots:
-            if slot.kinds is not None:
-                columns = isinstance(slot.components[0], GroupComponent)
-                name = slot.path if columns else slot.name
-                self.exchange.inboxes.open(name, slot.group.ids, slot.kinds, columns=columns)
+        for entry in self.entries:
+            if entry.kinds is not None:
+                columns = isinstance(entry.components[0], GroupComponent)
+                name = entry.path if columns else entry.name
+                self.exchange.inboxes.open(name, entry.group.ids, entry.kinds, columns=columns)
         surroundings = Surroundings(seed, environment, self.exchange, self.clock, self.events)
         for group in self.groups:
             group.surroundings = surroundings
@@ -190,10 +190,10 @@ class Simulation:
             RunError: One raised.
         """
         self.exchange.renew_links()
-        for slot in self.slots:
-            self.announce("initialising", slot.path)
-            slot.initialise()
-            self.announce("initialised", slot.path)
+        for entry in self.entries:
+            self.announce("initialising", entry.path)
+            entry.initialise()
+            self.announce("initialised", entry.path)
 
     def announce(self, name: str, source: str, text: str = "", *, level: Level = Level.INFO, **data: object) -> None:
         """Fire an event on behalf of the run; one that recurs only if somebody listens."""

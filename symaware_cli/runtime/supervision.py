@@ -8,7 +8,7 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 
 from symaware_cli.core import AgentGroup, GroupComponent
 from symaware_cli.runtime.protected_rows import protected
-from symaware_cli.runtime.simulation import Simulation, Slot
+from symaware_cli.runtime.simulation import ComponentEntry, Simulation
 from symaware_cli.runtime.timing import Duration
 from symaware_cli.world.chance import Turn, fraction
 
@@ -19,7 +19,7 @@ Disturb = Callable[[AgentGroup, Sequence[int]], None]
 
 
 class Supervision:
-    """What stands between the components of one slot and what they do.
+    """What stands between the components of one entry and what they do.
 
     Attributes:
         off: Agents that take no part here at present, with how many reasons there are for it.
@@ -27,20 +27,20 @@ class Supervision:
         disturbances: What is called after each turn.
     """
 
-    def __init__(self, simulation: Simulation, slot: Slot, changed: Callable[[], object]) -> None:
+    def __init__(self, simulation: Simulation, entry: ComponentEntry, changed: Callable[[], object]) -> None:
         """Prepare.
 
         Args:
             simulation: What runs.
-            slot: Whose supervision it is.
+            entry: Whose supervision it is.
             changed: Called when what `interferes` or `slows_down` says may be different.
         """
         self.off: Counter[int] = Counter()
         self.away: set[int] = set()
         self.disturbances: list[Disturb] = []
         self._simulation = simulation
-        self._slot = slot
-        self._is_group = isinstance(slot.components[0], GroupComponent)
+        self._entry = entry
+        self._is_group = isinstance(entry.components[0], GroupComponent)
         #: What faults say that computations of a row take, each as often as it was said.
         self._slowness: dict[int, Counter[Duration]] = {}
         self._changed = changed
@@ -59,8 +59,8 @@ class Supervision:
         """Whether the component of a row takes no turn, as nobody whom it serves takes part."""
         if not self._is_group:
             return row in self.off
-        if len(self.off) < len(self._slot.group) or len(self.away) == len(self.off):
-            return len(self.off) == len(self._slot.group)
+        if len(self.off) < len(self._entry.group) or len(self.away) == len(self.off):
+            return len(self.off) == len(self._entry.group)
         # Others of the group take part elsewhere. What it remembers and draws here must not fall behind.
         return all(reasons > (agent in self.away) for agent, reasons in self.off.items())
 
@@ -106,10 +106,10 @@ class Supervision:
 
     def latency(self, row: int, turn: Turn) -> int:
         """How long the computation of a component takes in a turn, in nanoseconds."""
-        durations, drawn = self._slowness.get(row) or (self._slot.timing.latency,), 0.5
+        durations, drawn = self._slowness.get(row) or (self._entry.timing.latency,), 0.5
         if any(duration.is_drawn for duration in durations):
             # One draw for all that make it slow, so that faults do not change what is drawn for others.
-            drawn = fraction(self._simulation.seed, self._slot.components[row].path, "latency", *turn)
+            drawn = fraction(self._simulation.seed, self._entry.components[row].path, "latency", *turn)
         return max(duration.at(drawn) for duration in durations)
 
     def watched(self) -> AbstractContextManager[None]:
@@ -118,13 +118,13 @@ class Supervision:
 
     @contextmanager
     def _watch(self) -> Iterator[None]:
-        group = self._slot.group
+        group = self._entry.group
         column = group.awareness.state_column
         earlier = column.take_changes() if self.disturbances else ()
         # A component of the whole group speaks and writes for all its agents.
         held = sorted(self.off) if self._is_group else ()
         simulation, muted = self._simulation, [group.ids[row] for row in held]
-        sources = frozenset(f"agents.{id}.{self._slot.name}" for id in muted)
+        sources = frozenset(f"agents.{id}.{self._entry.name}" for id in muted)
         with protected(group, held), simulation.exchange.muted(muted), simulation.events.muted(sources):
             yield
         if not self.disturbances:

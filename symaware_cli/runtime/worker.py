@@ -1,6 +1,6 @@
 """A worker process: computes for components that are to run in a process of their own.
 
-It holds a replica of each slot, and is told before each computation what has changed. All that goes through its two
+It holds a replica of each entry, and is told before each computation what has changed. All that goes through its two
 pipes was pickled by the run that started it, or by itself.
 """
 
@@ -54,9 +54,9 @@ def _exactly(pipe: BinaryIO, count: int) -> bytes:
 
 @np.errstate(all="ignore")  # as in the process that it works for
 def serve(requests: BinaryIO, answers: BinaryIO) -> None:
-    """Answer requests until there are no more: pickled tuples of a slot's number and the arguments of `compute`.
+    """Answer requests until there are no more: pickled tuples of a entry's number and the arguments of `compute`.
 
-    The first message is what `sys.path` shall be, the second for each slot its `SlotDescription`, pickled.
+    The first message is what `sys.path` shall be, the second for each entry its `EntryDescription`, pickled.
     """
     sys.path[:] = pickle.loads(read(requests))
     replicas = [_replica(each) for each in pickle.loads(read(requests))]

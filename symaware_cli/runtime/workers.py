@@ -15,8 +15,8 @@ from typing import Any, BinaryIO, ClassVar
 from symaware_cli import processor
 from symaware_cli.core import AgentGroup, Component, Environment, GroupComponent, Plugin
 from symaware_cli.core.state import StateError
-from symaware_cli.runtime.replica import Outcome, SlotDescription, SlotTransfer
-from symaware_cli.runtime.simulation import Simulation, Slot
+from symaware_cli.runtime.replica import EntryDescription, EntryTransfer, Outcome
+from symaware_cli.runtime.simulation import ComponentEntry, Simulation
 from symaware_cli.runtime.state.state import packages
 from symaware_cli.runtime.worker import read, write
 from symaware_cli.world.chance import Turn
@@ -50,7 +50,7 @@ class WorkerError(Exception):
 
 
 class Workers:
-    """Computes for the components of some slots.
+    """Computes for the components of some entries.
 
     A component always computes in the same worker, whatever the number of workers, so that what cannot be sent (such as
     a solver) stays what it was. Results do not depend on who computes.
@@ -59,38 +59,38 @@ class Workers:
     #: They hold nothing that is not sent anew when it differs.
     uncaptured: ClassVar[Collection[str]] = "*"
 
-    def __init__(self, simulation: Simulation, slots: Sequence[Slot], count: int | None) -> None:
+    def __init__(self, simulation: Simulation, entries: Sequence[ComponentEntry], count: int | None) -> None:
         """Prepare; `start` starts them.
 
         Args:
             simulation: What runs.
-            slots: Whose components compute in workers.
+            entries: Whose components compute in workers.
             count: How many workers; None for one for each core.
         """
         self._simulation = simulation
-        self._slots = {slot.path: _RemoteSlot(simulation, slot, number) for number, slot in enumerate(slots)}
-        self._workers = [_Worker(list(self._slots.values())) for _ in range(count or _cores())]
+        self._entries = {entry.path: _RemoteEntry(simulation, entry, number) for number, entry in enumerate(entries)}
+        self._workers = [_Worker(list(self._entries.values())) for _ in range(count or _cores())]
 
     def start(self) -> None:
         """Start all workers, if there is anything for them to do, and wait until they are ready."""
-        if not self._slots:
+        if not self._entries:
             return
         for worker in self._workers:
             worker.start()
         for worker in self._workers:
             worker.get_ready()
 
-    def compute(self, slot: Slot, turns: Mapping[int, Turn]) -> dict[int, Computed | WorkerError]:
+    def compute(self, entry: ComponentEntry, turns: Mapping[int, Turn]) -> dict[int, Computed | WorkerError]:
         """Let some components compute, all at once.
 
         Args:
-            slot: Whose they are.
+            entry: Whose they are.
             turns: Which turn each begins, by row.
 
         Returns:
             What came of it, by row.
         """
-        remote, now = self._slots[slot.path], self._simulation.clock.now
+        remote, now = self._entries[entry.path], self._simulation.clock.now
         data = remote.transfer.knowledge(), remote.transfer.surroundings(sees_world=remote.sees_world)
         shares: dict[_Worker, list[int]] = {}
         for row in turns:
@@ -110,9 +110,9 @@ class Workers:
             raise
         return results
 
-    def restart(self, slot: Slot, row: int) -> None:
+    def restart(self, entry: ComponentEntry, row: int) -> None:
         """Let the worker of a component begin anew, too: it may hold what the component does not."""
-        remote = self._slots[slot.path]
+        remote = self._entries[entry.path]
         self._workers[(remote.number + row) % len(self._workers)].stop()
 
     def close(self) -> None:
@@ -121,27 +121,27 @@ class Workers:
             worker.stop()
 
 
-class _RemoteSlot:
-    """What workers have to know of one slot, and how to talk about it."""
+class _RemoteEntry:
+    """What workers have to know of one entry, and how to talk about it."""
 
-    def __init__(self, simulation: Simulation, slot: Slot, number: int) -> None:
-        self.slot = slot
+    def __init__(self, simulation: Simulation, entry: ComponentEntry, number: int) -> None:
+        self.entry = entry
         self.number = number
-        environment, first = simulation.environment, slot.components[0]
+        environment, first = simulation.environment, entry.components[0]
         self.sees_world = first.sees_world
         is_group, known = isinstance(first, GroupComponent), packages(simulation)
-        self.transfer = SlotTransfer(slot.group, simulation.groups, known, of_group=is_group)
-        for component in slot.components:
+        self.transfer = EntryTransfer(entry.group, simulation.groups, known, of_group=is_group)
+        for component in entry.components:
             self.transfer.name({component.path: component})
         #: Each component as its worker has it, by row.
         self.sent: dict[int, bytes] = {}
-        own = [None if type(each).Parameters is Plugin.Parameters else each.parameters for each in slot.components]
+        own = [None if type(each).Parameters is Plugin.Parameters else each.parameters for each in entry.components]
         self.transfer.name_parameters(own)
-        description = SlotDescription(
+        description = EntryDescription(
             kind=type(first),
             parameters=own,
-            attributes=[_attributes(each) for each in slot.components],
-            group=slot.group.name,
+            attributes=[_attributes(each) for each in entry.components],
+            group=entry.group.name,
             groups=[_arguments(each) for each in simulation.groups],
             time_step=environment.time_step,
             world=_world(environment) if self.sees_world else None,
@@ -156,7 +156,7 @@ class _RemoteSlot:
         Raises:
             StateError: It cannot be sent.
         """
-        state = self.transfer.component(self.slot.components[row])
+        state = self.transfer.component(self.entry.components[row])
         if state == self.sent.get(row):
             return None
         self.sent[row] = state
@@ -164,7 +164,7 @@ class _RemoteSlot:
 
     def take(self, outcome: Outcome) -> Computed | WorkerError:
         """Take over what became of a computation."""
-        row, component = outcome.row, self.slot.components[outcome.row]
+        row, component = outcome.row, self.entry.components[outcome.row]
         if outcome.value is None:
             return WorkerError(outcome.problem, outcome.trace)
         try:
@@ -194,13 +194,13 @@ def _attributes(component: Component | GroupComponent) -> dict[str, str]:
 class _Worker:
     """One process, and both ends of its pipes that are ours."""
 
-    def __init__(self, slots: Sequence[_RemoteSlot]) -> None:
-        self._slots = slots
+    def __init__(self, entries: Sequence[_RemoteEntry]) -> None:
+        self._entries = entries
         self._process: subprocess.Popen[bytes] | None = None
         self._is_ready = False
         self._requests: BinaryIO
         self._answers: BinaryIO
-        #: The knowledge and the surroundings that it has, by slot.
+        #: The knowledge and the surroundings that it has, by entry.
         self._known: dict[int, tuple[bytes, bytes]] = {}
 
     def _start(self) -> None:
@@ -218,15 +218,15 @@ class _Worker:
         self._requests, self._answers = os.fdopen(ours_out, "wb"), os.fdopen(ours_in, "rb")
         self._known.clear()
         write(self._requests, pickle.dumps(sys.path))
-        write(self._requests, pickle.dumps([slot.description for slot in self._slots]))
+        write(self._requests, pickle.dumps([entry.description for entry in self._entries]))
 
     def start(self) -> None:
         """Start the process, and do not wait for it."""
         if self._process is None:
             self._start()
             self._is_ready = False
-            for slot in self._slots:
-                slot.sent.clear()
+            for entry in self._entries:
+                entry.sent.clear()
 
     def get_ready(self) -> None:
         """Wait until it can answer.
@@ -239,24 +239,24 @@ class _Worker:
             self._is_ready = True
 
     def ask(
-        self, slot: _RemoteSlot, now: int, data: tuple[bytes, bytes], turns: Mapping[int, Turn]
+        self, entry: _RemoteEntry, now: int, data: tuple[bytes, bytes], turns: Mapping[int, Turn]
     ) -> dict[int, WorkerError]:
         """Let it compute, and return what is wrong with those that cannot be sent."""
         states, wrong = [], {}
         with suppress(BrokenPipeError):  # what became of it is found when its answer is asked for
             self.start()
-            known = self._known.get(slot.number, (None, None))
+            known = self._known.get(entry.number, (None, None))
             news = [None if each == last else each for each, last in zip(data, known, strict=True)]
-            self._known[slot.number] = data
+            self._known[entry.number] = data
             for row, turn in turns.items():
                 try:
-                    states.append((row, turn, slot.changed(row)))
+                    states.append((row, turn, entry.changed(row)))
                 except StateError as error:
                     wrong[row] = WorkerError(str(error))
-            write(self._requests, pickle.dumps((slot.number, now, *news, states)))
+            write(self._requests, pickle.dumps((entry.number, now, *news, states)))
         return wrong
 
-    def answer(self, slot: _RemoteSlot, rows: Sequence[int]) -> dict[int, Computed | WorkerError]:
+    def answer(self, entry: _RemoteEntry, rows: Sequence[int]) -> dict[int, Computed | WorkerError]:
         """What came of it, by row."""
         try:
             self.get_ready()
@@ -264,7 +264,7 @@ class _Worker:
         except EOFError:
             error = WorkerError(f"its worker process {self._end()}")
             return dict.fromkeys(rows, error)
-        return {outcome.row: slot.take(outcome) for outcome in outcomes}
+        return {outcome.row: entry.take(outcome) for outcome in outcomes}
 
     def _end(self) -> str:
         """Wait for the end of a worker that is dead, and say how it ended."""

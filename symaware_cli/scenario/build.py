@@ -31,7 +31,7 @@ from symaware_cli.runtime.failure import RunError
 from symaware_cli.runtime.faults import Fault
 from symaware_cli.runtime.options import RunOptions
 from symaware_cli.runtime.presence import Span
-from symaware_cli.runtime.simulation import Simulation, Slot
+from symaware_cli.runtime.simulation import ComponentEntry, Simulation
 from symaware_cli.scenario.assets import assets, check_assets
 from symaware_cli.scenario.catalogue import Catalogue
 from symaware_cli.scenario.check import check
@@ -145,31 +145,31 @@ class _Builder:
         # The parts are made even where the document is broken elsewhere, so that one pass reports everything.
         seed = document.seed if isinstance(document, Scenario) else 0
         environment = self._environment(mapping(data.get("environment")))
-        groups, slots = [], []
+        groups, component_entries = [], []
         for name, entry in mapping(data.get("agents")).items():
             group, group_slots = self._group(name, mapping(entry), document, seed)
             if group:
                 groups.append(group)
-            slots += group_slots
+            component_entries += group_slots
         steps = self._steps(mapping(data.get("run")).get("duration"), environment)
         networks = self._topologies(data.get("topology"))
         transport = next(iter(self._factory.make(mapping(data.get("transport")), ("transport",))), None)
         check_omitted(mapping(data.get("recording")).get("omit"), self._declared, self._report)
         options, network = RunOptions(), None
         if isinstance(document, Scenario) and environment is not None:
-            options = self._options(document, environment, groups, slots)
-            check_requirements(document, environment, groups, slots, self._report)
+            options = self._options(document, environment, groups, component_entries)
+            check_requirements(document, environment, groups, component_entries, self._report)
             check_assets(document, environment, self._folder, self._report)
-            check_consensus(document, environment.time_step, slots, self._report)
+            check_consensus(document, environment.time_step, component_entries, self._report)
             if document.topology is not None and len(groups) == len(document.agents):
                 builder = NetworkBuilder(self._report, environment, groups, seed)
                 narrowed = any(each.degrade and each.degrade.bandwidth for each in document.faults.values())
                 network = builder.build(document.topology, networks, narrowed=narrowed)
                 if network is not None:
-                    check_metropolis(document.topology, network, builder.links, slots, self._report)
+                    check_metropolis(document.topology, network, builder.links, component_entries, self._report)
         if self._problems or self._found or isinstance(document, list) or environment is None:
             raise ScenarioError([*self._found, *filter(self._is_news, self._problems)])
-        simulation = self._simulation(document, environment, groups, slots)
+        simulation = self._simulation(document, environment, groups, component_entries)
         if network is not None:
             simulation.connect(network)
         text = resolved(data, document)
@@ -177,22 +177,28 @@ class _Builder:
         return Built(document, simulation, steps, options, text, files, self._uses, transport)
 
     def _options(
-        self, document: Scenario, environment: Environment, groups: Sequence[AgentGroup], slots: Sequence[Slot]
+        self,
+        document: Scenario,
+        environment: Environment,
+        groups: Sequence[AgentGroup],
+        component_entries: Sequence[ComponentEntry],
     ) -> RunOptions:
         """Check what is said about time and faults, and let the components know."""
         check = TimingCheck(self._composition, environment, self._problems.append)
-        for slot in slots:
-            use = document.agents[slot.group.name].components[slot.name]
-            path: Path = ("agents", slot.group.name, "components", slot.name)
-            slot.timing = check.timing(use, slot.group, type(slot.components[0]), path)
-        check.triggers(slots)
+        for component_entry in component_entries:
+            use = document.agents[component_entry.group.name].components[component_entry.name]
+            path: Path = ("agents", component_entry.group.name, "components", component_entry.name)
+            component_entry.timing = check.timing(use, component_entry.group, type(component_entry.components[0]), path)
+        check.triggers(component_entries)
         run, until = document.run, check.until(document.run, groups)
         faults: Sequence[Fault | None] = ()
         presence: Mapping[str, Sequence[Span]] = {}
         if len(groups) == len(document.agents):
-            builder = FaultBuilder(self._composition, self._report, check, environment, groups, slots, document.faults)
+            builder = FaultBuilder(
+                self._composition, self._report, check, environment, groups, component_entries, document.faults
+            )
             faults = [builder.build(name, use) for name, use in document.faults.items()]
-            members = PresenceBuilder(self._report, check, environment, document.environment.use, slots)
+            members = PresenceBuilder(self._report, check, environment, document.environment.use, component_entries)
             presence = members.build(groups, document.agents)
         return RunOptions(
             mode=run.mode,
@@ -258,7 +264,7 @@ class _Builder:
 
     def _group(
         self, name: str, entry: Mapping[str, Any], document: Scenario | list[Problem], seed: int
-    ) -> tuple[AgentGroup | None, list[Slot]]:
+    ) -> tuple[AgentGroup | None, list[ComponentEntry]]:
         path: Path = ("agents", name)
         model = self._model(mapping(entry.get("model")), (*path, "model"))
         count = entry.get("count")
@@ -296,12 +302,12 @@ class _Builder:
         if not self._conforms(model, str(uses_model), states[0], (*path, "model", "use")):
             return None, []
         group = AgentGroup(name, ids, model, body, states, knowledge, parts, signals)
-        slots = [
-            Slot(group, component, uses[component], instances[component])
+        component_entries = [
+            ComponentEntry(group, component, uses[component], instances[component])
             for component in capable
             if self._suits(group, instances[component][0], (*path, "components", component), uses[component])
         ]
-        return group, slots
+        return group, component_entries
 
     def _knowledge(self, sampler: Sampler, entry: Mapping[str, Any], path: Path, count: int) -> list[dict[str, Any]]:
         knowledge: list[dict[str, Any]] = [{} for _ in range(count)]
@@ -370,7 +376,11 @@ class _Builder:
         return max(steps, 1)
 
     def _simulation(
-        self, document: Scenario, environment: Environment, groups: list[AgentGroup], slots: list[Slot]
+        self,
+        document: Scenario,
+        environment: Environment,
+        groups: list[AgentGroup],
+        component_entries: list[ComponentEntry],
     ) -> Simulation:
         try:
             return Simulation(
@@ -379,7 +389,7 @@ class _Builder:
                 environment=environment,
                 environment_use=document.environment.use,
                 groups=groups,
-                slots=slots,
+                entries=component_entries,
                 obstacles=document.environment.entities,
             )
         except RunError as error:

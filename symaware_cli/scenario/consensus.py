@@ -9,7 +9,7 @@ import numpy as np
 from symaware_cli.components.communication.consensus import Consensus
 from symaware_cli.core import Links, seconds
 from symaware_cli.network.network import Network
-from symaware_cli.runtime.simulation import Slot
+from symaware_cli.runtime.simulation import ComponentEntry
 from symaware_cli.scenario.document import Scenario, TopologyUse
 from symaware_cli.scenario.problem import quoted
 from symaware_cli.scenario.source import Path
@@ -17,39 +17,41 @@ from symaware_cli.scenario.source import Path
 _NEEDED = "a consensus needs turns at the same times"
 
 
-def check_consensus(document: Scenario, time_step: int, slots: Sequence[Slot], report: Callable[..., None]) -> None:
+def check_consensus(
+    document: Scenario, time_step: int, entries: Sequence[ComponentEntry], report: Callable[..., None]
+) -> None:
     """Report each consensus that is not on the same terms as that of other groups on the same name.
 
     Args:
         document: What the scenario says.
         time_step: That of the world, in nanoseconds.
-        slots: All components.
+        entries: All components.
         report: Takes the code and the message of a problem, the path, and hints.
     """
-    by_name: dict[str, list[Slot]] = {}
-    for slot in slots:
-        if isinstance(slot.components[0], Consensus):
-            by_name.setdefault(slot.components[0].parameters.name, []).append(slot)
+    by_name: dict[str, list[ComponentEntry]] = {}
+    for entry in entries:
+        if isinstance(entry.components[0], Consensus):
+            by_name.setdefault(entry.components[0].parameters.name, []).append(entry)
     for name, together in by_name.items():
         first, groups = together[0], {together[0].group.name: together[0]}
-        for slot in together[1:]:
-            same = groups.setdefault(slot.group.name, slot)
-            if same is not slot:
+        for entry in together[1:]:
+            same = groups.setdefault(entry.group.name, entry)
+            if same is not entry:
                 message = f"{_named(same)} has a consensus on {quoted(name)} already"
-                report("unsuitable", message, _path(slot), key=True, expected="one for each name")
+                report("unsuitable", message, _path(entry), key=True, expected="one for each name")
                 continue
-            _check_shape(name, slot, first, report)
-            _check_turns(document, time_step, slot, first, report)
-            _check_weights(slot, first, report)
-        for slot in groups.values() if len(groups) > 1 else ():
-            _check_order(document, slot, report)
+            _check_shape(name, entry, first, report)
+            _check_turns(document, time_step, entry, first, report)
+            _check_weights(entry, first, report)
+        for entry in groups.values() if len(groups) > 1 else ():
+            _check_order(document, entry, report)
 
 
 def check_metropolis(
     use: TopologyUse,
     network: Network,
     links_of: Callable[[Network], Links | None],
-    slots: Sequence[Slot],
+    entries: Sequence[ComponentEntry],
     report: Callable[..., None],
 ) -> None:
     """Report each consensus with Metropolis weights on links that change, or that go one way only.
@@ -58,10 +60,10 @@ def check_metropolis(
         use: What the scenario says of its topology.
         network: What was made of it.
         links_of: Tells the links of one whose topology stays as it is; None after a problem that it reported.
-        slots: All components.
+        entries: All components.
         report: Takes the code and the message of a problem, the path, and hints.
     """
-    concerned = [slot for slot in slots if _has_metropolis(slot)]
+    concerned = [entry for entry in entries if _has_metropolis(entry)]
     if not concerned:
         return
     if use.changes:
@@ -72,9 +74,9 @@ def check_metropolis(
         wrong = f"go both ways, and some of {quoted(use.use)} go one way only"
     else:
         return
-    for slot in concerned:
+    for entry in concerned:
         message = f"Metropolis weights keep the mean only where links {wrong}"
-        report("unsuitable", message, (*_path(slot), "with", "weights"), expected="uniform, or another topology")
+        report("unsuitable", message, (*_path(entry), "with", "weights"), expected="uniform, or another topology")
 
 
 def _go_both_ways(links: Links) -> bool:
@@ -82,51 +84,53 @@ def _go_both_ways(links: Links) -> bool:
     return np.array_equal(np.sort(back), links.keys)
 
 
-def _has_metropolis(slot: Slot) -> bool:
-    component = slot.components[0]
+def _has_metropolis(entry: ComponentEntry) -> bool:
+    component = entry.components[0]
     return isinstance(component, Consensus) and component.parameters.weights == "metropolis"
 
 
-def _check_weights(slot: Slot, first: Slot, report: Callable[..., None]) -> None:
+def _check_weights(entry: ComponentEntry, first: ComponentEntry, report: Callable[..., None]) -> None:
     """Report weights that are not those of another group, and with Metropolis weights another gain."""
-    own, wanted = slot.components[0], first.components[0]
+    own, wanted = entry.components[0], first.components[0]
     assert isinstance(own, Consensus)
     assert isinstance(wanted, Consensus)
     kinds, gains = (own.parameters.weights, wanted.parameters.weights), (own.gain, wanted.gain)
     for key, one, two in (("weights", *kinds), ("gain", *gains)):
         if one != two and "metropolis" in kinds:
-            where = (*_path(slot), *(("with", key) if key in own.parameters.model_fields_set else ()))
+            where = (*_path(entry), *(("with", key) if key in own.parameters.model_fields_set else ()))
             said = f"both ends of a link need the same {key}: {one} here, and {two} for {_named(first)}"
             report("unsuitable", said, where, expected=str(two))
             return
 
 
-def _check_shape(name: str, slot: Slot, first: Slot, report: Callable[..., None]) -> None:
+def _check_shape(name: str, entry: ComponentEntry, first: ComponentEntry, report: Callable[..., None]) -> None:
     """Report a value that has not as many elements as that of another group."""
-    shape, wanted = (each.group.known(name).shape[1:] for each in (slot, first))
+    shape, wanted = (each.group.known(name).shape[1:] for each in (entry, first))
     if shape != wanted:
         message = f"{_named(first)} has a consensus on {quoted(name)} that is {_form(wanted)}, and here it is "
-        where = ("agents", slot.group.name, "knowledge", name)
+        where = ("agents", entry.group.name, "knowledge", name)
         report("unsuitable", message + _form(shape), where, key=True, expected=_form(wanted))
 
 
-def _check_turns(document: Scenario, time_step: int, slot: Slot, first: Slot, report: Callable[..., None]) -> None:
+def _check_turns(
+    document: Scenario, time_step: int, entry: ComponentEntry, first: ComponentEntry, report: Callable[..., None]
+) -> None:
     """Report turns that are at other times than those of another group."""
-    own, wanted = slot.timing, first.timing
+    own, wanted = entry.timing, first.timing
     period, other = (time_step if each.period is None else each.period for each in (own, wanted))
     for key, one, two in (("period", period, other), ("offset", own.offset, wanted.offset)):
         if one != two:
             said = f"{_NEEDED}: the {key} is {seconds(one):g} s here, and {seconds(two):g} s for {_named(first)}"
-            report("unsuitable", said, _place(document, slot, key), key=True, expected=f"{seconds(two):g} [s]")
+            report("unsuitable", said, _place(document, entry, key), key=True, expected=f"{seconds(two):g} [s]")
     for key in ("trigger", "latency"):
         if getattr(own, key) != getattr(wanted, key):
             said = f"{_NEEDED}: the {key} is not that of {_named(first)}"
-            report("unsuitable", said, _place(document, slot, key), key=True, expected=f"the same {key} for both")
+            report("unsuitable", said, _place(document, entry, key), key=True, expected=f"the same {key} for both")
 
 
-def _check_order(document: Scenario, slot: Slot, report: Callable[..., None]) -> None:
+def _check_order(document: Scenario, entry: ComponentEntry, report: Callable[..., None]) -> None:
     """Report turns of which nobody knows whether they will be at the times of those of other groups."""
-    timing = slot.timing
+    timing = entry.timing
     for key, is_uncertain in (
         ("jitter", timing.jitter > 0),
         ("condition", timing.condition is not None),
@@ -135,21 +139,21 @@ def _check_order(document: Scenario, slot: Slot, report: Callable[..., None]) ->
     ):
         if is_uncertain:
             said = f"{_NEEDED} in all groups, and a {quoted(key)} is a matter of each"
-            report("unsuitable", said, _place(document, slot, key), key=True, expected="a period alone")
+            report("unsuitable", said, _place(document, entry, key), key=True, expected="a period alone")
 
 
-def _named(slot: Slot) -> str:
-    return quoted(f"{slot.group.name}.{slot.name}")
+def _named(entry: ComponentEntry) -> str:
+    return quoted(f"{entry.group.name}.{entry.name}")
 
 
-def _path(slot: Slot) -> Path:
-    return ("agents", slot.group.name, "components", slot.name)
+def _path(entry: ComponentEntry) -> Path:
+    return ("agents", entry.group.name, "components", entry.name)
 
 
-def _place(document: Scenario, slot: Slot, key: str) -> Path:
+def _place(document: Scenario, entry: ComponentEntry, key: str) -> Path:
     """Where a component has a key, or else the component."""
-    use = document.agents[slot.group.name].components[slot.name]
-    return (*_path(slot), key) if key in use.model_fields_set else _path(slot)
+    use = document.agents[entry.group.name].components[entry.name]
+    return (*_path(entry), key) if key in use.model_fields_set else _path(entry)
 
 
 def _form(shape: tuple[int, ...]) -> str:

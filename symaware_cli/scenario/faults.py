@@ -25,7 +25,7 @@ from symaware_cli.runtime.faults import (
     Slow,
     Stop,
 )
-from symaware_cli.runtime.simulation import Slot
+from symaware_cli.runtime.simulation import ComponentEntry
 from symaware_cli.scenario.compose import Composition
 from symaware_cli.scenario.document import Degradation, Delay, FaultUse, Loss, Shove
 from symaware_cli.scenario.problem import nearest, quoted
@@ -47,7 +47,7 @@ class FaultBuilder:
         check: TimingCheck,
         environment: Environment,
         groups: Sequence[AgentGroup],
-        slots: Sequence[Slot],
+        entries: Sequence[ComponentEntry],
         uses: Mapping[str, FaultUse],
     ) -> None:
         self._composition = composition
@@ -55,7 +55,7 @@ class FaultBuilder:
         self._check = check
         self._environment = environment
         self._groups = groups
-        self._slots = slots
+        self._entries = entries
         self._uses = uses
 
     def build(self, name: str, use: FaultUse) -> Fault | None:
@@ -70,7 +70,7 @@ class FaultBuilder:
                 expected = "`environment`, or the path of a component such as `agents.robot.*.steer`"
                 self._report("unknown-source", message, (*path, "on", "of"), expected=expected)
                 return None
-            self._check.source(trigger, None, self._slots, (*path, "on"))
+            self._check.source(trigger, None, self._entries, (*path, "on"))
         try:
             source, text, effect = self._meant(use, path)
         except UnsoundError:
@@ -161,7 +161,7 @@ class FaultBuilder:
         self, of: str, values: Sequence[float], path: Path, key: str
     ) -> tuple[list[Components], NDArray[np.float64]]:
         components = self._components(of, (*path, "of"))
-        return components, self._vector(values, [each.slot.group for each in components], (*path, key))
+        return components, self._vector(values, [each.entry.group for each in components], (*path, key))
 
     def _restore(self, fault: str, path: Path) -> tuple[str, str, Effect]:
         known = [name for name in self._uses if name != path[-1]]
@@ -224,12 +224,12 @@ class FaultBuilder:
         """The components that a pattern means."""
         agents, _, name = pattern.rpartition(".")
         found = [
-            Components(slot, rows)
-            for slot in self._slots
-            if fnmatch.fnmatchcase(slot.name, name) and (rows := _rows(slot.group, agents))
+            Components(entry, rows)
+            for entry in self._entries
+            if fnmatch.fnmatchcase(entry.name, name) and (rows := _rows(entry.group, agents))
         ]
         if not found:
-            owners = [(owner, slot.name) for slot in self._slots for owner in (slot.group.name, *slot.group.ids)]
+            owners = [(owner, entry.name) for entry in self._entries for owner in (entry.group.name, *entry.group.ids)]
             self._nobody(pattern, path, "no component", [f"{owner}.{each}" for owner, each in owners])
         return found
 

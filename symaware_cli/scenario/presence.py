@@ -11,7 +11,7 @@ from symaware_cli.core import AgentGroup, Environment, nanoseconds
 from symaware_cli.runtime.expression import EvaluationError, Expression
 from symaware_cli.runtime.presence import Moment, Span
 from symaware_cli.runtime.scope import WORLD_NAMES, AgentScope, further_parts
-from symaware_cli.runtime.simulation import Slot
+from symaware_cli.runtime.simulation import ComponentEntry
 from symaware_cli.scenario.document import Agents, Presence, Trigger
 from symaware_cli.scenario.problem import quoted
 from symaware_cli.scenario.source import Path
@@ -27,7 +27,7 @@ class PresenceBuilder:
         check: TimingCheck,
         environment: Environment,
         use: str,
-        slots: Sequence[Slot],
+        entries: Sequence[ComponentEntry],
     ) -> None:
         """Prepare.
 
@@ -36,13 +36,13 @@ class PresenceBuilder:
             check: Understands conditions and events.
             environment: The world.
             use: What the scenario calls it.
-            slots: All components.
+            entries: All components.
         """
         self._report = report
         self._check = check
         self._environment = environment
         self._use = use
-        self._slots = slots
+        self._entries = entries
         self._world: Collection[str] = WORLD_NAMES
 
     def build(self, groups: Sequence[AgentGroup], agents: Mapping[str, Agents]) -> Mapping[str, Sequence[Span]]:
@@ -107,7 +107,7 @@ class PresenceBuilder:
             expected = "`of` whom: `environment`, or the path of a component such as `agents.leader.steer`"
             self._report("unknown-source", message, (*path, "of") if said.of else path, expected=expected)
             return None
-        self._check.source(trigger, group.name, self._slots, path)
+        self._check.source(trigger, group.name, self._entries, path)
         return trigger
 
     def _try(self, condition: Expression, scope: AgentScope, row: int, path: Path) -> None:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from symaware_cli.components.sensor import Sensor
 from symaware_cli.core import AgentGroup, Environment
 from symaware_cli.recording.names import FIELDS
-from symaware_cli.runtime.simulation import Slot
+from symaware_cli.runtime.simulation import ComponentEntry
 from symaware_cli.scenario.document import Scenario
 from symaware_cli.scenario.problem import nearest, quoted
 from symaware_cli.scenario.source import Path
@@ -21,7 +21,7 @@ def check_requirements(
     document: Scenario,
     environment: Environment,
     groups: Sequence[AgentGroup],
-    slots: Sequence[Slot],
+    entries: Sequence[ComponentEntry],
     report: Callable[..., None],
 ) -> None:
     """Report each model and component that cannot work in its world.
@@ -30,7 +30,7 @@ def check_requirements(
         document: What the scenario says.
         environment: The world, in which nobody is in place yet.
         groups: Those that could be made.
-        slots: Their components.
+        entries: Their components.
         report: Takes the code and the message of a problem, the path, and hints.
     """
     agents = [id for group in groups for id in group.ids]
@@ -42,20 +42,22 @@ def check_requirements(
     complete = len(groups) == len(document.agents)
     for group in groups:
         _check_model(document, environment, group, report)
-    for slot in slots:
-        component, path = slot.components[0], ("agents", slot.group.name, "components", slot.name)
-        measures = isinstance(component, Sensor) or slot.name in slot.group.awareness.signals
-        if measures and slot.name in (*FIELDS, *slot.group.awareness.parts):
-            message = f"a sensor {quoted(slot.name)} could not be told from the series of that name in the log"
+    for entry in entries:
+        component, path = entry.components[0], ("agents", entry.group.name, "components", entry.name)
+        measures = isinstance(component, Sensor) or entry.name in entry.group.awareness.signals
+        if measures and entry.name in (*FIELDS, *entry.group.awareness.parts):
+            message = f"a sensor {quoted(entry.name)} could not be told from the series of that name in the log"
             report("bad-name", message, path, key=True, expected=f"none of {', '.join(sorted(FIELDS))}")
         for name, where in component.requires.items():
             if name not in environment.provides:
                 world = quoted(document.environment.use)
-                message = f"{quoted(slot.use)} needs {name}, and the world {world} has none"
+                message = f"{quoted(entry.use)} needs {name}, and the world {world} has none"
                 report("unsuitable", message, path, key=True, expected=where)
         for parameter, kind in component.bodies.items() if complete else ():
             if kind not in names or not hasattr(component.parameters, parameter):
-                report("broken-plugin", f"{quoted(slot.use)} has no parameter `{parameter}` that names an {kind}", path)
+                report(
+                    "broken-plugin", f"{quoted(entry.use)} has no parameter `{parameter}` that names an {kind}", path
+                )
                 continue
             named, known = getattr(component.parameters, parameter), names[kind]
             if kind == "agents":

@@ -14,7 +14,7 @@ from symaware_cli.core.component import BaseComponent
 from symaware_cli.core.event import RECURRING, TURNS
 from symaware_cli.runtime.expression import Expression, ExpressionError
 from symaware_cli.runtime.scope import WORLD_NAMES, AgentScope, further_parts
-from symaware_cli.runtime.simulation import Slot
+from symaware_cli.runtime.simulation import ComponentEntry
 from symaware_cli.runtime.timing import Duration, Timing, Trigger
 from symaware_cli.scenario.compose import Composition
 from symaware_cli.scenario.document import ComponentUse, Drawn, Run
@@ -146,30 +146,30 @@ class TimingCheck:
         if problem is not None:
             self._wrong(path, "run_in", f"{quoted(use.use)} {problem}", "`here`")
 
-    def triggers(self, slots: Sequence[Slot]) -> None:
+    def triggers(self, entries: Sequence[ComponentEntry]) -> None:
         """Look whether the events that trigger components are ever fired by whom they are to come from."""
-        for slot in slots:
-            trigger = slot.timing.trigger
+        for entry in entries:
+            trigger = entry.timing.trigger
             if trigger is not None:
-                path: Path = ("agents", slot.group.name, "components", slot.name, "trigger")
-                self.source(trigger, slot.group.name, slots, path)
+                path: Path = ("agents", entry.group.name, "components", entry.name, "trigger")
+                self.source(trigger, entry.group.name, entries, path)
 
-    def source(self, trigger: Trigger, group: str | None, slots: Sequence[Slot], path: Path) -> None:
+    def source(self, trigger: Trigger, group: str | None, entries: Sequence[ComponentEntry], path: Path) -> None:
         """Look whether an event is ever fired by whom it is to come from; reports it if not.
 
         Args:
             trigger: The event.
             group: The group whose own components are meant, if that is what it says.
-            slots: All components.
+            entries: All components.
             path: Where the trigger stands.
         """
-        own = {slot.name: slot for slot in slots if slot.group.name == group}
+        own = {entry.name: entry for entry in entries if entry.group.name == group}
         if trigger.component is not None and trigger.component not in own:
             message = f"there is no component {quoted(trigger.component)} in {quoted(str(group))}"
             others = {*own, "environment"}
             self._unknown(message, (*path, "of"), others, nearest(trigger.component, others))
             return
-        fired = self._fired(trigger, own, slots)
+        fired = self._fired(trigger, own, entries)
         if fired is None:
             message = f"nobody is called {quoted(str(trigger.source))}"
             expected = "`environment`, or the path of a component such as `agents.robot.*.steer`"
@@ -179,12 +179,14 @@ class TimingCheck:
             message = f"{who} fires no event {quoted(trigger.event)}"
             self._unknown(message, (*path, "event"), fired, nearest(trigger.event, fired))
 
-    def _fired(self, trigger: Trigger, own: Mapping[str, Slot], slots: Sequence[Slot]) -> set[str] | None:
+    def _fired(
+        self, trigger: Trigger, own: Mapping[str, ComponentEntry], entries: Sequence[ComponentEntry]
+    ) -> set[str] | None:
         """The events that those fire whom a trigger means; None if there is nobody."""
         if trigger.component is not None:
             return {*COMPONENT_EVENTS, *own[trigger.component].components[0].events}
         if trigger.source is None:
-            return {*COMPONENT_EVENTS, *AGENT_EVENTS, *(name for slot in own.values() for name in _events(slot))}
+            return {*COMPONENT_EVENTS, *AGENT_EVENTS, *(name for entry in own.values() for name in _events(entry))}
         pattern = re.compile(fnmatch.translate(trigger.source))
         fired: set[str] = set()
         if pattern.match("environment"):
@@ -195,11 +197,11 @@ class TimingCheck:
             fired |= TOPOLOGY_EVENTS
         if any(pattern.match(each) for each in ("exchange", "faults")):
             fired |= FAULT_EVENTS
-        for slot in slots:
-            paths = [slot.path, *(f"agents.{id}.{slot.name}" for id in slot.group.ids)]
+        for entry in entries:
+            paths = [entry.path, *(f"agents.{id}.{entry.name}" for id in entry.group.ids)]
             if any(pattern.match(each) for each in paths):
-                fired |= {*COMPONENT_EVENTS, *_events(slot)}
-            if any(pattern.match(f"agents.{each}") for each in (slot.group.name, *slot.group.ids)):
+                fired |= {*COMPONENT_EVENTS, *_events(entry)}
+            if any(pattern.match(f"agents.{each}") for each in (entry.group.name, *entry.group.ids)):
                 fired |= AGENT_EVENTS
         return fired or None
 
@@ -219,8 +221,8 @@ class TimingCheck:
         self._report(self._composition.problem("invalid-value", message, (*path, key), expected=expected))
 
 
-def _events(slot: Slot) -> Collection[str]:
-    return slot.components[0].events
+def _events(entry: ComponentEntry) -> Collection[str]:
+    return entry.components[0].events
 
 
 def trigger_of(event: str, of: str | None) -> Trigger:

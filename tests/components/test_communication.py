@@ -92,7 +92,7 @@ class TestStates:
             Complete,
             {"delay": {"uniform": [0.0, 1.0]}},
         )
-        inbox = watch.simulation.slots[2].components[0]
+        inbox = watch.simulation.entries[2].components[0]
         watch.run(80, lambda: inbox.kept.sent.tolist())
         sent = np.array([frame for frame in watch.frames if len(frame) == 2])
         assert (np.diff(sent, axis=0) >= 0).all()
@@ -102,7 +102,7 @@ class TestStates:
         tell = made(StateSender)
         hear = made(Inbox, policy=policy, window=0.25, position_noise=0.1, memory=100.0)
         watch = Watch({"robot": team(tell=tell, hear=hear)}).run(40)
-        inbox = watch.simulation.slots[2].components[0]
+        inbox = watch.simulation.entries[2].components[0]
         assert len(inbox.kept.keys) == 2 * (most - (policy == "all"))
 
     def test_messages_that_are_kept_are_averaged_by_their_certainty(self):

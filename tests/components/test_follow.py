@@ -87,7 +87,7 @@ def test_who_has_no_belief_about_the_leader_stops_and_says_so_once():
     for name in Follow.events:
         ready.events.subscribe(name, lambda event: told.append((event.source, event.name)))
     ready.initialise()
-    group, steer = ready.groups[1], ready.slots[-1].components[0]
+    group, steer = ready.groups[1], ready.entries[-1].components[0]
     steer.compute_and_update()
     steer.compute_and_update()
     assert group.control_input.tolist() == [[0.0, 0.0]]
@@ -104,7 +104,7 @@ def test_who_has_no_belief_about_the_leader_stops_and_says_so_once():
 def test_a_velocity_that_may_well_be_none_has_no_direction():
     ready = simulation(led([[-2.0, 0.0]], goal=(0.0, 50.0)))
     ready.initialise()
-    group, steer = ready.groups[1], ready.slots[-1].components[0]
+    group, steer = ready.groups[1], ready.entries[-1].components[0]
 
     def turned_after(deviation):
         square = np.diag([0.01, 0.01, deviation**2, deviation**2])[None]

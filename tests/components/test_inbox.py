@@ -62,7 +62,7 @@ class Scene:
     def __init__(self, topology=None, channel=None, **teams):
         self.simulation = simulation(teams)
         self.groups = {group.name: group for group in self.simulation.groups}
-        self.slots = {f"{slot.group.name}.{slot.name}": slot for slot in self.simulation.slots}
+        self.entries = {f"{entry.group.name}.{entry.name}": entry for entry in self.simulation.entries}
         if topology is not None:
             links = topology(topology.Parameters())
             links.initialise(self.simulation.environment, 7)
@@ -91,8 +91,8 @@ class Scene:
         assert summary.status == "finished", summary.failure
         return frames
 
-    def restart(self, slot, at):
-        return Restart([Components(self.slots[slot], [0])]), at, None
+    def restart(self, entry, at):
+        return Restart([Components(self.entries[entry], [0])]), at, None
 
 
 def others(awareness):
@@ -124,7 +124,7 @@ class TestSeeing:
         def turn(agent):
             agent.model.control_input = [3.0, 0.0] if agent.surroundings.clock.now < 10 * STEP else [0.0, 3.0]
 
-        scene.slots["a.move"].components[0]._act = turn
+        scene.entries["a.move"].components[0]._act = turn
         scene.run(30)
         near = scene.groups["b"].others(100.0)
         assert near.others.tolist() == [0, 2]

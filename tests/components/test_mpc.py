@@ -321,7 +321,9 @@ def test_agents_of_a_group_share_a_solver_and_others_do_not():
     second.components = {"sense": OmniscientPerception, "steer": lambda: control(margin=0.4)}
     ready = simulation({"one": first, "two": second})
     ready.initialise()
-    one, two = ([component._solver for component in slot.components] for slot in ready.slots if slot.name == "steer")
+    one, two = (
+        [component._solver for component in entry.components] for entry in ready.entries if entry.name == "steer"
+    )
     assert one[0] is one[1]
     assert two[0] is two[1]
     assert one[0] is not two[0]
@@ -331,7 +333,7 @@ def test_solvers_and_routes_go_when_their_simulation_goes():
     pillar = Obstacle.model_validate({"shape": {"circle": {"radius": 0.7}}, "position": [9.0, 0.0]})
     ready = simulation({"robot": crowd(1)}, obstacles={"pillar": pillar})
     execute(ready, 1)
-    steer = next(slot.components[0] for slot in ready.slots if slot.name == "steer")
+    steer = next(entry.components[0] for entry in ready.entries if entry.name == "steer")
     held = [weakref.ref(steer._solver), weakref.ref(ready.environment), weakref.ref(ready.groups[0])]
     del ready, steer
     gc.collect()

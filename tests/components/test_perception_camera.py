@@ -41,8 +41,8 @@ def frame(parameters, **options):
 
 
 def turn(ready):
-    for slot in ready.slots:
-        for component in slot.components:
+    for entry in ready.entries:
+        for component in entry.components:
             component.compute_and_update()
     return ready.groups[0].awareness.readings.get("look")
 

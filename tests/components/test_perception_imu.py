@@ -27,7 +27,7 @@ def felt(model, state, control_input, turns=3, count=1, seed=7, environment=None
     group.control_input = [control_input] * count
     found = []
     for _ in range(turns):
-        ready.slots[0].components[0].compute_and_update()
+        ready.entries[0].components[0].compute_and_update()
         found.append(group.awareness["feel"])
         ready.environment.step()
         ready.clock.now += STEP

@@ -43,8 +43,8 @@ def begun(parameters, *, states=((0.0, 0.0, 0.0),), obstacles=None, use="kinemat
 
 
 def scan(ready):
-    for slot in ready.slots:
-        for component in slot.components:
+    for entry in ready.entries:
+        for component in entry.components:
             component.compute_and_update()
     return ready.groups[0].awareness.readings.get("look")
 

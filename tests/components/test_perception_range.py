@@ -27,8 +27,8 @@ def begun(teams, **options):
 
 
 def turn(ready):
-    for slot in ready.slots:
-        for component in slot.components:
+    for entry in ready.entries:
+        for component in entry.components:
             component.compute_and_update()
 
 

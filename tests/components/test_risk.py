@@ -33,8 +33,8 @@ def risks(teams):
         group.control_input = teams[group.name].velocities
     ready.environment.step()
     ready.clock.now += ready.environment.time_step
-    for slot in ready.slots:
-        slot.components[0].compute_and_update()
+    for entry in ready.entries:
+        entry.components[0].compute_and_update()
     found = {}
     for group in ready.groups:
         times, values = group.awareness.risk.shared
@@ -267,7 +267,7 @@ def test_who_doubts_its_heading_doubts_where_it_will_be():
         group.control_input = [[1.0, 0.0], [0.0, 0.0]]
         group.awareness.world = ready.environment.snapshot()
         group.awareness.uncertainty.set(0, np.tile(own.ravel(), (2, 1))[:, None])
-        ready.slots[0].components[0].compute_and_update()
+        ready.entries[0].components[0].compute_and_update()
         return group.awareness.risk.shared[1][0, 0, 0]
 
     # It would pass at 1.4 m; to touch, it must err by 4 degrees.

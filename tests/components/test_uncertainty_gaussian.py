@@ -73,8 +73,8 @@ class Run:
         return self.simulation.environment.snapshot()
 
     def turn(self):
-        for slot in self.simulation.slots:
-            for component in slot.components:
+        for entry in self.simulation.entries:
+            for component in entry.components:
                 component.compute_and_update()
 
     def step(self):
@@ -131,7 +131,7 @@ def test_the_belief_of_oneself_is_that_of_the_textbook(name):
     components = sense(range=1.0, self_noise=deviation) | believe(initial_deviation=0.3)
     run = Run({"robot": Team(components, count=4, state=start.tolist(), model=model)})
     group, awareness = run.group["robot"], run.group["robot"].awareness
-    first = run.simulation.slots[1].components[0]._own.at_present().state
+    first = run.simulation.entries[1].components[0]._own.at_present().state
     assert 0.01 < np.abs(first - start).max() < 1.5
     filters = [Textbook(mean, 0.09 * np.eye(nx)) for mean in first]
     noise = model.noise_covariance(SECONDS)
@@ -471,7 +471,7 @@ def test_nothing_is_held_on_to_for_longer_than_it_is_needed():
     for _ in range(50):
         run.turn()
         run.step()
-    believing = {slot.group.name: slot.components[-1] for slot in run.simulation.slots if slot.name == "believe"}
+    believing = {entry.group.name: entry.components[-1] for entry in run.simulation.entries if entry.name == "believe"}
     blind, late = believing["robot"], believing["late"]
     assert len(blind._own._inputs) == 0
     assert len(late._own._inputs) == 4
@@ -481,7 +481,7 @@ def test_turns_that_are_seldom_believe_the_same_of_oneself():
     """As long as the control input stays the same."""
     model = drifting()
     run = Run({"often": Team(believe(initial_deviation=0.1), model=model), "seldom": Team(believe(), model=model)})
-    often, seldom = (slot.components[0] for slot in run.simulation.slots)
+    often, seldom = (entry.components[0] for entry in run.simulation.entries)
     seldom._own._belief = often._own._belief
     for number in range(13):
         often.compute_and_update()
@@ -498,7 +498,7 @@ def test_an_observation_counts_once():
     """However many turns pass before the next one."""
     run = Run({"robot": Team(sense(range=2.0, self_noise=0.1, position_noise=0.1) | believe(initial_deviation=1.0), 2)})
     run.turn()
-    (_, belief) = run.simulation.slots
+    (_, belief) = run.simulation.entries
     state, covariance, tracks = (
         run.group["robot"].awareness.state,
         run.covariance("robot"),

@@ -103,8 +103,8 @@ def test_who_is_alone_goes_straight():
     team = Team(steering(speed=1.0), 1, [[0.0, 0.0]], [{"goal": [9.0, 3.0]}], entity=DISC)
     ready = simulation({"robot": team})
     ready.initialise()
-    for slot in ready.slots:
-        slot.components[0].compute_and_update()
+    for entry in ready.entries:
+        entry.components[0].compute_and_update()
     assert ready.groups[0].control_input[0] == pytest.approx(np.array([9, 3]) / np.hypot(9, 3))
 
 
@@ -131,8 +131,8 @@ def velocities(teams, seed=7):
     """What each agent chooses at first, by id."""
     ready = simulation(teams, seed=seed)
     ready.initialise()
-    for slot in ready.slots:
-        slot.components[0].compute_and_update()
+    for entry in ready.entries:
+        entry.components[0].compute_and_update()
     return {id: row.tobytes() for group in ready.groups for id, row in zip(group.ids, group.control_input, strict=True)}
 
 

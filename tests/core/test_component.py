@@ -99,7 +99,7 @@ def test_perception_writes_the_agents_own_state_and_those_of_others():
 def test_perceiving_others_anew_keeps_what_else_was_known_of_them():
     ready = simulation({"robot": Team({"see": SeesAhead})})
     ready.initialise()
-    see = ready.slots[0].components[0]
+    see = ready.entries[0].components[0]
     see.compute_and_update()
     database = ready.groups[0].agents[0].awareness_database
     database["ghost"].risk = TimeSeries({0.0: 0.7})
@@ -138,7 +138,7 @@ def test_a_turn_computes_then_updates_with_events_around_both():
     for name in ("computing", "computed", "updating", "updated"):
         ready.events.subscribe(name, lambda event: seen.append((event.name, event.source, event.time)))
     ready.initialise()
-    component = ready.slots[0].components[0]
+    component = ready.entries[0].components[0]
     assert component.compute_and_update() == 41
     assert component.result == 42
     expected = [(name, "agents.robot.count", 0) for name in ("computing", "computed", "updating", "updated")]
@@ -166,7 +166,7 @@ def test_the_asynchronous_turn_of_a_component_may_wait():
 
     ready = simulation({"robot": Team({"wait": Waits})})
     ready.initialise()
-    component = ready.slots[0].components[0]
+    component = ready.entries[0].components[0]
     assert asyncio.run(component.async_compute_and_update()) == "answer"
     assert component.result == "answer"
 
@@ -231,7 +231,7 @@ class Listens(CommunicationReceiver):
 def test_a_message_sent_in_a_step_is_read_in_the_next():
     ready = simulation({"robot": Team({"speak": Speaks, "listen": Listens}, count=2)})
     execute(ready, 3)
-    assert ready.slots[1].components[1].heard == [
+    assert ready.entries[1].components[1].heard == [
         [],
         [(STEP, 0), (STEP, 0)],
         [(2 * STEP, STEP), (2 * STEP, STEP)],

@@ -33,8 +33,8 @@ def readings():
     """The first readings of the same run."""
     ready = simulation(teams(), **world())
     ready.initialise()
-    for slot in ready.slots:
-        for component in slot.components:
+    for entry in ready.entries:
+        for component in entry.components:
             component.compute_and_update()
     awareness = ready.groups[0].awareness
     return {**awareness.readings, **{name: awareness[name] for name in awareness.signals}}
@@ -113,8 +113,8 @@ def test_where_agents_run_apart_each_part_of_the_log_has_its_own(tmp_path):
     writer = LogWriter(tmp_path / "part.mcap")
     with ready.environment, writer:
         ready.initialise()
-        for slot in ready.slots:
-            for component in slot.components:
+        for entry in ready.entries:
+            for component in entry.components:
                 component.compute_and_update()
         (group,) = ready.groups
         manifest = {"format": 1, "groups": {"robot": {"agents": list(group.ids)}}, "entities": {}, "roster": []}

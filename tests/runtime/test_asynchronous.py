@@ -172,7 +172,7 @@ def test_between_two_steps_the_world_is_seen_as_of_the_last_one_and_moves_under_
     )
     ready = simulation({"a": team})
     execute(ready, 4, options=ASYNCHRONOUS)
-    seen = ready.slots[1].components[0].seen
+    seen = ready.entries[1].components[0].seen
     assert [time for time, _, _ in seen] == pytest.approx(np.arange(10) * 0.02)
     assert [world for _, world, _ in seen] == pytest.approx([0, 0, 0, 0.05, 0.05, 0.1, 0.1, 0.1, 0.15, 0.15])
     # The steps begin at 0, 50, 100 and 150 ms; the inputs in force are those of 0, 40, 100 and 140 ms.

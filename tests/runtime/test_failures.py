@@ -77,7 +77,7 @@ def test_an_isolated_agent_coasts_and_the_others_go_on(how, coast, options, tmp_
 @MODES
 def test_what_is_isolated_takes_no_turns_in_any_component(options, tmp_path):
     ready, _, _ = drive(Timing(on_failure="isolate"), tmp_path / "run.mcap", options)
-    assert [component.turns for component in ready.slots[1].components] == [10, 4, 10]
+    assert [component.turns for component in ready.entries[1].components] == [10, 4, 10]
     believed = ready.groups[0].awareness.state
     # Nobody tells it any more where it is.
     assert believed[1, 0] == pytest.approx(1.15)
@@ -99,7 +99,7 @@ def test_a_component_that_recovers_goes_on_and_was_initialised_anew(options, tmp
     ready, summary, _ = drive(timing, tmp_path / "run.mcap", options, until=5 * STEP)
     assert (summary.status, summary.failures) == ("finished", 2)
     # The turns are counted from the last new beginning on.
-    assert [component.turns for component in ready.slots[1].components] == [10, 5, 10]
+    assert [component.turns for component in ready.entries[1].components] == [10, 5, 10]
 
 
 def test_who_cannot_begin_anew_ends_the_run(tmp_path):

@@ -171,7 +171,10 @@ def test_offsets_add_up_and_each_measurement_is_wrong_once(kind, count, timing, 
     )
     made = [
         Fault(
-            f"f{n}", "", "run", Error([Components(ready.slots[0], range(count))], np.array([offset, 0.0]), np.zeros(2))
+            f"f{n}",
+            "",
+            "run",
+            Error([Components(ready.entries[0], range(count))], np.array([offset, 0.0]), np.zeros(2)),
         )
         for n, (_, _, offset) in enumerate(faults)
     ]

@@ -209,8 +209,8 @@ def test_who_draws_more_in_one_turn_draws_the_same_first_number_in_the_next(base
 
 
 def components_of(ready, group, name):
-    slot = next(slot for slot in ready.slots if slot.group.name == group and slot.name == name)
-    return Components(slot, range(len(slot.components) if name == "draw" else len(slot.group)))
+    entry = next(entry for entry in ready.entries if entry.group.name == group and entry.name == name)
+    return Components(entry, range(len(entry.components) if name == "draw" else len(entry.group)))
 
 
 def fault(effect, at=3, lasting=4):
@@ -223,7 +223,7 @@ def test_faults_of_some_change_nothing_for_others_and_leave_no_trace_in_what_is_
         return [fault(Blind([sense._replace(rows=[0, 2])]))]
 
     def stop(ready):
-        return [fault(Stop([Agents(components_of(ready, "car", "sense").slot.group, [1])]))]
+        return [fault(Stop([Agents(components_of(ready, "car", "sense").entry.group, [1])]))]
 
     for faults in (blind, stop):
         after = run(faults=faults)
@@ -291,7 +291,7 @@ def test_latency_and_jitter_are_those_of_the_agent_and_the_turn():
     assert len(set(everybody.values())) == len(everybody)
 
     def slower(ready):
-        rows = Components(ready.slots[0], [1])
+        rows = Components(ready.entries[0], [1])
         return [fault(Slow([rows], Duration("normal", 0.02, 0.005)), 2, 3)]
 
     faulty = latencies(faults=slower)

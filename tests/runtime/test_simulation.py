@@ -25,13 +25,13 @@ class GroupIdle(GroupComponent):
 
 def test_every_component_knows_its_path():
     ready = simulation({"robot": Team({"own": Idle, "shared": GroupIdle}, count=2), "car": Team({"own": Idle})})
-    assert [component.path for slot in ready.slots for component in slot.components] == [
+    assert [component.path for entry in ready.entries for component in entry.components] == [
         "agents.car.own",
         "agents.robot.0.own",
         "agents.robot.1.own",
         "agents.robot.shared",
     ]
-    assert {component.use for slot in ready.slots for component in slot.components} == {"test.own", "test.shared"}
+    assert {component.use for entry in ready.entries for component in entry.components} == {"test.own", "test.shared"}
 
 
 def test_components_take_up_work_with_what_their_agent_is_aware_of_and_knows():

@@ -41,7 +41,7 @@ def test_a_scenario_becomes_groups_of_agents_with_their_components(building: Bui
     built = building()
     (group,) = built.simulation.groups
     assert group.ids == ("robot.0", "robot.1")
-    assert [slot.name for slot in built.simulation.slots] == ["sense", "steer"]
+    assert [entry.name for entry in built.simulation.entries] == ["sense", "steer"]
     assert built.steps == 10
     assert built.uses == {
         "robot": {"model": "unicycle", "components": {"sense": "perception.self", "steer": "control.go-to-goal"}}
@@ -66,10 +66,10 @@ def test_the_run_ends_with_the_first_step_that_reaches_the_duration(
 def test_two_agents_never_share_a_mutable_parameter_or_knowledge(building: Building) -> None:
     facts = {"a": [1, 2], "b": {"deep": [1, {"x": [2]}]}, "c": {"all": ["text", [1]]}, "d": {"all": [[1], [2, 3]]}}
     built = building(knowledge={"goal": [0, 0], "post": [1, 1], **facts}, components={"watch": WATCH}, count=3)
-    (slot,) = built.simulation.slots
+    (entry,) = built.simulation.entries
     owners = [
         [*mutable(dict(knowledge)), *mutable(component.kept)]
-        for knowledge, component in zip(built.simulation.groups[0].knowledge, slot.components, strict=True)
+        for knowledge, component in zip(built.simulation.groups[0].knowledge, entry.components, strict=True)
     ]
     seen = [{id(value) for value in owner} for owner in owners]
     assert all(len(owner) >= 6 for owner in seen)
@@ -78,22 +78,22 @@ def test_two_agents_never_share_a_mutable_parameter_or_knowledge(building: Build
     assert not seen[1] & seen[2]
     arrays = [value for owner in owners for value in owner if isinstance(value, np.ndarray)]
     assert not any(np.shares_memory(one, two) for n, one in enumerate(arrays) for two in arrays[:n])
-    slot.components[0].kept.gains.append(9.0)
-    assert slot.components[1].kept.gains == [1.0, 2.0]
+    entry.components[0].kept.gains.append(9.0)
+    assert entry.components[1].kept.gains == [1.0, 2.0]
 
 
 def test_a_component_whose_init_does_not_call_its_base_still_gets_its_parameters(building: Building) -> None:
     built = building(knowledge={"goal": [0, 0], "post": [1, 1]}, components={"watch": WATCH})
-    assert [component.kept.range for component in built.simulation.slots[0].components] == [2.0, 2.0]
+    assert [component.kept.range for component in built.simulation.entries[0].components] == [2.0, 2.0]
 
 
 def test_a_component_without_parameters_is_made_without_any(building: Building) -> None:
     built = building(components={"plain": {"use": "sound.plain"}})
-    assert len(built.simulation.slots[0].components) == 2
+    assert len(built.simulation.entries[0].components) == 2
 
 
 def test_a_group_component_is_made_once(building: Building) -> None:
-    assert len(building(count=50).simulation.slots[0].components) == 1
+    assert len(building(count=50).simulation.entries[0].components) == 1
 
 
 def test_the_seed_given_wins_and_is_written_down(building: Building) -> None:

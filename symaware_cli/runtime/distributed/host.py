@@ -381,12 +381,12 @@ class Host(Participant):
             return
         self._return_due = time.monotonic() + self._patience
         for scheduler in run.schedulers:
-            group, timing = scheduler.slot.group, scheduler.slot.timing
+            group, timing = scheduler.entry.group, scheduler.entry.timing
             rows = rows_of(group, member.agents)
             if not len(rows):
                 continue
-            self._losses[scheduler.slot.path] += 1
-            path, restarts = scheduler.slot.path, timing.on_failure == "restart"
+            self._losses[scheduler.entry.path] += 1
+            path, restarts = scheduler.entry.path, timing.on_failure == "restart"
             if timing.on_failure == "stop":
                 self._fail(f"processes.{member.name}", f"{text}; `{path}` has `on_failure: stop`")
             if restarts and self._losses[path] > timing.tries:

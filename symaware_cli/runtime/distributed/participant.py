@@ -86,7 +86,7 @@ class Participant(ABC):
         self._has_begun = True
         here = frozenset(self.identity.agents)
         for scheduler in run.schedulers:
-            for row, id in enumerate(scheduler.slot.group.ids):
+            for row, id in enumerate(scheduler.entry.group.ids):
                 if id not in here:
                     scheduler.leave(row)
         self._meet()
@@ -163,8 +163,12 @@ class Participant(ABC):
         self._publish()
         simulation = self._simulation
         owner, _, name = source.removeprefix("agents.").rpartition(".")
-        slots = [slot for slot in simulation.slots if slot.name == name and owner in (slot.group.name, *slot.group.ids)]
-        plugin = slots[0].use if slots else "symaware"
+        entries = [
+            entry
+            for entry in simulation.entries
+            if entry.name == name and owner in (entry.group.name, *entry.group.ids)
+        ]
+        plugin = entries[0].use if entries else "symaware"
         raise RunError(source or "run", plugin, simulation.clock.now, problem) from cause
 
     def _send(self, peer: int, frame: Frame) -> None:

@@ -133,7 +133,7 @@ def _roots(run: Run) -> Mapping[str, Any]:
         **{f"the group {group.name}": group for group in simulation.groups},
         "the environment": simulation.environment,
         "the exchange": simulation.exchange,
-        **{component.path: component for slot in simulation.slots for component in slot.components},
+        **{component.path: component for entry in simulation.entries for component in entry.components},
         "the run": run,
         **({"the log": run.recorder} if run.recorder else {}),
     }
@@ -141,6 +141,9 @@ def _roots(run: Run) -> Mapping[str, Any]:
 
 def packages(simulation: Simulation) -> frozenset[str]:
     """The packages that a simulation has classes of."""
-    plugins: list[object] = [simulation.environment, *(each for slot in simulation.slots for each in slot.components)]
+    plugins: list[object] = [
+        simulation.environment,
+        *(each for entry in simulation.entries for each in entry.components),
+    ]
     plugins += [group.model for group in simulation.groups]
     return frozenset({"symaware_cli", *(layout(type(each)).package for each in plugins)})
