@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from symaware_cli.core import AgentGroup, Clock, Event, EventBus, GroupComponent, Roster, Surroundings
 from symaware_cli.core.event import RECURRING
 from symaware_cli.runtime.failure import describe
-from symaware_cli.runtime.state.state import settle
-from symaware_cli.runtime.state.transfer import Transfer
+from symaware_cli.runtime.state.transfer import Transfer, settle
 from symaware_cli.runtime.turn import in_turn
 from symaware_cli.world.chance import Turn
 

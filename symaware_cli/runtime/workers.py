@@ -17,7 +17,7 @@ from symaware_cli.core import AgentGroup, Component, Environment, GroupComponent
 from symaware_cli.core.state import StateError
 from symaware_cli.runtime.replica import EntryDescription, EntryTransfer, Outcome
 from symaware_cli.runtime.simulation import ComponentEntry, Simulation
-from symaware_cli.runtime.state.state import packages
+from symaware_cli.runtime.state.transfer import packages
 from symaware_cli.runtime.worker import read, write
 from symaware_cli.world.chance import Turn
 

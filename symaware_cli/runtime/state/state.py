@@ -7,17 +7,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Self
 
-from symaware_cli.awareness.column import SeriesColumn
 from symaware_cli.core.state import StateError
 from symaware_cli.runtime.state.counterparts import Counterparts
-from symaware_cli.runtime.state.layout import layout
 from symaware_cli.runtime.state.putting import Putting
 from symaware_cli.runtime.state.taking import Entry, Taking
+from symaware_cli.runtime.state.transfer import packages, settle
 
 if TYPE_CHECKING:
-    from symaware_cli.core import AgentGroup
     from symaware_cli.runtime.run import Run
-    from symaware_cli.runtime.simulation import Simulation
 
 #: What begins the bytes of a state.
 _MAGIC = b"SymAware state 1\n"
@@ -119,13 +116,6 @@ def _check(run: Run) -> None:
         settle(group)
 
 
-def settle(group: AgentGroup) -> None:
-    """Compute what was left for later of a group's series, before its state is taken."""
-    for column in group.awareness.columns.values():
-        if isinstance(column, SeriesColumn):
-            column.settle()
-
-
 def _roots(run: Run) -> Mapping[str, Any]:
     """All that the state of a run consists of; what comes first gives its name to what several refer to."""
     simulation = run.simulation
@@ -137,13 +127,3 @@ def _roots(run: Run) -> Mapping[str, Any]:
         "the run": run,
         **({"the log": run.recorder} if run.recorder else {}),
     }
-
-
-def packages(simulation: Simulation) -> frozenset[str]:
-    """The packages that a simulation has classes of."""
-    plugins: list[object] = [
-        simulation.environment,
-        *(each for entry in simulation.entries for each in entry.components),
-    ]
-    plugins += [group.model for group in simulation.groups]
-    return frozenset({"symaware_cli", *(layout(type(each)).package for each in plugins)})

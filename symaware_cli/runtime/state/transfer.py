@@ -4,11 +4,17 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Collection, Iterable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from symaware_cli.awareness.column import SeriesColumn
 from symaware_cli.runtime.state.counterparts import NOTHING, Counterparts
+from symaware_cli.runtime.state.layout import layout
 from symaware_cli.runtime.state.putting import Putting
 from symaware_cli.runtime.state.taking import Taking
+
+if TYPE_CHECKING:
+    from symaware_cli.core import AgentGroup
+    from symaware_cli.runtime.simulation import Simulation
 
 
 class Transfer:
@@ -53,3 +59,20 @@ class Transfer:
         names = entries[0][2][::2]
         root = {name: self._named.get(name, NOTHING) for name in names}
         return dict(zip(names, Putting(Counterparts(entries, root, self._packages, self._named)).put(), strict=True))
+
+
+def settle(group: AgentGroup) -> None:
+    """Compute what was left for later of a group's series, before its state is taken."""
+    for column in group.awareness.columns.values():
+        if isinstance(column, SeriesColumn):
+            column.settle()
+
+
+def packages(simulation: Simulation) -> frozenset[str]:
+    """The packages that a simulation has classes of."""
+    plugins: list[object] = [
+        simulation.environment,
+        *(each for entry in simulation.entries for each in entry.components),
+    ]
+    plugins += [group.model for group in simulation.groups]
+    return frozenset({"symaware_cli", *(layout(type(each)).package for each in plugins)})
