@@ -13,7 +13,7 @@ from symaware_cli.environments import asset
 from symaware_cli.environments.bullet import engine, quiet
 from symaware_cli.environments.collision import FACED, FIXED, MEETS
 from symaware_cli.geometry.rotation import attitude
-from symaware_cli.geometry.scenery import Span
+from symaware_cli.geometry.scenery import HeightRange
 
 #: The joints that move by one number.
 _MOVING = (engine.JOINT_REVOLUTE, engine.JOINT_PRISMATIC)
@@ -22,7 +22,7 @@ _MOVING = (engine.JOINT_REVOLUTE, engine.JOINT_PRISMATIC)
 _ANY_DISTANCE = 1e3
 
 
-class Member(NamedTuple):
+class BodyPart(NamedTuple):
     """One body of an entity of several.
 
     Attributes:
@@ -253,16 +253,16 @@ class BodyBuilder:
         # A body without a shape turns as a small ball does.
         return moment or 0.4 * entity.mass * 0.01
 
-    def span(self, bodies: Sequence[int], level: float) -> Span:
+    def span(self, bodies: Sequence[int], level: float) -> HeightRange:
         """How high an entity of some bodies reaches whose position is at a height, as the engine has it now."""
         boxes = [engine.getAABB(body, link, self._client) for body in bodies for link in self._links(body)]
-        return Span(level, min(low[2] for low, _ in boxes) - level, max(high[2] for _, high in boxes) - level)
+        return HeightRange(level, min(low[2] for low, _ in boxes) - level, max(high[2] for _, high in boxes) - level)
 
     def _links(self, body: int) -> range:
         """The base of a body, and all its links."""
         return range(-1, engine.getNumJoints(body, self._client))
 
-    def make_wall(self, mass: float, wall: Wall, position: Sequence[float], heading: float) -> list[Member]:
+    def make_wall(self, mass: float, wall: Wall, position: Sequence[float], heading: float) -> list[BodyPart]:
         """Make a body for each of a wall's segments, and for what rounds their ends; fixed if it has no mass.
 
         One body of several shapes has no more than 16 in PyBullet.
@@ -273,7 +273,7 @@ class BodyBuilder:
         def add(shape: int, x: float, y: float, turned: float) -> None:
             cosine, sine = math.cos(heading), math.sin(heading)
             where = (place[0] + cosine * x - sine * y, place[1] + sine * x + cosine * y, place[2])
-            members.append(Member(self._body(mass, shape, where, turn(heading + turned)), x, y, turned))
+            members.append(BodyPart(self._body(mass, shape, where, turn(heading + turned)), x, y, turned))
 
         for (x, y), (to_x, to_y) in pairwise(wall.points):
             extents = [0.5 * math.dist((x, y), (to_x, to_y)), half, 0.5 * height]

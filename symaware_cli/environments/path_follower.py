@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 from symaware_cli.core import Pose
-from symaware_cli.environments.body_builder import Member, turn
+from symaware_cli.environments.body_builder import BodyPart, turn
 from symaware_cli.environments.body_poses import BodyPoses
 from symaware_cli.environments.bullet import engine
 
@@ -14,7 +14,7 @@ from symaware_cli.environments.bullet import engine
 def follow(
     client: int,
     poses: BodyPoses,
-    members: Sequence[Member],
+    members: Sequence[BodyPart],
     level: float,
     course: Pose,
     tilt: tuple[float, float],

@@ -29,7 +29,7 @@ from symaware_cli.environments.contact_tracker import GROUND, ContactTracker
 Array = NDArray[np.float64]
 
 
-class Bodies:
+class BodyStates:
     """What a world reads of bodies, a row for each.
 
     Attributes:
@@ -108,7 +108,7 @@ class PhysicsEnvironment(ColumnEnvironment):
         self._free = [name for name, obstacle in self.obstacles.items() if obstacle.is_free]
         self._moving = [name for name, obstacle in self.obstacles.items() if obstacle.path]
         self._free_rows = {name: row for row, name in enumerate(self._free)}
-        self._free_known: Bodies | None = None
+        self._free_known: BodyStates | None = None
         self._tracker = ContactTracker([*self.roster.ids, *self.obstacles, GROUND], len(self.roster))
         self._prepare()
         try:
@@ -221,11 +221,11 @@ class PhysicsEnvironment(ColumnEnvironment):
         """
 
     @abstractmethod
-    def _read_driven(self) -> Bodies:
+    def _read_driven(self) -> BodyStates:
         """Read what is driven."""
 
     @abstractmethod
-    def _read_free(self) -> Bodies:
+    def _read_free(self) -> BodyStates:
         """Read what is free; only if somebody asks, so that must make no difference."""
 
     def step(self) -> None:
@@ -349,7 +349,7 @@ class PhysicsEnvironment(ColumnEnvironment):
         free = followed(shared, "free", (len(self._free), 2 * width + 2))
         self._place({name: followed(shared, name, known.shape) for name, known in self._placement().items()})
         turned = self._read_free().orientations if self._free else None
-        self._free_known = Bodies(free[:, :width], free[:, width], free[:, width + 1 :], turned)
+        self._free_known = BodyStates(free[:, :width], free[:, width], free[:, width + 1 :], turned)
 
     @abstractmethod
     def _placement(self) -> Mapping[str, Array]:
@@ -360,7 +360,7 @@ class PhysicsEnvironment(ColumnEnvironment):
         """Put the engine's bodies where those of another process are."""
 
     @property
-    def _free_bodies(self) -> Bodies:
+    def _free_bodies(self) -> BodyStates:
         """What is free, in the order of `_free`."""
         if self._free_known is None:
             self._free_known = self._read_free()

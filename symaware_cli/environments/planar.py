@@ -14,7 +14,7 @@ from pymunk import batch
 from symaware_cli.core import Entity, Obstacle, Shape
 from symaware_cli.environments.contact_tracker import Pair, pair
 from symaware_cli.environments.joint import Joint, joined
-from symaware_cli.environments.physics import Bodies, PhysicsEnvironment
+from symaware_cli.environments.physics import BodyStates, PhysicsEnvironment
 from symaware_cli.geometry.pieces import Pieces, separation
 
 Array = NDArray[np.float64]
@@ -207,20 +207,20 @@ class PymunkEnvironment(PhysicsEnvironment):
         body.position, body.angle = _flat(course.position), course.heading
         body.velocity, body.angular_velocity = _flat(course.velocity), course.turn_rate
 
-    def _read_driven(self) -> Bodies:
+    def _read_driven(self) -> BodyStates:
         if not len(self._driven):
-            return Bodies(np.empty((0, 2)), np.empty(0), np.empty((0, 3)))
+            return BodyStates(np.empty((0, 2)), np.empty(0), np.empty((0, 3)))
         # Pymunk tells of all bodies at once.
         driven, self._free_known = self._read_both()
         return driven
 
-    def _read_free(self) -> Bodies:
+    def _read_free(self) -> BodyStates:
         return self._read_both()[1]
 
-    def _read_both(self) -> tuple[Bodies, Bodies]:
+    def _read_both(self) -> tuple[BodyStates, BodyStates]:
         rows = self._rows(_POSE, 6)[: len(self._driven) + len(self._free)].copy()
         driven, free = (
-            Bodies(part[:, :2], part[:, 2], part[:, 3:])
+            BodyStates(part[:, :2], part[:, 2], part[:, 3:])
             for part in (rows[: len(self._driven)], rows[len(self._driven) :])
         )
         return driven, free

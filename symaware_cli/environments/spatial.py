@@ -13,7 +13,7 @@ from symaware_cli.core import Entity, EntityGroup, ErrorCollector, Image, Obstac
 from symaware_cli.environments import collision, sensing
 from symaware_cli.environments.actuator import Actuator
 from symaware_cli.environments.appearance import appearances
-from symaware_cli.environments.body_builder import BodyBuilder, Member, last, turn
+from symaware_cli.environments.body_builder import BodyBuilder, BodyPart, last, turn
 from symaware_cli.environments.body_poses import BodyPoses
 from symaware_cli.environments.bullet import MOST_SHOWN, Client, engine, quiet
 from symaware_cli.environments.collision import Collisions
@@ -21,7 +21,7 @@ from symaware_cli.environments.contact_tracker import GROUND
 from symaware_cli.environments.ground import Ground, footing, make_plane, make_slab
 from symaware_cli.environments.noise import process_noise
 from symaware_cli.environments.path_follower import follow
-from symaware_cli.environments.physics import Bodies, PhysicsEnvironment
+from symaware_cli.environments.physics import BodyStates, PhysicsEnvironment
 from symaware_cli.environments.vehicle import Vehicle, read_bodies
 from symaware_cli.geometry.articulation import Articulation
 from symaware_cli.geometry.rotation import attitude_columns
@@ -261,7 +261,7 @@ class PyBulletEnvironment(PhysicsEnvironment):
             held = obstacle.path is not None
             orientation = turn(pose.heading, obstacle.roll, obstacle.pitch)
             body = self._builder.make(mass, obstacle.shape, pose.position, orientation, *where, held=held)
-            members = [Member(body)]
+            members = [BodyPart(body)]
             self._entities[name] = body
         for member in members:
             self._finish(member.body, index, obstacle, kind)
@@ -275,7 +275,7 @@ class PyBulletEnvironment(PhysicsEnvironment):
         super()._prepare()
         #: Entities of one body, which all but walls are.
         self._entities: dict[str, int] = {}
-        self._members: dict[str, Sequence[Member]] = {}
+        self._members: dict[str, Sequence[BodyPart]] = {}
         #: How high entities were put [m].
         self._levels: dict[str, float] = {}
 
@@ -350,14 +350,14 @@ class PyBulletEnvironment(PhysicsEnvironment):
 
     # -- what is read back
 
-    def _read_driven(self) -> Bodies:
-        driven = Bodies(*self._body_poses.look(self._agents, self._headings))
+    def _read_driven(self) -> BodyStates:
+        driven = BodyStates(*self._body_poses.look(self._agents, self._headings))
         self._positions, self._headings = driven.positions, driven.headings
         return driven
 
-    def _read_free(self) -> Bodies:
+    def _read_free(self) -> BodyStates:
         """Their headings are within half a turn of those at the start: turns are not counted."""
-        return Bodies(*self._body_poses.look(self._free_members, self._free_headings))
+        return BodyStates(*self._body_poses.look(self._free_members, self._free_headings))
 
     def _displace(self, row: int, moved: Array, turned: float, faster: Array) -> None:
         self._headings[row] += turned

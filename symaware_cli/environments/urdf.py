@@ -89,10 +89,10 @@ def articulation(path: Path, scale: float = 1.0) -> Articulation:
     Raises:
         UrdfError: It cannot be read, or its links carry each other in a circle.
     """
-    return _Reading(parsed(path), path, scale).articulation
+    return _Reader(parsed(path), path, scale).articulation
 
 
-class _Reading:
+class _Reader:
     """What is read out of one description."""
 
     def __init__(self, root: Element, path: Path, scale: float) -> None:

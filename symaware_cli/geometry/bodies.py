@@ -22,7 +22,7 @@ Indices = NDArray[np.intp]
 Outline = tuple[Sequence[Sequence[float]], float]
 
 
-class Nearest(NamedTuple):
+class NearestPair(NamedTuple):
     """The two bodies that are nearest to each other.
 
     Attributes:
@@ -112,7 +112,9 @@ class Bodies:
             gaps[some] = np.maximum(flat, gaps[some])
         return gaps
 
-    def nearest(self, positions: Array, headings: Array, proximity: Proximity, below: float = np.inf) -> Nearest | None:
+    def nearest(
+        self, positions: Array, headings: Array, proximity: Proximity, below: float = np.inf
+    ) -> NearestPair | None:
         """Find the two that are nearest to each other.
 
         Args:
@@ -136,7 +138,7 @@ class Bodies:
             gap = pairs.least - 2.0 * self._largest
             if gap >= below:
                 return None
-            return Nearest(gap, int(pairs.first[pairs.closest]), int(pairs.second[pairs.closest]))
+            return NearestPair(gap, int(pairs.first[pairs.closest]), int(pairs.second[pairs.closest]))
         bound = pairs.distance - self.radii.take(pairs.first) - self.radii.take(pairs.second)
         near = np.flatnonzero(bound < below)
         if not len(near):
@@ -146,4 +148,4 @@ class Bodies:
         best = int(gaps.argmin())
         if not gaps[best] < below:
             return None
-        return Nearest(float(gaps[best]), int(one[best]), int(other[best]))
+        return NearestPair(float(gaps[best]), int(one[best]), int(other[best]))

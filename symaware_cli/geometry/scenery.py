@@ -27,7 +27,7 @@ _TOGETHER = 1 << 19
 _SECOND = 1_000_000_000
 
 
-class Obstacle(Protocol):
+class PlacedShape(Protocol):
     """What scenery consists of; `symaware_cli.Obstacle` is one."""
 
     @property
@@ -42,7 +42,7 @@ class Obstacle(Protocol):
         """Where it is at a time [s], and how it moves from there on."""
 
 
-class Span(NamedTuple):
+class HeightRange(NamedTuple):
     """How high an obstacle reaches.
 
     Attributes:
@@ -102,7 +102,7 @@ class Scenery:
     """
 
     def __init__(
-        self, obstacles: Mapping[str, Obstacle], time: int = 0, spans: Mapping[str, Span] | None = None
+        self, obstacles: Mapping[str, PlacedShape], time: int = 0, spans: Mapping[str, HeightRange] | None = None
     ) -> None:
         """Put obstacles in place.
 
@@ -124,7 +124,7 @@ class Scenery:
         self._headings = np.zeros(len(every))
         self._turn_rates = np.zeros(len(every))
         now = time / _SECOND
-        unbounded = Span(0.0, -np.inf, np.inf)
+        unbounded = HeightRange(0.0, -np.inf, np.inf)
         self._spans = np.array([(spans or {}).get(name, unbounded) for name in self.names]).reshape(-1, 3)
         self._levels: Array = self._spans[:, 0].copy()
         self._bounded = bool(np.isfinite(self._spans).all(axis=1).any())

@@ -15,7 +15,7 @@ from symaware_cli.optimal_control.dynamics import Dynamics, Integrator
 Array = NDArray[np.float64]
 
 
-class Parameter(NamedTuple):
+class ProblemParameter(NamedTuple):
     """A quantity that is known only when the problem is to be solved."""
 
     symbol: Any
@@ -85,7 +85,7 @@ class OptimalControlProblem:
         self.state = casadi.SX.sym("state", len(model.state))
         self.control_input = casadi.SX.sym("input", len(model.control_input))
         self.previous_input = casadi.SX.sym("previous", len(model.control_input))
-        self.parameters: dict[str, Parameter] = {}
+        self.parameters: dict[str, ProblemParameter] = {}
         self.costs: list[Cost] = []
         self.constraints: list[Constraint] = []
         count = len(model.state)
@@ -118,7 +118,7 @@ class OptimalControlProblem:
             raise ValueError(f"there is a parameter `{name}` already")
         extent = (shape,) if isinstance(shape, int) else tuple(shape)
         symbol = casadi.SX.sym(name, *extent)
-        self.parameters[name] = Parameter(symbol, extent, per_stage)
+        self.parameters[name] = ProblemParameter(symbol, extent, per_stage)
         return symbol
 
     def add_cost(self, expression: Any, *, stages: Iterable[int] | None = None) -> None:

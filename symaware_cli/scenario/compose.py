@@ -14,8 +14,8 @@ from symaware_cli.environments.asset import is_packaged
 from symaware_cli.scenario.overrides import Override
 from symaware_cli.scenario.parameters import substitute
 from symaware_cli.scenario.parser import nearest_file, read
-from symaware_cli.scenario.problem import Problem, ScenarioError, Span, dotted, quoted
-from symaware_cli.scenario.source import Entry, Node, Path, Source
+from symaware_cli.scenario.problem import Problem, ScenarioError, TextSpan, dotted, quoted
+from symaware_cli.scenario.source import MappingEntry, Node, Path, Source
 
 MAX_EXTENDS_DEPTH = 16
 # A diamond of bases merges the same file again and again; this bounds the work.
@@ -55,7 +55,7 @@ class Composition:
         self._root = root
         self._sources = sources
 
-    def span(self, path: Path, key: bool = False) -> Span | None:
+    def span(self, path: Path, key: bool = False) -> TextSpan | None:
         """Returns where the value (or the key) at a path came from, or its nearest ancestor that exists."""
         return self._root.nearest_span(path, key=key)
 
@@ -63,7 +63,7 @@ class Composition:
         """Returns whether a file or an override says something at a path."""
         return self._root.has(path)
 
-    def line_text(self, span: Span) -> str | None:
+    def line_text(self, span: TextSpan) -> str | None:
         """Returns the whole line that a span lies on."""
         source = self._sources.get(span.file)
         return source.line_text(span.line) if source else None
@@ -135,14 +135,15 @@ def _found_beside(root: Node, folders: Mapping[str, str], inside: str = "", arou
     """Returns a document in which the files of shapes are named from the top file's folder, not from who names them."""
     if isinstance(root.value, dict):
         entries = {
-            key: Entry(entry.key, _found_beside(entry.node, folders, key, inside)) for key, entry in root.value.items()
+            key: MappingEntry(entry.key, _found_beside(entry.node, folders, key, inside))
+            for key, entry in root.value.items()
         }
         changed = any(entry.node is not root.value[key].node for key, entry in entries.items())
         named = entries.get("file")
         folder = folders.get(named.node.span.file) if named and around == "shape" else None
         if named and folder and isinstance(named.node.value, str) and not is_packaged(named.node.value):
             beside = Node(str(PurePosixPath(folder, named.node.value)), named.node.span)
-            entries, changed = entries | {"file": Entry(named.key, beside)}, True
+            entries, changed = entries | {"file": MappingEntry(named.key, beside)}, True
         return Node(entries, root.span) if changed else root
     return root
 
@@ -168,7 +169,7 @@ def merge(base: Node, overlay: Node) -> Node:
         elif entry.node.value is None:
             del entries[key]
         else:
-            entries[key] = Entry(entry.key, merge(inherited.node, entry.node))
+            entries[key] = MappingEntry(entry.key, merge(inherited.node, entry.node))
     return Node(entries, overlay.span)
 
 

@@ -2,8 +2,8 @@
 
 from typing import Self
 
-from symaware_cli.scenario.problem import Span, nearest, quoted
-from symaware_cli.scenario.source import MAX_DEPTH, Entry, Node, Path, Source, decode, report_depth
+from symaware_cli.scenario.problem import TextSpan, nearest, quoted
+from symaware_cli.scenario.source import MAX_DEPTH, MappingEntry, Node, Path, Source, decode, report_depth
 
 # Mappings whose keys are names that the user made up: a name that is not there is a typing error, never a wish.
 _NAMED = ("agents", "components", "entities")
@@ -18,7 +18,7 @@ class Override:
 
     def __init__(self, source: Source) -> None:
         self.source = source
-        self._segments: list[tuple[str, Span]] = []
+        self._segments: list[tuple[str, TextSpan]] = []
         self._value = Node(None, self._stretch(0, len(source.text)))
 
     @classmethod
@@ -41,7 +41,7 @@ class Override:
             override._take_value(len(path) + 1, value)
         return override
 
-    def _stretch(self, start: int, end: int) -> Span:
+    def _stretch(self, start: int, end: int) -> TextSpan:
         return self.source.stretch(1, start + 1, 1, end + 1)
 
     def _take_path(self, path: str) -> None:
@@ -113,7 +113,7 @@ class Override:
             return Node({key: entry for key, entry in entries.items() if key != name}, node.span)
         child = entries[name].node if name in entries else Node({}, span)
         replaced = self._replace(child, depth + 1)
-        return Node(entries | {name: Entry(span, replaced)}, node.span)
+        return Node(entries | {name: MappingEntry(span, replaced)}, node.span)
 
     def _replace_item(self, node: Node, items: list[Node], depth: int) -> Node:
         name, span = self._segments[depth]
@@ -135,7 +135,7 @@ class Override:
         return ".".join(segment for segment, _ in self._segments[:depth])
 
     def _refuse(
-        self, message: str, span: Span, depth: int, expected: str | None = None, suggestion: str | None = None
+        self, message: str, span: TextSpan, depth: int, expected: str | None = None, suggestion: str | None = None
     ) -> None:
         path = self._path()[: depth + 1]
         self.source.report("bad-set-path", message, span, path, expected=expected, suggestion=suggestion)

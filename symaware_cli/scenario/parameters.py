@@ -7,7 +7,7 @@ from symaware_cli.scenario.problem import MAX_PROBLEMS, nearest, quoted
 from symaware_cli.scenario.source import (
     MAX_DEPTH,
     MAX_NODES,
-    Entry,
+    MappingEntry,
     Node,
     Path,
     Source,
@@ -65,7 +65,7 @@ class _Substitution:
                 node = self._parameter((), entry.node)
             else:
                 node = self._walk(entry.node, (key,))
-            entries[key] = Entry(entry.key, node)
+            entries[key] = MappingEntry(entry.key, node)
         return Node(entries, self._root.span)
 
     def _report(self, code: str, message: str, node: Node, path: Path, **hints: str | None) -> None:
@@ -77,7 +77,9 @@ class _Substitution:
     def _walk(self, node: Node, path: Path) -> Node:
         """Returns a value outside `parameters` with its references replaced, or as it is if that fails."""
         if isinstance(node.value, dict):
-            entries = {key: Entry(entry.key, self._walk(entry.node, (*path, key))) for key, entry in node.value.items()}
+            entries = {
+                key: MappingEntry(entry.key, self._walk(entry.node, (*path, key))) for key, entry in node.value.items()
+            }
             return self._checked(Node(entries, node.span), path)
         if isinstance(node.value, list):
             items = [self._walk(child, (*path, index)) for index, child in enumerate(node.value)]
@@ -125,7 +127,7 @@ class _Substitution:
         # Every part is looked at before the whole is given up, so that each of its problems is reported.
         children = self._children(name, node)
         if isinstance(node.value, dict):
-            entries = {key: Entry(entry.key, children[key]) for key, entry in node.value.items()}
+            entries = {key: MappingEntry(entry.key, children[key]) for key, entry in node.value.items()}
             return self._checked(Node(entries, node.span), path)
         return self._checked(Node(list(children.values()), node.span), path)
 

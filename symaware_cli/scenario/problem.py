@@ -14,7 +14,7 @@ _BOLD, _RED, _DIM, _RESET = "\x1b[1m", "\x1b[31m", "\x1b[2m", "\x1b[0m"
 
 
 @dataclass(frozen=True, slots=True)
-class Span:
+class TextSpan:
     """A stretch of one line of a file.
 
     Attributes:
@@ -46,7 +46,7 @@ class Problem:
 
     code: str
     message: str
-    span: Span | None = None
+    span: TextSpan | None = None
     path: str = ""
     expected: str | None = None
     suggestion: str | None = None
@@ -167,7 +167,7 @@ def _columns(text: str) -> int:
     )
 
 
-def _excerpt(line: str, span: Span, width: int) -> tuple[str, int, int]:
+def _excerpt(line: str, span: TextSpan, width: int) -> tuple[str, int, int]:
     """Returns the part of a line around a span, the columns before the caret, and the caret's width."""
     start = min(span.column - 1, len(line))
     # One character is at most ten columns (an escape), so this much is certain to fill the window.

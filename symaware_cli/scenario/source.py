@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeAlias
 
-from symaware_cli.scenario.problem import Problem, Span, dotted
+from symaware_cli.scenario.problem import Problem, TextSpan, dotted
 
 Path: TypeAlias = tuple[str | int, ...]
 Scalar: TypeAlias = str | int | float | bool | None
@@ -28,10 +28,10 @@ _FORBIDDEN = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u2028\u2029\ud800-
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
+class MappingEntry:
     """A key's position and its value."""
 
-    key: Span
+    key: TextSpan
     node: "Node"
 
 
@@ -47,7 +47,7 @@ class Node:
 
     __slots__ = ("height", "size", "span", "value")
 
-    def __init__(self, value: "Scalar | list[Node] | dict[str, Entry]", span: Span) -> None:
+    def __init__(self, value: "Scalar | list[Node] | dict[str, MappingEntry]", span: TextSpan) -> None:
         self.value = value
         self.span = span
         self.size = 1
@@ -75,7 +75,7 @@ class Node:
             return [child.plain() for child in self.value]
         return self.value
 
-    def nearest_span(self, path: Path, *, key: bool = False) -> Span:
+    def nearest_span(self, path: Path, *, key: bool = False) -> TextSpan:
         """Returns the span of the value (or the key) at a path, or of the nearest ancestor that exists."""
         node, key_span = self, self.span
         for part in path:
@@ -126,7 +126,7 @@ class Source:
         """The document as plain data; empty if the file says nothing that can be understood."""
         return {} if self.root is None else dict(self.root.plain())
 
-    def span(self, path: Path, key: bool = False) -> Span | None:
+    def span(self, path: Path, key: bool = False) -> TextSpan | None:
         """Returns where the value (or the key) at a path is, or `None` if there is nothing at that path."""
         if self.root is None or not self.root.has(path):
             return None
@@ -136,23 +136,23 @@ class Source:
         """Returns a line by its number, from 1."""
         return self.lines[line - 1] if 1 <= line <= len(self.lines) else None
 
-    def stretch(self, line: int, column: int, end_line: int, end_column: int) -> Span:
+    def stretch(self, line: int, column: int, end_line: int, end_column: int) -> TextSpan:
         """Returns the span of a stretch of text, cut at the end of its first line and at least one column wide."""
         if end_line != line:
             end_column = len(self.line_text(line) or "") + 1
-        return Span(self.name, line, column, max(end_column, column + 1))
+        return TextSpan(self.name, line, column, max(end_column, column + 1))
 
-    def at(self, index: int) -> Span:
+    def at(self, index: int) -> TextSpan:
         """Returns the span of the character at an index of the text."""
         before = _LINE_BREAK.split(self.text[:index])
         column = len(before[-1]) + 1
-        return Span(self.name, len(before), column, column + 1)
+        return TextSpan(self.name, len(before), column, column + 1)
 
     def report(
         self,
         code: str,
         message: str,
-        span: Span | None,
+        span: TextSpan | None,
         path: Sequence[str | int] = (),
         *,
         expected: str | None = None,
@@ -176,7 +176,7 @@ def decode(name: str, raw: bytes) -> Source:
         source.report(
             "not-utf-8",
             f"byte 0x{raw[error.start]:02x} at offset {error.start} is not UTF-8",
-            Span(name, line, column, column + 1),
+            TextSpan(name, line, column, column + 1),
             expected="a file saved as UTF-8",
         )
         return source
@@ -186,7 +186,7 @@ def decode(name: str, raw: bytes) -> Source:
         if found:
             column = found.start() + 1
             message = f"the character {_code_point(found.group())} is not allowed in a scenario file"
-            source.report("bad-character", message, Span(name, number, column, column + 1))
+            source.report("bad-character", message, TextSpan(name, number, column, column + 1))
     return source
 
 
@@ -194,7 +194,7 @@ def _code_point(character: str) -> str:
     return f"U+{ord(character):04X}"
 
 
-class Fault(NamedTuple):
+class ValueProblem(NamedTuple):
     """What is wrong with a value, before it is known where the value is."""
 
     code: str
@@ -202,32 +202,36 @@ class Fault(NamedTuple):
     expected: str | None = None
 
 
-LARGE_NUMBER = Fault(
+LARGE_NUMBER = ValueProblem(
     "too-large-number", "this whole number does not fit in 64 bits", "a number between -2^63 and 2^63 - 1"
 )
 
 
-def scalar_fault(value: object) -> Fault | None:
+def scalar_fault(value: object) -> ValueProblem | None:
     """Returns what is wrong with a value that no scenario may hold, in either format."""
     if isinstance(value, str):
         found = _FORBIDDEN.search(value)
-        return Fault("bad-character", f"the character {_code_point(found.group())} is not allowed") if found else None
+        return (
+            ValueProblem("bad-character", f"the character {_code_point(found.group())} is not allowed")
+            if found
+            else None
+        )
     if isinstance(value, float):
         if math.isfinite(value):
             return None
-        return Fault("not-finite", f"{value} is not a finite number", "a finite number")
+        return ValueProblem("not-finite", f"{value} is not a finite number", "a finite number")
     if isinstance(value, int):
         return None if -(2**63) <= value < 2**63 else LARGE_NUMBER
     if value is None:
         return None
-    return Fault("date-not-allowed", "a scenario has no dates", "a text in quotes, or a number of seconds")
+    return ValueProblem("date-not-allowed", "a scenario has no dates", "a text in quotes, or a number of seconds")
 
 
-def report_depth(source: Source, span: Span | None, path: Sequence[str | int] = ()) -> None:
+def report_depth(source: Source, span: TextSpan | None, path: Sequence[str | int] = ()) -> None:
     """Reports nesting that nobody can mean."""
     source.report("too-deep", f"values are nested more than {MAX_DEPTH} deep", span, path)
 
 
-def report_nodes(source: Source, span: Span | None, path: Sequence[str | int] = ()) -> None:
+def report_nodes(source: Source, span: TextSpan | None, path: Sequence[str | int] = ()) -> None:
     """Reports more values than a scenario may hold."""
     source.report("too-large", f"the file expands to more than {MAX_NODES:,} values", span, path)

@@ -9,12 +9,12 @@ from typing import Any, Final
 import tree_sitter
 import tree_sitter_toml
 
-from symaware_cli.scenario.problem import MAX_PROBLEMS, Span, quoted
+from symaware_cli.scenario.problem import MAX_PROBLEMS, TextSpan, quoted
 from symaware_cli.scenario.source import (
     LARGE_NUMBER,
     MAX_DEPTH,
     MAX_NODES,
-    Entry,
+    MappingEntry,
     Node,
     Path,
     Source,
@@ -90,7 +90,7 @@ class _Builder:
         self._source = source
         self._places = places
 
-    def build(self, value: Any, path: Path, parent: Span | None = None) -> Node:
+    def build(self, value: Any, path: Path, parent: TextSpan | None = None) -> Node:
         span = self._places.values.get(path) or parent or self._source.at(0)
         if not isinstance(value, dict | list):
             fault = scalar_fault(value)
@@ -111,7 +111,7 @@ class _Builder:
             fault = scalar_fault(key)
             if fault:
                 self._source.report(fault.code, fault.message, key_span, (*path, key))
-            entries[key] = Entry(key_span, self.build(item, (*path, key), key_span))
+            entries[key] = MappingEntry(key_span, self.build(item, (*path, key), key_span))
         return Node(entries, span)
 
 
@@ -125,14 +125,14 @@ class _Places:
     """
 
     def __init__(self, source: Source) -> None:
-        self.keys: dict[Path, Span] = {}
-        self.values: dict[Path, Span] = {}
-        self.duplicates: list[tuple[Path, Span, Span]] = []
+        self.keys: dict[Path, TextSpan] = {}
+        self.values: dict[Path, TextSpan] = {}
+        self.duplicates: list[tuple[Path, TextSpan, TextSpan]] = []
         self._source = source
         # Number of tables so far in each array of tables.
         self._arrays: dict[Path, int] = {}
         # What may not be given again: values, headers and the tables that dotted keys make.
-        self._final: dict[Path, Span] = {}
+        self._final: dict[Path, TextSpan] = {}
         self._leaves: list[tuple[Path, str, tree_sitter.Node]] = []
         self._columns: dict[int, list[int]] = {}
 
@@ -193,7 +193,7 @@ class _Places:
         """Returns the path of the table that a name means now: in an array of tables, the last one."""
         return (*path, self._arrays[path] - 1) if path in self._arrays else path
 
-    def _place(self, path: Path, span: Span) -> None:
+    def _place(self, path: Path, span: TextSpan) -> None:
         self.keys.setdefault(path, span)
         self.values.setdefault(path, span)
 
@@ -230,7 +230,7 @@ class _Places:
         elif node.type in ("integer", "float") or node.type in _DATED:
             self._leaves.append((path, node.type, node))
 
-    def _names(self, node: tree_sitter.Node) -> list[tuple[str, Span]]:
+    def _names(self, node: tree_sitter.Node) -> list[tuple[str, TextSpan]]:
         """Returns the parts of a key, each with its place; none if it is not a key."""
         if node.type == "dotted_key":
             return [part for child in node.named_children for part in self._names(child)]
@@ -246,7 +246,7 @@ class _Places:
                 return []
         return []
 
-    def _span(self, node: tree_sitter.Node) -> Span:
+    def _span(self, node: tree_sitter.Node) -> TextSpan:
         start, end = node.start_point, node.end_point
         return self._source.stretch(
             start.row + 1, self._column(start.row, start.column), end.row + 1, self._column(end.row, end.column)

@@ -9,11 +9,11 @@ from typing import Final
 
 import yaml
 
-from symaware_cli.scenario.problem import MAX_PROBLEMS, Span, nearest, quoted
+from symaware_cli.scenario.problem import MAX_PROBLEMS, TextSpan, nearest, quoted
 from symaware_cli.scenario.source import (
     MAX_DEPTH,
     MAX_NODES,
-    Entry,
+    MappingEntry,
     Node,
     Scalar,
     Source,
@@ -79,15 +79,15 @@ class _Frame:
 
     __slots__ = ("anchor", "entries", "is_flow", "is_mapping", "items", "key", "merged", "span")
 
-    def __init__(self, is_mapping: bool, is_flow: bool, span: Span, anchor: str | None) -> None:
+    def __init__(self, is_mapping: bool, is_flow: bool, span: TextSpan, anchor: str | None) -> None:
         self.is_mapping = is_mapping
         self.is_flow = is_flow
         self.span = span
         self.anchor = anchor
         self.items: list[Node] = []
-        self.entries: dict[str, Entry] = {}
+        self.entries: dict[str, MappingEntry] = {}
         self.merged: list[Node] = []
-        self.key: tuple[str | None, Span] | None = None
+        self.key: tuple[str | None, TextSpan] | None = None
 
     def place(self) -> str | int | None:
         """Returns the path segment of the value that is being read."""
@@ -127,18 +127,18 @@ class _Builder:
     def _path(self) -> list[str | int]:
         return [place for frame in self._stack if (place := frame.place()) is not None]
 
-    def _span(self, event: yaml.Event) -> Span:
+    def _span(self, event: yaml.Event) -> TextSpan:
         start, end = event.start_mark, event.end_mark
         assert start is not None
         assert end is not None
         return self._source.stretch(start.line + 1, start.column + 1, end.line + 1, end.column + 1)
 
-    def _report(self, code: str, message: str, span: Span, **hints: str | None) -> None:
+    def _report(self, code: str, message: str, span: TextSpan, **hints: str | None) -> None:
         self._source.report(code, message, span, self._path(), **hints)
         if len(self._source.problems) >= MAX_PROBLEMS:
             raise _Enough
 
-    def _stop(self, code: str, message: str, span: Span) -> None:
+    def _stop(self, code: str, message: str, span: TextSpan) -> None:
         self._report(code, message, span)
         raise _Enough
 
@@ -164,7 +164,7 @@ class _Builder:
             value = None
         self._anchor_and_add(Node(value, span), event.anchor)
 
-    def _tagged(self, event: yaml.ScalarEvent, tag: str, span: Span) -> Scalar:
+    def _tagged(self, event: yaml.ScalarEvent, tag: str, span: TextSpan) -> Scalar:
         """Returns the value of a scalar with a tag."""
         text: str = event.value
         if tag == _CORE + "str":
@@ -180,12 +180,12 @@ class _Builder:
             return text
         return float(value) if tag == _CORE + "float" and isinstance(value, int) else value
 
-    def _refuse_tag(self, tag: str, span: Span) -> None:
+    def _refuse_tag(self, tag: str, span: TextSpan) -> None:
         """Reports a tag that is not allowed, or not on this kind of value."""
         line = self._source.line_text(span.line) or ""
         written = re.compile(r"![^\s,\[\]{}]*").search(line, span.column - 1)
         if written:
-            span = Span(span.file, span.line, written.start() + 1, written.end() + 1)
+            span = TextSpan(span.file, span.line, written.start() + 1, written.end() + 1)
         name = quoted(written.group() if written else tag)
         if tag in _KNOWN_TAGS:
             self._report("wrong-tag", f"the tag {name} does not fit this value", span)
@@ -214,7 +214,7 @@ class _Builder:
         if not frame.is_mapping:
             self._anchor_and_add(Node(frame.items, span), frame.anchor)
             return
-        entries: dict[str, Entry] = {}
+        entries: dict[str, MappingEntry] = {}
         # Of several merged mappings the first wins, and the mapping's own keys win over all.
         for merged in reversed(frame.merged):
             if isinstance(merged.value, dict):
@@ -248,7 +248,7 @@ class _Builder:
             self._anchors[anchor] = node
         self._add(node, node.size if not isinstance(node.value, dict | list) else 1)
 
-    def _count(self, nodes: int, span: Span) -> None:
+    def _count(self, nodes: int, span: TextSpan) -> None:
         self._nodes += nodes
         if self._nodes > MAX_NODES:
             report_nodes(self._source, span, self._path())
@@ -291,7 +291,7 @@ class _Builder:
         if key is None:
             self._merge(frame, node)
         elif key not in frame.entries:
-            frame.entries[key] = Entry(span, node)
+            frame.entries[key] = MappingEntry(span, node)
         frame.key = None
 
     def _merge(self, frame: _Frame, node: Node) -> None:

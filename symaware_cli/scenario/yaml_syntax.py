@@ -4,7 +4,7 @@ import re
 
 import yaml
 
-from symaware_cli.scenario.problem import Span
+from symaware_cli.scenario.problem import TextSpan
 from symaware_cli.scenario.source import Source
 
 # (pattern over the parser's own words, code, what to tell); the first that matches is used.
@@ -79,7 +79,7 @@ class _Place:
         self.line = mark.line + 1
         self.column = mark.column + 1
         self.text = source.line_text(self.line) or ""
-        self.span = Span(source.name, self.line, self.column, self.column + 1)
+        self.span = TextSpan(source.name, self.line, self.column, self.column + 1)
         self.before = self.text[: mark.column]
         self.character = self.text[mark.column : mark.column + 1]
         self.is_end = self.line >= len(source.lines) and not self.text[mark.column :].strip()
@@ -121,7 +121,7 @@ def _report_second_colon(source: Source, here: _Place) -> None:
         return
     message = "a key cannot stand here: check the indentation, and that the line before ends its value"
     width = len(here.before) - len(here.before.lstrip())
-    source.report("bad-indentation", message, Span(source.name, here.line, width + 1, here.column + 1))
+    source.report("bad-indentation", message, TextSpan(source.name, here.line, width + 1, here.column + 1))
 
 
 def _report_misfit(source: Source, here: _Place, opening: _Place) -> None:

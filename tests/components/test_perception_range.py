@@ -539,10 +539,10 @@ def test_in_space_one_sees_over_a_wall_and_not_through_it(height, delay, seen):
 
 
 def test_a_line_that_dips_behind_a_wall_is_cut_only_where_it_is_low():
-    from symaware_cli.geometry.scenery import Scenery, Span
+    from symaware_cli.geometry.scenery import HeightRange, Scenery
 
     wall = Obstacle.model_validate({"shape": {"box": {"length": 0.2, "width": 6.0}}, "position": [0, 0]})
-    scenery = Scenery({"wall": wall}, 0, {"wall": Span(0.5, -0.5, 0.5)})
+    scenery = Scenery({"wall": wall}, 0, {"wall": HeightRange(0.5, -0.5, 0.5)})
     ends = np.array([[-2, 0, 3], [-2, 0, 0.5], [2, 0, 0.5], [-2, 0, 2.0]], float)
     targets = np.array([[2, 0, 0.5], [2, 0, 0.5], [-2, 0, 3.0], [2, 0, -0.5]], float)
     # Over it; through it; the first the other way; and down through it.

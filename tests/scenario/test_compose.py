@@ -13,8 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from symaware_cli.scenario.compose import Composition, CompositionError, compose, merge
-from symaware_cli.scenario.problem import Problem, ScenarioError, Span
-from symaware_cli.scenario.source import Entry, Node
+from symaware_cli.scenario.problem import Problem, ScenarioError, TextSpan
+from symaware_cli.scenario.source import MappingEntry, Node
 
 
 class Folder:
@@ -107,7 +107,7 @@ def test_a_missing_base_is_located_where_it_is_named(folder: Folder) -> None:
     folder.write(base_yaml="x: 1", top_yaml="a: 1\nextends: [base.yaml, bse.yaml]")
     problem = folder.only()
     assert (problem.code, problem.suggestion, problem.path) == ("missing-file", "base.yaml", "extends.1")
-    assert problem.span == Span("scenarios/top.yaml", 2, 22, 30)
+    assert problem.span == TextSpan("scenarios/top.yaml", 2, 22, 30)
     assert problem.source_line == "extends: [base.yaml, bse.yaml]"
 
 
@@ -170,12 +170,12 @@ _DATA = st.recursive(
     lambda inner: st.dictionaries(st.sampled_from("abcd"), inner, max_size=4),
     max_leaves=12,
 )
-_SPAN = Span("f", 1, 1, 2)
+_SPAN = TextSpan("f", 1, 1, 2)
 
 
 def _node(value: Any) -> Node:
     if isinstance(value, dict):
-        return Node({key: Entry(_SPAN, _node(item)) for key, item in value.items()}, _SPAN)
+        return Node({key: MappingEntry(_SPAN, _node(item)) for key, item in value.items()}, _SPAN)
     return Node(value, _SPAN)
 
 
@@ -479,7 +479,7 @@ def test_a_problem_is_filled_in(folder: Folder) -> None:
         "x", "wrong", ("agents", "robot", "count"), key=True, expected="e", suggestion="s"
     )
     assert problem == Problem(
-        "x", "wrong", Span("scenarios/top.yaml", 2, 11, 16), "agents.robot.count", "e", "s", "  robot: {count: 1}"
+        "x", "wrong", TextSpan("scenarios/top.yaml", 2, 11, 16), "agents.robot.count", "e", "s", "  robot: {count: 1}"
     )
 
 

@@ -5,11 +5,11 @@ import json
 from hypothesis import given
 from hypothesis import strategies as st
 
-from symaware_cli.scenario.problem import Problem, ScenarioError, Span, nearest, render, to_json
+from symaware_cli.scenario.problem import Problem, ScenarioError, TextSpan, nearest, render, to_json
 
 
 def problem(line: str, column: int, end: int, **fields: str) -> Problem:
-    return Problem("code", "the message", Span("a.yaml", 12, column, end), source_line=line, **fields)
+    return Problem("code", "the message", TextSpan("a.yaml", 12, column, end), source_line=line, **fields)
 
 
 def test_a_problem_shows_its_place_line_caret_and_hints() -> None:
@@ -18,7 +18,7 @@ def test_a_problem_shows_its_place_line_caret_and_hints() -> None:
             Problem(
                 "unknown-key",
                 "unknown key `contrl`",
-                Span("scenarios/hello.yaml", 12, 5, 11),
+                TextSpan("scenarios/hello.yaml", 12, 5, 11),
                 "agents.robot.contrl",
                 "one of components, count",
                 "components",
@@ -36,7 +36,7 @@ def test_a_problem_shows_its_place_line_caret_and_hints() -> None:
 
 
 def test_the_last_line_counts_problems_and_files() -> None:
-    problems = [Problem("a", "one", Span("a.yaml", 1, 1, 2)), Problem("a", "two", Span("b.toml", 1, 1, 2))]
+    problems = [Problem("a", "one", TextSpan("a.yaml", 1, 1, 2)), Problem("a", "two", TextSpan("b.toml", 1, 1, 2))]
     assert render(problems).splitlines()[-1] == "2 problems in 2 files"
     assert render([Problem("a", "one")]).splitlines() == ["one", "1 problem"]
     assert render([]) == ""
@@ -64,7 +64,7 @@ def test_no_escape_code_of_the_file_reaches_the_terminal() -> None:
     evil = "\x1b[31m\x07\u202e\x9b"
     shown = render(
         [
-            Problem("a", evil, Span(evil, 1, 3, 5), evil, evil, evil, f"a{evil}b"),
+            Problem("a", evil, TextSpan(evil, 1, 3, 5), evil, evil, evil, f"a{evil}b"),
             Problem("a", evil, None, evil),
         ]
     )
@@ -90,8 +90,8 @@ def test_any_line_and_any_span_can_be_shown(line: str, column: int, end: int, wi
 
 
 def test_an_error_sorts_its_problems_and_drops_repetitions() -> None:
-    late = Problem("a", "late", Span("a.yaml", 9, 1, 2))
-    early = Problem("a", "early", Span("a.yaml", 2, 5, 6))
+    late = Problem("a", "late", TextSpan("a.yaml", 9, 1, 2))
+    early = Problem("a", "early", TextSpan("a.yaml", 2, 5, 6))
     error = ScenarioError([late, early, late])
     assert error.problems == (early, late)
     assert "early" in str(error)

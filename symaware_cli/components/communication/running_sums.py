@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 _MEMORY = 256
 
 
-class Turn(NamedTuple):
+class TurnSums(NamedTuple):
     """The sums of one turn.
 
     Attributes:
@@ -43,11 +43,11 @@ class History:
         self.count = 0
         self.epoch = -1
         self.sum: Array = np.zeros(shape)
-        self._turns: dict[int, Turn] = {}
+        self._turns: dict[int, TurnSums] = {}
 
-    def add(self, now: int, value: Array) -> Turn:
+    def add(self, now: int, value: Array) -> TurnSums:
         """Remember the values of a turn, which comes after all others."""
-        turn = Turn(self.count, self.sum, self.sum + value)
+        turn = TurnSums(self.count, self.sum, self.sum + value)
         if not self.count:
             self.epoch = now
         self.sum = turn.after
@@ -57,11 +57,11 @@ class History:
             del self._turns[next(iter(self._turns))]
         return turn
 
-    def at(self, instant: int) -> Turn | None:
+    def at(self, instant: int) -> TurnSums | None:
         """The turn at an instant, in nanoseconds; None where there was none, or longer ago than is remembered."""
         return self._turns.get(instant)
 
-    def since(self, instant: int) -> Turn | None:
+    def since(self, instant: int) -> TurnSums | None:
         """The first turn at an instant or after it; None where it is not remembered, or not yet."""
         first = next(iter(self._turns), instant)
         return None if first > instant else next((turn for time, turn in self._turns.items() if time >= instant), None)
@@ -178,7 +178,7 @@ class Flows:
             setattr(self, name, np.insert(getattr(self, name), where, 0.0, axis=0))
         return np.searchsorted(self._keys, keys)
 
-    def _settle(self, places: Indices, epochs: Times, before: Array, turn: Turn, history: History) -> None:
+    def _settle(self, places: Indices, epochs: Times, before: Array, turn: TurnSums, history: History) -> None:
         """Count anew for neighbours that are heard of for the first time, or began anew."""
         rows = self.rows[places]
         np.add.at(self._settled, rows, self._weights[places, None] * self._flows[places])

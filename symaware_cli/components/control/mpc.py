@@ -51,7 +51,7 @@ _SOLVERS: WeakKeyDictionary[AgentGroup, dict[tuple[object, ...], Solver]] = Weak
 _ROUTES: WeakKeyDictionary[Environment, dict[float, Routes]] = WeakKeyDictionary()
 
 
-class Turn(NamedTuple):
+class PredictiveDecision(NamedTuple):
     """What a turn decides.
 
     Attributes:
@@ -246,7 +246,7 @@ class ModelPredictiveControl(Component):
             same[keep] = Routes(standing(self.environment), keep)
         return same[keep]
 
-    def _compute(self) -> Turn:
+    def _compute(self) -> PredictiveDecision:
         agent, model = self._agent, self._agent.group.model
         state = agent.self_state
         position = model.positions(state[None])[0]
@@ -255,7 +255,7 @@ class ModelPredictiveControl(Component):
         passed = way.passed(position, 0 if other else self._passed, self.parameters.passing)
         distance = way.remaining(position)
         if self._planned is not None and self.now < self._planned + self._step:
-            return Turn(self._held, None, self._slows, passed, distance, way, other)
+            return PredictiveDecision(self._held, None, self._slows, passed, distance, way, other)
         requested = model.limit(agent.control_input[None])
         rest = None
         if self._plan is not None and self._planned is not None:
@@ -272,8 +272,8 @@ class ModelPredictiveControl(Component):
         given = {"reference": way.reference(state, places), **others, **obstacles}
         decision = self._solver.replan(state, given, previous_input=requested[0], rest=rest)
         if decision.plan is None or (others and self._presses(decision.plan, others)):
-            return Turn(_slowest(model, state, requested), decision, True, passed, distance, way, other)
-        return Turn(decision.plan.inputs[0], decision, False, passed, distance, way, other)
+            return PredictiveDecision(_slowest(model, state, requested), decision, True, passed, distance, way, other)
+        return PredictiveDecision(decision.plan.inputs[0], decision, False, passed, distance, way, other)
 
     def _presses(self, plan: Plan, others: Mapping[str, Array]) -> bool:
         """Whether a plan soon comes closer to others than it should, and than the agent is already."""
@@ -281,7 +281,7 @@ class ModelPredictiveControl(Component):
         soon = near[1 : 1 + round(self.parameters.caution * SECOND / self._step)]
         return bool(soon.min(initial=np.inf) < min(near[0], 1.0) - _NOTICEABLE)
 
-    def _update(self, value: Turn) -> None:
+    def _update(self, value: PredictiveDecision) -> None:
         self._agent.model.control_input = self._held = value.control_input
         decision = value.decision
         if decision is not None:

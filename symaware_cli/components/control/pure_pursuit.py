@@ -57,7 +57,7 @@ def _lines(waypoints: Array, counts: Indices, loop: bool) -> Lines:
     return Lines(waypoints, counts, corners, directions, length, starts, starts[:, -1].copy())
 
 
-class Turn(NamedTuple):
+class PursuitDecision(NamedTuple):
     """What a turn decides.
 
     Attributes:
@@ -129,7 +129,7 @@ class PurePursuit(Approach):
         changed = differing(before.waypoints, waypoints) | (counts != before.counts)
         return _lines(waypoints, counts, self.parameters.loop), changed
 
-    def _compute(self) -> Turn:
+    def _compute(self) -> PursuitDecision:
         model, parameters, state = self._group.model, self.parameters, self._group.awareness.state
         lines, begins = self._present_lines()
         position = model.positions(state)
@@ -156,9 +156,9 @@ class PurePursuit(Approach):
         angle = np.arctan(model.wheelbase * curvature)  # type: ignore[attr-defined]
         control_input[:, 1] = np.where(behind, np.copysign(model.input_bounds()[1][1], sine), angle)
         intent = np.stack([self._at(lines, travelled + speed * later) for later in self._ahead], axis=1)
-        return Turn(control_input, intent, lines, begins, travelled, remaining)
+        return PursuitDecision(control_input, intent, lines, begins, travelled, remaining)
 
-    def _update(self, value: Turn) -> None:
+    def _update(self, value: PursuitDecision) -> None:
         lines, travelled = value.lines, value.travelled
         self._steer(value.control_input, value.intent)
         for row in np.flatnonzero(value.begins & self._finished).tolist():

@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 
-class Turn(NamedTuple):
+class WaypointDecision(NamedTuple):
     """What a turn decides.
 
     Attributes:
@@ -82,7 +82,7 @@ class Waypoints(Approach):
             )
         return waypoints, counts
 
-    def _compute(self) -> Turn:
+    def _compute(self) -> WaypointDecision:
         model, state = self._group.model, self._group.awareness.state
         waypoints, counts = self._known(self._group)
         begins = differing(self._waypoints, waypoints) | (counts != self._counts)
@@ -99,9 +99,9 @@ class Waypoints(Approach):
         velocity = directions(way, distance) * speed[:, None]
         intent = self._way_ahead(waypoints, counts, position, upcoming, speed)
         control_input = model.follow_velocity(state, velocity)
-        return Turn(control_input, intent, waypoints, counts, begins, number, reached, upcoming)
+        return WaypointDecision(control_input, intent, waypoints, counts, begins, number, reached, upcoming)
 
-    def _update(self, value: Turn) -> None:
+    def _update(self, value: WaypointDecision) -> None:
         self._steer(value.control_input, value.intent)
         self._waypoints, self._counts = value.waypoints, value.counts
         for row in np.flatnonzero(value.begins & self._finished).tolist():
