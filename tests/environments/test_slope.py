@@ -100,7 +100,7 @@ def test_what_is_led_keeps_its_tilt():
     with world({"ramp": led}) as environment:
         moved(environment, 1.0)
         rays = environment.ray_cast(np.array([0]), np.array([[11.0, 0.0]]), np.array([[[-1.0, 0.0]]]), 5.0, height=5.0)
-        body = environment._postures.pose(environment._entities["ramp"])[1]
+        body = environment._body_poses.pose(environment._entities["ramp"])[1]
     assert body == pytest.approx(attitude(0.0, 0.3, 0.1), abs=1e-6)
     assert rays.shape == (1, 1)
 

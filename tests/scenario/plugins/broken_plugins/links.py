@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from symaware_cli.core import Environment, Links
-from symaware_cli.network.topology.topology import Topology
+from symaware_cli import Environment, Links, Topology
 
 
 class Stray(Topology):
