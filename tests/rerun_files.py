@@ -16,7 +16,7 @@ from symaware_cli import open_log
 from symaware_cli.recording import symaware_v1_pb2 as v1
 from symaware_cli.recording.reader import Log
 from symaware_cli.recording.writer import LogWriter
-from symaware_cli.viewing.screening import screening
+from symaware_cli.viewing.replay_session import replay_session
 from symaware_cli.viewing.viewer import require
 
 # Rerun reads this once, when it is loaded.
@@ -75,7 +75,7 @@ def saved(log: Log | Path, folder: Path, agents: Sequence[str] = (), **window: i
     """Convert a log, and read what comes of it."""
     opened = log if isinstance(log, Log) else open_log(log)
     path = folder / "saved.rrd"
-    screening(opened, agents, **window).save(path)
+    replay_session(opened, agents, **window).save(path)
     return Recording(path)
 
 

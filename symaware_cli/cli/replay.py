@@ -31,8 +31,8 @@ from symaware_cli.cli.terminal import (
 
 if TYPE_CHECKING:
     from symaware_cli.recording.reader import Log
-    from symaware_cli.viewing.foreign import ForeignScreening
-    from symaware_cli.viewing.screening import Screening
+    from symaware_cli.viewing.foreign import ForeignReplaySession
+    from symaware_cli.viewing.replay_session import ReplaySession
 
 
 #: Pictures are so many pixels high and wide at least and at most.
@@ -98,7 +98,7 @@ def replay(
         if log.foreign and (agents or start is not None or end is not None):
             fail(f"{path} was not written by SymAware; leave out --agents, --from and --to", WRONG_INPUT, as_json)
         _require_shown(moment, log, first, last, as_json)
-        shown = _screening(log, names(agents), first, last)
+        shown = _replay_session(log, names(agents), first, last)
         facts["shown"] = shown.words
         try:
             with progress(path.name, log.start_time or 0, log.end_time or 0, bar) as on_progress:
@@ -131,19 +131,21 @@ def replay(
         raise typer.Exit(DATA_LOST)
 
 
-def _screening(log: Log, agents: Sequence[str], first: int | None, last: int | None) -> Screening | ForeignScreening:
+def _replay_session(
+    log: Log, agents: Sequence[str], first: int | None, last: int | None
+) -> ReplaySession | ForeignReplaySession:
     if log.foreign:
-        from symaware_cli.viewing.foreign import ForeignScreening
+        from symaware_cli.viewing.foreign import ForeignReplaySession
 
-        return ForeignScreening(log)
-    from symaware_cli.viewing.screening import screening
+        return ForeignReplaySession(log)
+    from symaware_cli.viewing.replay_session import replay_session
 
     # SimulationHooks are whole nanoseconds: what is after the last one begins with the next.
-    return screening(log, agents, first, None if last is None else last + 1)
+    return replay_session(log, agents, first, None if last is None else last + 1)
 
 
 def _present(
-    shown: Screening | ForeignScreening,
+    shown: ReplaySession | ForeignReplaySession,
     facts: dict[str, object],
     *,
     web: bool,

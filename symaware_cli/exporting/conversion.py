@@ -11,7 +11,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from symaware_cli.exporting import cast
+from symaware_cli.exporting import overview
 from symaware_cli.exporting.selection import Selection
 from symaware_cli.exporting.sources import Source, sources_of
 from symaware_cli.exporting.table import Form, Sheet, Table, Values, images_beside, length
@@ -71,10 +71,10 @@ def export_tables(
     """
     log.require_manifest()
     selection = selection or Selection()
-    with whole_folder(folder) as place, _Book(place, form, cast.about(log)) as book:
+    with whole_folder(folder) as place, _TableFolder(place, form, overview.about(log)) as book:
         try:
-            book.write(cast.AGENTS, cast.agent_rows(log, selection))
-            book.write(cast.ENTITIES, cast.entity_rows(log, selection))
+            book.write(overview.AGENTS, overview.agent_rows(log, selection))
+            book.write(overview.ENTITIES, overview.entity_rows(log, selection))
             sources = sources_of(log, selection)
         except (KeyError, TypeError, AttributeError) as error:
             raise LogError(f"the manifest in {log.path} is damaged") from error
@@ -114,7 +114,7 @@ def _laid_out(log: Log, topic: str, source: Source, entries: Sequence[tuple[int,
         raise LogError(f"the messages on {topic} in {log.path} do not fit together: {error}") from error
 
 
-class _Book:
+class _TableFolder:
     """The files of a folder. One is created with its first rows, and an optional one only if it has any."""
 
     def __init__(self, folder: Path, form: Form, about: Mapping[str, str]) -> None:
@@ -140,8 +140,8 @@ class _Book:
     def finish(self) -> list[Written]:
         """Complete the files, and say what they are."""
         if not self._form.explains:
-            self.write(cast.RUN, cast.run_rows(self._about))
-            self.write(cast.COLUMNS, cast.column_rows([*self._open, cast.COLUMNS]))
+            self.write(overview.RUN, overview.run_rows(self._about))
+            self.write(overview.COLUMNS, overview.column_rows([*self._open, overview.COLUMNS]))
         while self._open:
             self._open.popitem()[1].close()
         written = [
@@ -155,7 +155,7 @@ class _Book:
         ]
         return sorted(written, key=lambda each: each.file)
 
-    def __enter__(self) -> _Book:
+    def __enter__(self) -> _TableFolder:
         return self
 
     def __exit__(

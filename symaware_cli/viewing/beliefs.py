@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.recording import wire
-from symaware_cli.viewing.cast import in_space
+from symaware_cli.viewing.views import in_space
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.intp]

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from symaware_cli.core import Part
 from symaware_cli.recording import journal
-from symaware_cli.viewing.cast import Cast
 from symaware_cli.viewing.detail import Detail
 from symaware_cli.viewing.drawing.curves import plotted, unit_paths
 from symaware_cli.viewing.palette import BACKGROUND
-from symaware_cli.viewing.stage import TIMELINE
+from symaware_cli.viewing.rerun_output import TIMELINE
+from symaware_cli.viewing.views import RunView
 
 if TYPE_CHECKING:
     import rerun.blueprint as rrb
@@ -59,16 +59,16 @@ class Content:
     units: Mapping[str, Sequence[str]]
 
 
-def blueprint(cast: Cast, detail: Detail, content: Content) -> rrb.Blueprint:
+def blueprint(run_view: RunView, detail: Detail, content: Content) -> rrb.Blueprint:
     """Lay out the views for a log."""
     import rerun.blueprint as rrb
 
-    scene = _spatial(cast, detail, content, "Scene", ["+ world/**", "+ minds/**"])
-    tabs = [_agent(cast, detail, content, agent) for agent in detail.focus]
+    scene = _spatial(run_view, detail, content, "Scene", ["+ world/**", "+ minds/**"])
+    tabs = [_agent(run_view, detail, content, agent) for agent in detail.focus]
     return rrb.Blueprint(
         rrb.Horizontal(
             rrb.Tabs(scene, *tabs, active_tab=int(detail.single)),
-            rrb.Vertical(*_overviews(cast, detail, content), row_shares=[*_row_shares(cast, content), 4]),
+            rrb.Vertical(*_overviews(run_view, detail, content), row_shares=[*_row_shares(run_view, content), 4]),
             column_shares=[5, 3],
         ),
         rrb.TimePanel(timeline=TIMELINE, state="collapsed"),
@@ -79,19 +79,19 @@ def blueprint(cast: Cast, detail: Detail, content: Content) -> rrb.Blueprint:
 
 
 def _spatial(
-    cast: Cast, detail: Detail, content: Content, name: str, contents: list[str], follow: str | None = None
+    run_view: RunView, detail: Detail, content: Content, name: str, contents: list[str], follow: str | None = None
 ) -> rrb.Spatial3DView:
     """A view of the world: from above if it is a plane, from aslant if it is space; of all of it, or along with one."""
     import rerun.blueprint as rrb
 
     middle, size = 0.5 * (content.low + content.high), np.maximum(content.high - content.low, 1.0)
     if follow:
-        troupe = cast.troupes[cast.place[follow][0]]
+        group_view = run_view.group_views[run_view.place[follow][0]]
         # Who looks like something is to be seen.
-        reach = min(troupe.perception_range or np.inf, _CLOSE * troupe.extent if troupe.figure else _NEAR)
+        reach = min(group_view.perception_range or np.inf, _CLOSE * group_view.extent if group_view.figure else _NEAR)
         # Whoever stands at one side sees as far as the other.
         size = np.minimum(2.0 * size, 2.0 * reach)
-    if cast.is_spatial:
+    if run_view.is_spatial:
         distance = _distance(size, _NEAR_ASPECT if follow else _ASPECT)
         position, up = middle - distance * _ASLANT, (0.0, 0.0, 1.0)
     else:
@@ -108,7 +108,7 @@ def _spatial(
         )
     spacing = 10.0 ** np.floor(np.log10(max(float(size.max()), 1e-3) / 4.0))
     grid = rrb.LineGrid3D(visible=True, spacing=spacing, color=(110, 115, 130, 60))
-    overrides: dict[Any, Any] = {f"world/agents/{name}/trail": _lately(detail.trail) for name in cast.troupes}
+    overrides: dict[Any, Any] = {f"world/agents/{name}/trail": _lately(detail.trail) for name in run_view.group_views}
     background = rrb.Background(color=BACKGROUND, kind=rrb.BackgroundKind.SolidColor)
     return rrb.Spatial3DView(
         origin="/",
@@ -131,25 +131,27 @@ def _distance(size: Array, aspect: float) -> float:
     return 1.05 * float(np.max(away - corners @ _ASLANT))
 
 
-def _agent(cast: Cast, detail: Detail, content: Content, agent: str) -> rrb.Vertical:
+def _agent(run_view: RunView, detail: Detail, content: Content, agent: str) -> rrb.Vertical:
     """The tab of an agent: the world as it believes it to be, and all it is aware of as curves."""
     import rerun.blueprint as rrb
 
-    group, _ = cast.place[agent]
-    troupe = cast.troupes[group]
+    group, _ = run_view.place[agent]
+    group_view = run_view.group_views[group]
     bodies = [
-        f"+ world/agents/{name}/{part}" for name in cast.troupes for part in ("body", "heading", "label", "informed")
+        f"+ world/agents/{name}/{part}"
+        for name in run_view.group_views
+        for part in ("body", "heading", "label", "informed")
     ]
     contents = [
         *(f"+ world/{part}" for part in ("ground", "figures/**", "scenery/**")),
         f"+ world/agents/{group}/goal",
-        *(f"+ minds/{group}/{name}/**" for how in ("ellipse", "bars") for name, _ in troupe.drawn(how)),
+        *(f"+ minds/{group}/{name}/**" for how in ("ellipse", "bars") for name, _ in group_view.drawn(how)),
         *bodies,
     ]
     contents += ["+ world/messages", "+ world/contacts", f"+ as/{agent}/**"]
-    view = _spatial(cast, detail, content, f"as {agent} believes", contents, follow=agent)
-    told = [(name, topic) for name, topic in plotted(troupe) if topic in content.topics]
-    fields = [name for name, _ in told if isinstance(troupe.signals[name], Part)]
+    view = _spatial(run_view, detail, content, f"as {agent} believes", contents, follow=agent)
+    told = [(name, topic) for name, topic in plotted(group_view) if topic in content.topics]
+    fields = [name for name, _ in told if isinstance(group_view.signals[name], Part)]
     fields += ["control"] * (f"/world/{group}/control" in content.topics)
     curves = [_curves(f"{field} of {agent}", [f"+ curves/agents/{agent}/{field}"]) for field in fields]
     for field, topic in told:
@@ -162,15 +164,15 @@ def _agent(cast: Cast, detail: Detail, content: Content, agent: str) -> rrb.Vert
     return rrb.Vertical(view, rrb.Grid(*curves, grid_columns=across), row_shares=[3, 2], name=agent)
 
 
-def _overviews(cast: Cast, detail: Detail, content: Content) -> Iterable[Any]:
+def _overviews(run_view: RunView, detail: Detail, content: Content) -> Iterable[Any]:
     import rerun.blueprint as rrb
 
-    cameras = _cameras(cast, detail, content)
+    cameras = _cameras(run_view, detail, content)
     if cameras:
         yield rrb.Grid(*cameras, grid_columns=min(len(cameras), 2), name="Cameras")
     if _has_risk(content):
-        yield _curves("Risk", ["+ curves/risk/**"], legend=not detail.curves or cast.agent_count <= _LEGEND)
-    if cast.agent_count > 1:
+        yield _curves("Risk", ["+ curves/risk/**"], legend=not detail.curves or run_view.agent_count <= _LEGEND)
+    if run_view.agent_count > 1:
         yield _curves("Separation", ["+ curves/separation/**"])
     journals = [_log("Events", "log/events")]
     if not content.topics.isdisjoint(journal.MESSAGES):
@@ -180,12 +182,14 @@ def _overviews(cast: Cast, detail: Detail, content: Content) -> Iterable[Any]:
     yield rrb.Tabs(*journals, modes, about, active_tab=0)
 
 
-def _cameras(cast: Cast, detail: Detail, content: Content) -> list[rrb.Spatial2DView]:
+def _cameras(run_view: RunView, detail: Detail, content: Content) -> list[rrb.Spatial2DView]:
     """A view of what each camera of the first few agents saw."""
     import rerun.blueprint as rrb
 
     sensors = [tuple(topic.split("/")[2::2]) for topic in sorted(content.topics) if "/image/" in topic]
-    cameras = [(agent, sensor) for agent in detail.focus for group, sensor in sensors if cast.place[agent][0] == group]
+    cameras = [
+        (agent, sensor) for agent in detail.focus for group, sensor in sensors if run_view.place[agent][0] == group
+    ]
     return [
         rrb.Spatial2DView(
             origin=f"cameras/{agent}/{sensor}/colour",
@@ -206,10 +210,10 @@ def _log(name: str, origin: str) -> rrb.TextLogView:
     return rrb.TextLogView(origin=origin, name=name, columns=columns)
 
 
-def _row_shares(cast: Cast, content: Content) -> list[int]:
+def _row_shares(run_view: RunView, content: Content) -> list[int]:
     """How high the overviews above the journals are."""
     cameras = [5] * any("/image/" in topic for topic in content.topics)
-    return cameras + [3] * (_has_risk(content) + (cast.agent_count > 1))
+    return cameras + [3] * (_has_risk(content) + (run_view.agent_count > 1))
 
 
 def _has_risk(content: Content) -> bool:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from symaware_cli.recording.error import LogError
-from symaware_cli.viewing.cast import Cast
+from symaware_cli.viewing.views import RunView
 
 #: Up to so many agents everything is drawn, and each has a tab; nor are there ever more tabs.
 FEW = 12
@@ -42,22 +42,22 @@ class Detail:
     words: str
 
 
-def detail_of(cast: Cast, agents: Sequence[str] = ()) -> Detail:
+def detail_of(run_view: RunView, agents: Sequence[str] = ()) -> Detail:
     """Choose what to show.
 
     Args:
-        cast: Who takes part.
+        run_view: Who takes part.
         agents: Whom to look at closely; a group stands for its agents. Empty: as many as fit.
 
     Raises:
         LogError: There is no such agent.
     """
-    count = cast.agent_count
-    chosen = tuple(dict.fromkeys(agent for name in agents for agent in _named(cast, name)))
-    focus = chosen[:FEW] or tuple(cast.agents[: count if count <= FEW else TABS])
+    count = run_view.agent_count
+    chosen = tuple(dict.fromkeys(agent for name in agents for agent in _named(run_view, name)))
+    focus = chosen[:FEW] or tuple(run_view.agents[: count if count <= FEW else TABS])
     minds = count <= MANY
     share, longest = (0.3, 60.0) if minds else (0.06, 5.0)
-    trail = min(max(float(f"{share * cast.duration:.2g}"), _SHORTEST), longest)
+    trail = min(max(float(f"{share * run_view.duration:.2g}"), _SHORTEST), longest)
     shown = [f"{count} agent{'s' if count != 1 else ''}: bodies tinted by risk, trails of {trail:g} s"]
     shown.append("intents and uncertainties of all" if minds else f"intents and uncertainties of {_list(focus)} only")
     if count > FEW:
@@ -77,12 +77,12 @@ def detail_of(cast: Cast, agents: Sequence[str] = ()) -> Detail:
     )
 
 
-def _named(cast: Cast, name: str) -> Sequence[str]:
-    if name in cast.troupes:
-        return cast.troupes[name].agents
-    if name in cast.place:
+def _named(run_view: RunView, name: str) -> Sequence[str]:
+    if name in run_view.group_views:
+        return run_view.group_views[name].agents
+    if name in run_view.place:
         return [name]
-    near = difflib.get_close_matches(name, [*cast.troupes, *cast.agents], 1)
+    near = difflib.get_close_matches(name, [*run_view.group_views, *run_view.agents], 1)
     raise LogError(f"there is no agent {name!r}{f'; did you mean {near[0]!r}?' if near else ''}")
 
 

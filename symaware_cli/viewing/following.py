@@ -15,7 +15,7 @@ from symaware_cli.recording.error import LogError
 from symaware_cli.recording.index import ChannelInfo
 from symaware_cli.recording.message import LogMessage
 from symaware_cli.recording.reader import Log, open_log
-from symaware_cli.viewing.excerpt import Gathering
+from symaware_cli.viewing.chunk import ChunkReader
 from symaware_cli.viewing.replay import Replay
 
 #: How often to look whether there is more [s]; logs are flushed twice a second.
@@ -96,25 +96,25 @@ def follow(path: Path, replay: Replay, wanted: Callable[[], bool]) -> None:
         FollowingAbandoned: Nobody wants to any more.
         LogError: The log is damaged.
     """
-    gathering = replay.gathering()
+    chunk_reader = replay.chunk_reader()
 
     def draw() -> None:
-        if not gathering.empty:
-            replay.draw_excerpt(gathering.drain())
+        if not chunk_reader.empty:
+            replay.draw_chunk(chunk_reader.drain())
 
     with _Tail(path, wanted, draw) as tail:
         try:
             for message in _messages(tail):
-                _take(gathering, message, draw)
+                _take(chunk_reader, message, draw)
         except McapError as error:
             raise LogError(f"{path} is damaged: {error}") from error
     draw()
 
 
-def _take(gathering: Gathering, message: LogMessage, draw: Callable[[], None]) -> None:
-    if gathering.is_full and message.time > gathering.end:
+def _take(chunk_reader: ChunkReader, message: LogMessage, draw: Callable[[], None]) -> None:
+    if chunk_reader.is_full and message.time > chunk_reader.end:
         draw()
-    gathering.take_message(message)
+    chunk_reader.take_message(message)
 
 
 def _messages(tail: _Tail) -> Iterator[LogMessage]:

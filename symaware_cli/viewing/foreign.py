@@ -23,7 +23,7 @@ _TROUBLE = (RuntimeError, ValueError, OSError)
 
 
 @dataclass(frozen=True)
-class ForeignScreening:
+class ForeignReplaySession:
     """An MCAP that SymAware did not write.
 
     Attributes:

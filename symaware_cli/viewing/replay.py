@@ -1,4 +1,4 @@
-"""A replay: everything that a log tells, drawn excerpt by excerpt."""
+"""A replay: everything that a log tells, drawn chunk by chunk."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from symaware_cli.recording.reader import Log, LogMessage
 from symaware_cli.viewing.blueprint import Content
-from symaware_cli.viewing.cast import Cast, in_space
+from symaware_cli.viewing.chunk import Chunk, ChunkReader
 from symaware_cli.viewing.detail import Detail
 from symaware_cli.viewing.drawing.bars import Bars, legend
 from symaware_cli.viewing.drawing.base import Drawing
@@ -20,15 +20,15 @@ from symaware_cli.viewing.drawing.curves import Awareness, Risks, Separation
 from symaware_cli.viewing.drawing.figures import Figures
 from symaware_cli.viewing.drawing.goals import Goals
 from symaware_cli.viewing.drawing.informed import Informed
+from symaware_cli.viewing.drawing.intents import Intents, Uncertainties
 from symaware_cli.viewing.drawing.journal import Events, Knowledge
 from symaware_cli.viewing.drawing.messages import Messages
-from symaware_cli.viewing.drawing.minds import Intents, Uncertainties
 from symaware_cli.viewing.drawing.others import Others
 from symaware_cli.viewing.drawing.points import Points
 from symaware_cli.viewing.drawing.scenery import Scenery
 from symaware_cli.viewing.drawing.sensors import Images, Scans
-from symaware_cli.viewing.excerpt import Excerpt, Gathering
-from symaware_cli.viewing.stage import Stage
+from symaware_cli.viewing.rerun_output import RerunOutput
+from symaware_cli.viewing.views import RunView, in_space
 
 Array = NDArray[np.float64]
 
@@ -37,27 +37,27 @@ _SOUNDINGS = 9
 
 
 class Replay:
-    """Draws a run onto a stage."""
+    """Draws a run for Rerun."""
 
     def __init__(
         self,
-        cast: Cast,
+        run_view: RunView,
         detail: Detail,
-        stage: Stage,
+        output: RerunOutput,
         columns: Mapping[str, Sequence[str]],
         units: Mapping[str, Sequence[str]],
     ) -> None:
         """Put up what holds for all times.
 
         Args:
-            cast: Who takes part.
+            run_view: Who takes part.
             detail: How much to show.
-            stage: Where to draw.
+            output: Where to draw.
             columns: The names of the columns of each topic.
             units: Their units.
         """
-        self._cast, self._detail, self._stage = cast, detail, stage
-        given = (cast, detail, stage)
+        self._run_view, self._detail, self._output = run_view, detail, output
+        given = (run_view, detail, output)
         self._drawings: tuple[Drawing, ...] = (
             Scenery(*given),
             Figures(*given),
@@ -84,18 +84,18 @@ class Replay:
             drawing.begin()
         self._explain()
 
-    def gathering(self) -> Gathering:
-        """What puts messages together to excerpts for this replay."""
+    def chunk_reader(self) -> ChunkReader:
+        """What puts messages together to chunks for this replay."""
         counts = {
-            topic: len(troupe.agents)
-            for troupe in self._cast.troupes.values()
+            topic: len(group_view.agents)
+            for group_view in self._run_view.group_views.values()
             for topic in (
-                *(f"/world/{troupe.name}/{field}" for field in _TRUTHS),
-                f"/agents/{troupe.name}/control",
-                *map(troupe.topic, troupe.signals),
+                *(f"/world/{group_view.name}/{field}" for field in _TRUTHS),
+                f"/agents/{group_view.name}/control",
+                *map(group_view.topic, group_view.signals),
             )
         }
-        return Gathering(counts, self._cast.place)
+        return ChunkReader(counts, self._run_view.place)
 
     def draw(
         self,
@@ -113,33 +113,39 @@ class Replay:
             start: Where they begin [ns].
             earlier: Those before. What they say last holds at the start.
         """
-        gathering = self.gathering()
+        chunk_reader = self.chunk_reader()
         for message in earlier:
             if message.channel.topic == "/events":
-                gathering.note(start, message.decode())  # what happened is over
+                chunk_reader.note(start, message.decode())  # what happened is over
             else:
-                gathering.take(message.channel.topic, start, message.decode())
-        for excerpt in gathering.excerpts(messages):
-            self.draw_excerpt(excerpt)
+                chunk_reader.take(message.channel.topic, start, message.decode())
+        for chunk in chunk_reader.chunks(messages):
+            self.draw_chunk(chunk)
             if on_progress:
-                on_progress(excerpt.end)
+                on_progress(chunk.end)
 
-    def draw_excerpt(self, excerpt: Excerpt) -> None:
+    def draw_chunk(self, chunk: Chunk) -> None:
         """Draw a stretch of the log; in the order of time."""
         for drawing in self._drawings:
-            drawing.draw(excerpt)
-        self._stage.flush()
+            drawing.draw(chunk)
+        self._output.flush()
 
     def _explain(self) -> None:
         import rerun as rr
 
-        cast = self._cast
-        believed = [name for name, troupe in cast.troupes.items() if not troupe.whereabouts.startswith("/world/")]
+        run_view = self._run_view
+        believed = [
+            name
+            for name, group_view in run_view.group_views.items()
+            if not group_view.whereabouts.startswith("/world/")
+        ]
         bodies = "where agents truly are" + (f" ({', '.join(believed)}: believe to be)" if believed else "")
-        shared = "".join(f"| bars beside them | {part}, from left to right: {said} |\n" for part, said in legend(cast))
-        text = f"""# {cast.name}
+        shared = "".join(
+            f"| bars beside them | {part}, from left to right: {said} |\n" for part, said in legend(run_view)
+        )
+        text = f"""# {run_view.name}
 
-Seed {cast.seed}. Time is simulated time.
+Seed {run_view.seed}. Time is simulated time.
 
 **Shown:** {self._detail.words}.
 
@@ -159,33 +165,33 @@ Seed {cast.seed}. Time is simulated time.
 
 In the tab of an agent, rings stand where it believes others to be, fainter the older the belief; ellipses hold 95 %.
 """
-        self._stage.static("about", rr.TextDocument(text, media_type="text/markdown"))
+        self._output.static("about", rr.TextDocument(text, media_type="text/markdown"))
 
 
 _TRUTHS = ("state", "control", "pose", "joints")
 
 
-def content_of(log: Log, cast: Cast, start: int | None = None, end: int | None = None) -> Content:
+def content_of(log: Log, run_view: RunView, start: int | None = None, end: int | None = None) -> Content:
     """Find out what a log has, and where everything is, from a few looks at it.
 
     Args:
         log: One of ours.
-        cast: Who takes part in it.
+        run_view: Who takes part in it.
         start: The first instant to be shown [ns].
         end: The first instant not to be shown any more [ns].
     """
     topics = frozenset(topic for topic, channel in log.topics.items() if channel.count)
     first = start if start is not None else log.start_time or 0
     last = min(end, log.end_time or 0) if end is not None else log.end_time or 0
-    corners = [corner for prop in cast.props.values() for corner in prop.corners]
-    troupes = {troupe.whereabouts: troupe for troupe in cast.troupes.values()}
+    corners = [corner for obstacle_view in run_view.obstacle_views.values() for corner in obstacle_view.corners]
+    group_views = {group_view.whereabouts: group_view for group_view in run_view.group_views.values()}
     for moment in np.linspace(first, last, _SOUNDINGS).astype(np.int64).tolist():
-        for message in _sounding(log, troupes, moment, last):
-            troupe = troupes[message.channel.topic]
+        for message in _sounding(log, group_views, moment, last):
+            group_view = group_views[message.channel.topic]
             states = message.decode().values
-            places = in_space(troupe.positions(states[np.isfinite(states).all(axis=1)]))
+            places = in_space(group_view.positions(states[np.isfinite(states).all(axis=1)]))
             if len(places):
-                margin = troupe.radius + 0.5
+                margin = group_view.radius + 0.5
                 corners += [places.min(axis=0) - margin, places.max(axis=0) + margin]
     known = [corner for corner in corners if np.isfinite(corner).all()] or [np.full(3, -5.0), np.full(3, 5.0)]
     return Content(np.min(known, axis=0), np.max(known, axis=0), topics, names_of(log, "units"))

@@ -20,7 +20,7 @@ from symaware_cli.recording import png
 from symaware_cli.recording.channels import GroupChannels
 from symaware_cli.recording.error import UnknownNameError
 from symaware_cli.recording.writer import LogWriter
-from symaware_cli.viewing.cast import cast_of
+from symaware_cli.viewing.views import run_view_of
 
 
 @pytest.fixture(scope="module")
@@ -149,7 +149,7 @@ def test_a_replay_shows_points_and_images(path, tmp_path):
     recording = saved(log, tmp_path)
     scans = [scan for scan in log.scans() if scan.time == 0]
     # In a world of a plane they are drawn in it.
-    flat = [1, 1, float(cast_of(log).is_spatial)]
+    flat = [1, 1, float(run_view_of(log).is_spatial)]
     points = np.concatenate([scan.points for scan in scans]) * flat
     drawn = recording.values("/world/agents/robot/scan/scan", "Points3D:positions")[0]
     np.testing.assert_allclose(np.array(drawn), points, atol=1e-5)

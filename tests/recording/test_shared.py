@@ -17,7 +17,7 @@ from symaware_cli.recording import wire
 from symaware_cli.recording.error import LogError
 from symaware_cli.recording.shared import SHARED, shared_metadata
 from symaware_cli.recording.writer import LogWriter
-from symaware_cli.viewing.excerpt import Gathering
+from symaware_cli.viewing.chunk import ChunkReader
 
 BALL = {"circle": {"radius": 0.1}}
 STEPS = 12
@@ -176,8 +176,8 @@ def test_channels_of_single_entities_are_read_as_before(tmp_path):
         assert series.values.tolist() == values
         assert (series.columns, series.units) == (("x", "y", "heading"), ("m", "m", "rad"))
         assert [message.channel.topic for message in log.messages("/world/one/state")] == ["/world/one/state"] * 3
-        (excerpt,) = Gathering({}).excerpts(log.messages())
-        assert excerpt.frames["/world/one/state"].values[:, 0].tolist() == [row[0] for row in values]
+        (chunk,) = ChunkReader({}).chunks(log.messages())
+        assert chunk.frames["/world/one/state"].values[:, 0].tolist() == [row[0] for row in values]
     assert "/world/other/state" not in old.topics
 
 

@@ -6,22 +6,22 @@ from hypothesis import strategies as st
 
 from symaware_cli.recording import wire
 from symaware_cli.viewing.beliefs import Reading
-from symaware_cli.viewing.cast import Cast, Troupe
+from symaware_cli.viewing.views import GroupView, RunView
 
 
-def troupe(name, agents, state, position):
+def group_view(name, agents, state, position):
     names = [(quantity, "m") for quantity in state]
     colours = np.zeros((len(agents), 3), np.uint8)
-    return Troupe(name, agents, colours, None, tuple(names), (), position, None, f"/world/{name}/state")
+    return GroupView(name, agents, colours, None, tuple(names), (), position, None, f"/world/{name}/state")
 
 
 # The position of a sled does not come first in its state.
-CAST = Cast(
+RUN_VIEW = RunView(
     "test",
     1,
     {
-        "robot": troupe("robot", ("robot.0", "robot.1"), ("x", "y", "heading"), (0, 1)),
-        "sled": troupe("sled", ("sled",), ("speed", "x", "y"), (1, 2)),
+        "robot": group_view("robot", ("robot.0", "robot.1"), ("x", "y", "heading"), (0, 1)),
+        "sled": group_view("sled", ("sled",), ("speed", "x", "y"), (1, 2)),
     },
     {},
     ("robot.0", "robot.1", "sled", "wall"),

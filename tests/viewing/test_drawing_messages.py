@@ -13,8 +13,8 @@ from symaware_cli.recording import wire
 from symaware_cli.viewing.drawing.arrows import arrows, broken
 from symaware_cli.viewing.drawing.messages import Messages
 from symaware_cli.viewing.palette import LOSS, MESSAGE, faded
-from symaware_cli.viewing.screening import screening
-from symaware_cli.viewing.stage import Stage
+from symaware_cli.viewing.replay_session import replay_session
+from symaware_cli.viewing.rerun_output import RerunOutput
 
 DISC = {"circle": {"radius": 0.5}}
 DROPPED = v1.Message.DROPPED
@@ -98,19 +98,19 @@ def test_nobody_who_is_nowhere_says_anything(script, tmp_path):
     assert all(step > 0 for step, lines, _ in shown(saved(script.finish(), tmp_path)) if lines)
 
 
-def test_where_a_log_is_cut_into_excerpts_does_not_show(script, tmp_path):
+def test_where_a_log_is_cut_into_chunks_does_not_show(script, tmp_path):
     for step, sender, receiver in ((2, "mast", "car"), (4, "car", "mast"), (5, "mast", "car"), (11, "mast", "car")):
         script.message(step * STEP + 1000, sender, receiver, sent_time=0)
     log = script.finish()
-    whole = screening(log)
+    whole = replay_session(log)
     drawn = []
     for size in (1, 1 << 20):
         recording = rr.RecordingStream("test")
         recording.save(tmp_path / "cut.rrd")
-        messages = Messages(whole.cast, whole.detail, Stage(recording))
-        messages._width = 10.0  # which is that of the first excerpt
-        for excerpt in whole._replay(recording).gathering().excerpts(open_log(log.path).messages(), size):
-            messages.draw(excerpt)
+        messages = Messages(whole.run_view, whole.detail, RerunOutput(recording))
+        messages._width = 10.0  # which is that of the first chunk
+        for chunk in whole._replay(recording).chunk_reader().chunks(open_log(log.path).messages(), size):
+            messages.draw(chunk)
         recording.flush()
         recording.disconnect()
         drawn.append(shown(Recording(tmp_path / "cut.rrd")))

@@ -12,7 +12,7 @@ from rerun_files import saved
 from scipy.spatial.transform import Rotation
 
 from symaware_cli.recording.geometry import geometry_of
-from symaware_cli.viewing.cast import cast_of
+from symaware_cli.viewing.views import run_view_of
 
 TETRAHEDRON = """v 0 0 0
 v 0.4 0 0
@@ -156,9 +156,9 @@ def test_a_log_is_replayed_where_neither_the_engine_nor_its_files_are(logged, tm
 import sys
 sys.modules["pybullet"] = sys.modules["pybullet_data"] = None
 from symaware_cli import open_log
-from symaware_cli.viewing.screening import screening
+from symaware_cli.viewing.replay_session import replay_session
 from pathlib import Path
-screening(open_log({str(log)!r})).save(Path({str(tmp_path / "b.rrd")!r}))
+replay_session(open_log({str(log)!r})).save(Path({str(tmp_path / "b.rrd")!r}))
 """
     subprocess.run([sys.executable, "-c", program], check=True, cwd=tmp_path)
     assert (tmp_path / "b.rrd").stat().st_size > 700_000  # what the racecar looks like
@@ -197,13 +197,15 @@ agents: {{r: {{model: {{use: single-integrator}}, state: [0, 0]}}}}
 
 
 def test_a_ring_goes_around_each_vehicle_in_its_colour(logged, recording):
-    cast = cast_of(logged)
+    run_view = run_view_of(logged)
     centres = np.array(recording.values("/world/agents/car/body", "Cylinders3D:centers"))
     assert centres.shape[1:] == (2, 3)
     ahead = np.linalg.norm(centres[0, :, :2] - logged.series("car", "pose").values[0, :, :2], axis=-1)
     assert ahead == pytest.approx([0.1625, 0.1625], abs=0.02)  # half of the wheelbase
     packed = recording.values("/world/agents/car/body", "Cylinders3D:colors")[0]
-    assert [colour >> 8 for colour in packed] == [int.from_bytes(bytes(own)) for own in cast.troupes["car"].colours]
+    assert [colour >> 8 for colour in packed] == [
+        int.from_bytes(bytes(own)) for own in run_view.group_views["car"].colours
+    ]
 
 
 def test_the_eye_of_an_agents_tab_has_something_to_follow(recording):
@@ -212,9 +214,9 @@ def test_the_eye_of_an_agents_tab_has_something_to_follow(recording):
 
 def test_a_world_of_space_is_one_however_its_agents_move(tmp_path):
     log = log_of(tmp_path, "three-worlds.yaml", "environment.use=pybullet", "run.duration=0.1")
-    cast = cast_of(log)
-    assert cast.is_spatial
-    assert cast.ground == 0.0
-    assert [cast.troupes[name].height for name in ("cart", "disc", "puck")] == [0.2, 0.3, 0.2]
-    assert cast.props["crate"].position.tolist() == [0.0, -4.0, 0.5]
-    assert cast.props["crate"].corners[:, 2].max() == pytest.approx(1.0)
+    run_view = run_view_of(log)
+    assert run_view.is_spatial
+    assert run_view.ground == 0.0
+    assert [run_view.group_views[name].height for name in ("cart", "disc", "puck")] == [0.2, 0.3, 0.2]
+    assert run_view.obstacle_views["crate"].position.tolist() == [0.0, -4.0, 0.5]
+    assert run_view.obstacle_views["crate"].corners[:, 2].max() == pytest.approx(1.0)

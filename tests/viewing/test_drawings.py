@@ -195,12 +195,13 @@ def test_samples_are_drawn_as_a_fan(tmp_path):
 
 def test_a_body_of_another_kind_has_a_colour_of_its_own_and_what_stays_is_grey(tmp_path):
     ball = {"shape": DISC, "position": [0, 3], "heading": 0.0, "moves": True}
-    props = {"ball1": ball, "ball2": ball, "cue": ball, "rail": {**ball, "moves": False}}
-    script = Script(tmp_path / "a.mcap", {"a": group("a", shape=DISC)}, props)
+    obstacle_views = {"ball1": ball, "ball2": ball, "cue": ball, "rail": {**ball, "moves": False}}
+    script = Script(tmp_path / "a.mcap", {"a": group("a", shape=DISC)}, obstacle_views)
     script.say("/world/a/state", 0, wire.encode_rows([[0, 0]]), "Rows")
     recording = saved(script.finish(), tmp_path)
     shades = {
-        name: tuple(colour(recording.static(f"/world/scenery/{name}/0", "Mesh3D:albedo_factor")[0])) for name in props
+        name: tuple(colour(recording.static(f"/world/scenery/{name}/0", "Mesh3D:albedo_factor")[0]))
+        for name in obstacle_views
     }
     assert shades["ball1"] == shades["ball2"] == SCENERY
     assert np.ptp(shades["cue"]) > 50

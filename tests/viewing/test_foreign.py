@@ -8,8 +8,8 @@ from rerun_files import needs_graphics
 
 from symaware_cli import open_log
 from symaware_cli.recording.error import LogError
-from symaware_cli.viewing.foreign import ForeignScreening
-from symaware_cli.viewing.screening import screening
+from symaware_cli.viewing.foreign import ForeignReplaySession
+from symaware_cli.viewing.replay_session import replay_session
 
 
 @pytest.fixture
@@ -30,7 +30,7 @@ def foreign(tmp_path):
 def test_it_is_converted_as_far_as_rerun_knows_it_and_that_is_said(foreign, tmp_path):
     from rerun.chunk import RrdReader
 
-    shown = ForeignScreening(foreign)
+    shown = ForeignReplaySession(foreign)
     assert "not written by SymAware" in shown.words
     shown.save(tmp_path / "a.rrd")
     entities = {str(chunk.entity_path) for chunk in RrdReader(tmp_path / "a.rrd").stream()}
@@ -39,11 +39,11 @@ def test_it_is_converted_as_far_as_rerun_knows_it_and_that_is_said(foreign, tmp_
 
 def test_it_has_no_agents(foreign):
     with pytest.raises(LogError, match="was not written by SymAware"):
-        screening(foreign)
+        replay_session(foreign)
 
 
 @needs_graphics
 @pytest.mark.parametrize("moment", [None, 2_000_000_000])
 def test_a_picture_of_it_can_be_taken(foreign, tmp_path, moment):
-    ForeignScreening(foreign).picture(tmp_path / "a.png", moment, "600x400")
+    ForeignReplaySession(foreign).picture(tmp_path / "a.png", moment, "600x400")
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")

@@ -20,8 +20,8 @@ from symaware_cli.recording.reader import open_log
 from symaware_cli.recording.writer import LogWriter
 from symaware_cli.scenario.build import build
 from symaware_cli.scenario.execution import execute
-from symaware_cli.viewing.cast import cast_of
 from symaware_cli.viewing.foxglove import export_foxglove
+from symaware_cli.viewing.views import run_view_of
 
 SECOND = 1_000_000_000
 
@@ -383,7 +383,7 @@ def test_a_scan_ends_where_its_rays_ended(sensing):
             places = np.stack([np.cos(bearings), np.sin(bearings)], axis=1)[met] * ranges[met, None]
             places += [message.pose.position.x, message.pose.position.y]
             np.testing.assert_allclose(places, scan.points[:, :2], atol=1e-6)
-            height = scan.pose[2] if cast_of(log).is_spatial else 0.0
+            height = scan.pose[2] if run_view_of(log).is_spatial else 0.0
             assert (message.frame_id, message.pose.position.z) == ("world", height)
 
 

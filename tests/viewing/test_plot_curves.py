@@ -9,13 +9,13 @@ from symaware_cli import open_log
 from symaware_cli.recording import wire
 from symaware_cli.recording.error import LogError, UnknownNameError
 from symaware_cli.recording.writer import LogWriter
-from symaware_cli.viewing.cast import cast_of
 from symaware_cli.viewing.palette import hexadecimal
 from symaware_cli.viewing.plotting.content import gather
 from symaware_cli.viewing.plotting.curves import Curves
 from symaware_cli.viewing.plotting.motion import Chosen, Line, held
 from symaware_cli.viewing.plotting.plot import plot
 from symaware_cli.viewing.plotting.request import Request, SeriesName
+from symaware_cli.viewing.views import run_view_of
 
 
 @pytest.fixture(scope="module")
@@ -151,18 +151,18 @@ def test_agents_are_plotted_as_if_there_were_no_others(yard):
 
 def test_colours_are_those_of_the_replay_and_nobody_has_those_of_another(tmp_path):
     log = log_of(tmp_path, "hello.yaml", "run.duration=0.05", "agents.robot.count=14")
-    cast = cast_of(log)
-    lines = Chosen.of(cast).lines
-    assert [line.colour for line in lines] == [hexadecimal(colour) for colour in cast.troupes["robot"].colours]
+    run_view = run_view_of(log)
+    lines = Chosen.of(run_view).lines
+    assert [line.colour for line in lines] == [hexadecimal(colour) for colour in run_view.group_views["robot"].colours]
     assert len({(line.colour, line.dashed) for line in lines}) == 14
 
 
 def test_a_few_of_many_are_told_apart(tmp_path):
     log = log_of(tmp_path, "hello.yaml", "run.duration=0.05", "agents.robot.count=40")
-    everybody = Chosen.of(cast_of(log))
+    everybody = Chosen.of(run_view_of(log))
     assert everybody.many
     assert len({line.colour for line in everybody.lines}) == 1
-    few = Chosen.of(cast_of(log), ["robot.3", "robot.30"])
+    few = Chosen.of(run_view_of(log), ["robot.3", "robot.30"])
     assert not few.many
     assert len({line.colour for line in few.lines}) == 2
 

@@ -10,11 +10,11 @@ from plot_logs import AIRCRAFT, SCENARIOS, YARD, log_of
 from rerun_files import saved
 
 from symaware_cli import Circle, Polygon, Shape, Wall, open_log
-from symaware_cli.viewing.cast import Prop, cast_of
 from symaware_cli.viewing.plotting import separation as closeness
 from symaware_cli.viewing.plotting.content import Distances, gather
 from symaware_cli.viewing.plotting.motion import Motion, Obstacles
 from symaware_cli.viewing.plotting.request import Request
+from symaware_cli.viewing.views import ObstacleView, run_view_of
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -59,8 +59,10 @@ def test_the_least_separation_from_obstacles_is_that_of_all_their_pieces(seed):
     random = np.random.default_rng(seed)
     shapes = [random_shape(random) for _ in range(4)]
     wall = Wall(points=[tuple(point) for point in random.uniform(-3, 3, (4, 2))], thickness=0.3)
-    props = [Shape(wall=wall), *(random_shape(random) for _ in range(3))]
-    listed = tuple(Prop(str(number), shape, np.zeros(3), 0.0, True) for number, shape in enumerate(props))
+    obstacle_views = [Shape(wall=wall), *(random_shape(random) for _ in range(3))]
+    listed = tuple(
+        ObstacleView(str(number), shape, np.zeros(3), 0.0, True) for number, shape in enumerate(obstacle_views)
+    )
     positions, headings = random.uniform(-4, 4, (3, 4, 2)), random.uniform(-3, 3, (3, 4))
     places = np.concatenate([random.uniform(-4, 4, (3, 4, 2)), np.zeros((3, 4, 1))], axis=2)
     turns = random.uniform(-3, 3, (3, 4))
@@ -72,7 +74,7 @@ def test_the_least_separation_from_obstacles_is_that_of_all_their_pieces(seed):
                 [
                     min(
                         distance(placed(shape, positions[step, row], headings[step, row])[0], piece)
-                        for piece in placed(props[number], places[step, number, :2], turns[step, number])
+                        for piece in placed(obstacle_views[number], places[step, number, :2], turns[step, number])
                     )
                     for number in range(4)
                 ]
@@ -179,7 +181,7 @@ def test_a_plot_of_a_sampled_log_says_so(tmp_path):
 
 def test_aircraft_pass_over_each_other(tmp_path):
     log = log_of(tmp_path, AIRCRAFT)
-    assert cast_of(log).is_spatial
+    assert run_view_of(log).is_spatial
     least = separation(log).facts()["agents"]
     # Twelve metres of altitude between two balls of five metres.
     assert least["minimum"] == pytest.approx(2.0, abs=1e-3)

@@ -8,8 +8,8 @@ from scipy.spatial.transform import Rotation
 from test_foxglove import read
 from test_foxglove_figures import frames
 
-from symaware_cli.viewing.cast import cast_of
 from symaware_cli.viewing.foxglove import export_foxglove
+from symaware_cli.viewing.views import run_view_of
 
 SCENARIO = """
 symaware: 1
@@ -72,9 +72,9 @@ def test_foxglove_is_told_that_they_are_tilted(slope):
 
 def test_seen_from_above_they_cover_more_or_less_than_upright(slope):
     log, _ = slope
-    props = cast_of(log).props
-    corners = np.array(props["ramp"].shape.pieces[0][0])
+    obstacle_views = run_view_of(log).obstacle_views
+    corners = np.array(obstacle_views["ramp"].shape.pieces[0][0])
     assert len(corners) == 6  # all but two of the eight that a box has
     along = 8 * np.cos(0.5) + 3 * np.sin(0.5) * np.sin(0.1) + 0.2 * np.sin(0.5) * np.cos(0.1)
     assert np.ptp(corners[:, 0]) == pytest.approx(along, abs=1e-4)
-    assert np.ptp(np.array(props["crate"].shape.pieces[0][0])[:, 0]) == pytest.approx(0.4)
+    assert np.ptp(np.array(obstacle_views["crate"].shape.pieces[0][0])[:, 0]) == pytest.approx(0.4)

@@ -1,1 +1,1 @@
-"""What is drawn in a replay: each module one kind of thing, from excerpts onto the stage."""
+"""What is drawn in a replay: each module one kind of thing, from chunks of a log."""

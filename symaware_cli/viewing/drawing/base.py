@@ -8,10 +8,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.viewing.cast import Cast, Prop, Troupe
+from symaware_cli.viewing.chunk import Chunk
 from symaware_cli.viewing.detail import Detail
-from symaware_cli.viewing.excerpt import Excerpt
-from symaware_cli.viewing.stage import Stage
+from symaware_cli.viewing.rerun_output import RerunOutput
+from symaware_cli.viewing.views import GroupView, ObstacleView, RunView
 
 Array = NDArray[np.float64]
 
@@ -20,24 +20,24 @@ class Drawing(ABC):
     """Something drawn in a replay.
 
     Attributes:
-        cast: Who takes part.
+        run_view: Who takes part.
         detail: How much to show.
-        stage: Where to draw.
+        output: Where to draw.
         columns: The names of the columns of each topic.
         units: Their units.
     """
 
     def __init__(
         self,
-        cast: Cast,
+        run_view: RunView,
         detail: Detail,
-        stage: Stage,
+        output: RerunOutput,
         columns: Mapping[str, Sequence[str]] | None = None,
         units: Mapping[str, Sequence[str]] | None = None,
     ) -> None:
-        self.cast = cast
+        self.run_view = run_view
         self.detail = detail
-        self.stage = stage
+        self.output = output
         self.columns = columns or {}
         self.units = units or {}
 
@@ -45,40 +45,42 @@ class Drawing(ABC):
         """Put up what holds for all times."""
 
     @abstractmethod
-    def draw(self, excerpt: Excerpt) -> None:
+    def draw(self, chunk: Chunk) -> None:
         """Draw a stretch of the log; called in the order of time."""
 
-    def places(self, who: str, times: NDArray[np.int64], excerpt: Excerpt) -> Array:
-        """Where somebody or something is at some instants of an excerpt; (len(times), 3) [m], NaN if unknown."""
-        if who in self.cast.place:
-            group, row = self.cast.place[who]
-            troupe = self.cast.troupes[group]
-            frames = excerpt.frames.get(troupe.whereabouts)
-            known = None if frames is None else troupe.positions(frames.of(times, row))
+    def places(self, who: str, times: NDArray[np.int64], chunk: Chunk) -> Array:
+        """Where somebody or something is at some instants of a chunk; (len(times), 3) [m], NaN if unknown."""
+        if who in self.run_view.place:
+            group, row = self.run_view.place[who]
+            group_view = self.run_view.group_views[group]
+            frames = chunk.frames.get(group_view.whereabouts)
+            known = None if frames is None else group_view.positions(frames.of(times, row))
         else:
-            frames = excerpt.frames.get(f"/world/{who}/state")
-            known = None if frames is None else self.cast.props[who].positions(frames.of(times, 0))
-        unknown = self.cast.props[who].position if who in self.cast.props else np.full(3, np.nan)
+            frames = chunk.frames.get(f"/world/{who}/state")
+            known = None if frames is None else self.run_view.obstacle_views[who].positions(frames.of(times, 0))
+        unknown = (
+            self.run_view.obstacle_views[who].position if who in self.run_view.obstacle_views else np.full(3, np.nan)
+        )
         if known is None:
             return np.broadcast_to(unknown, (len(times), 3))
         return np.where(np.isnan(known), unknown, known)
 
-    def postures(self, who: Troupe | Prop, times: NDArray[np.int64], excerpt: Excerpt) -> tuple[Array, Array]:
-        """Where the bodies of a group, or an entity, are at some instants of an excerpt, and how they are turned.
+    def postures(self, who: GroupView | ObstacleView, times: NDArray[np.int64], chunk: Chunk) -> tuple[Array, Array]:
+        """Where the bodies of a group, or an entity, are at some instants of a chunk, and how they are turned.
 
         Returns:
             Positions (k, n, 3) [m] and quaternions x, y, z, w (k, n, 4); NaN of agents where they are not known.
         """
-        poses = excerpt.frames.get(f"/world/{who.name}/pose")
+        poses = chunk.frames.get(f"/world/{who.name}/pose")
         if poses is not None and poses.before.shape[1] == 7:
             values = poses.at(times)
             return values[..., :3], values[..., 3:]
-        if isinstance(who, Troupe):
-            frames = excerpt.frames.get(who.whereabouts)
+        if isinstance(who, GroupView):
+            frames = chunk.frames.get(who.whereabouts)
             count = len(times), len(who.agents)
             states = np.full((*count, len(who.state)), np.nan) if frames is None else frames.at(times)
             return who.positions(states), who.orientations(states)
-        frames = excerpt.frames.get(f"/world/{who.name}/state")
+        frames = chunk.frames.get(f"/world/{who.name}/state")
         values = np.full((len(times), 1, 3), np.nan) if frames is None else frames.at(times)
         known = np.isfinite(values[..., -1:])
         headings = np.where(known[..., 0], values[..., -1], who.heading)

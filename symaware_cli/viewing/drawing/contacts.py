@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.recording import journal
-from symaware_cli.viewing.cast import Cast, in_space
+from symaware_cli.viewing.chunk import Chunk
 from symaware_cli.viewing.detail import Detail
 from symaware_cli.viewing.drawing.base import Drawing
-from symaware_cli.viewing.excerpt import Excerpt
 from symaware_cli.viewing.outline import circle
 from symaware_cli.viewing.palette import CONTACT
-from symaware_cli.viewing.stage import Stage
+from symaware_cli.viewing.rerun_output import RerunOutput
+from symaware_cli.viewing.views import RunView, in_space
 
 Array = NDArray[np.float64]
 Times = NDArray[np.int64]
@@ -48,9 +48,9 @@ class _Touch:
 class Contacts(Drawing):
     """All contacts between agents, and of agents with entities of the environment."""
 
-    def __init__(self, cast: Cast, detail: Detail, stage: Stage) -> None:
-        super().__init__(cast, detail, stage)
-        #: Those that touch at the end of the last excerpt, and how far the place is from the middle of the two (3,).
+    def __init__(self, run_view: RunView, detail: Detail, output: RerunOutput) -> None:
+        super().__init__(run_view, detail, output)
+        #: Those that touch at the end of the last chunk, and how far the place is from the middle of the two (3,).
         self._touching: dict[tuple[str, str], tuple[_Touch, Array]] = {}
         #: Up to which instant rings are drawn [ns].
         self._drawn = -1
@@ -60,25 +60,25 @@ class Contacts(Drawing):
         import rerun as rr
 
         look = rr.LineStrips3D.from_fields(radii=rr.Radius.ui_points([2.5]), colors=[CONTACT])
-        self.stage.static("world/contacts", look)
+        self.output.static("world/contacts", look)
 
-    def draw(self, excerpt: Excerpt) -> None:
+    def draw(self, chunk: Chunk) -> None:
         """Draw the rings."""
-        entries = [journal.contact(time, message) for time, message in excerpt.entries.get("/contacts", ())]
-        touches = self._touches(entries, excerpt)
-        drawn, self._drawn = self._drawn, excerpt.end
+        entries = [journal.contact(time, message) for time, message in chunk.entries.get("/contacts", ())]
+        touches = self._touches(entries, chunk)
+        drawn, self._drawn = self._drawn, chunk.end
         if not touches:
             return
         begun = np.array([touch.since for touch, _ in touches])
         ended = np.array([touch.until for touch, _ in touches if touch.until is not None], np.int64)
-        moving = [frames.times for topic, frames in excerpt.frames.items() if topic.startswith("/world/")]
+        moving = [frames.times for topic, frames in chunk.frames.items() if topic.startswith("/world/")]
         moments = np.unique(np.concatenate([(begun[:, None] + _FLASH_TIMES).ravel(), ended, *moving]))
-        moments = moments[(moments > max(drawn, begun.min() - 1)) & (moments <= excerpt.end)]
+        moments = moments[(moments > max(drawn, begun.min() - 1)) & (moments <= chunk.end)]
         instants, rings = [np.empty(0, np.intp)], [np.empty((0, *_RING.shape))]
         for touch, offset in touches:
-            last = excerpt.end + 1 if touch.until is None else touch.until
+            last = chunk.end + 1 if touch.until is None else touch.until
             present = np.flatnonzero((moments >= touch.since) & (moments < last))
-            centres = self._middle(touch.pair, moments[present], excerpt) + offset
+            centres = self._middle(touch.pair, moments[present], chunk) + offset
             size = self._size(touch.pair)
             flash = np.searchsorted(_FLASH_TIMES, moments[present] - touch.since, side="right") - 1
             instants.append(present)
@@ -91,19 +91,19 @@ class Contacts(Drawing):
         # Where nobody touches any more, that has to be said once.
         said = (counts > 0) | (np.concatenate([[len(_RING)], counts[:-1]]) > 0)
         points = all_rings[np.argsort(which, kind="stable")].reshape(-1, 3)
-        self.stage.strips("world/contacts", moments[said], points, np.full(len(which), len(_RING)), counts[said])
+        self.output.strips("world/contacts", moments[said], points, np.full(len(which), len(_RING)), counts[said])
 
-    def _touches(self, entries: Sequence[journal.LoggedContact], excerpt: Excerpt) -> list[tuple[_Touch, Array]]:
-        """All that touch at some time in an excerpt, each with the place's distance from the middle of the two."""
+    def _touches(self, entries: Sequence[journal.LoggedContact], chunk: Chunk) -> list[tuple[_Touch, Array]]:
+        """All that touch at some time in a chunk, each with the place's distance from the middle of the two."""
         touches = []
         for entry in entries:
             pair = entry.a, entry.b
             if entry.stage == "BEGIN":
-                if not all(who in self.cast.place or who in self.cast.props for who in pair):
+                if not all(who in self.run_view.place or who in self.run_view.obstacle_views for who in pair):
                     # The ground, on which everybody stands.
                     continue
                 point = in_space(np.array(entry.point)) if len(entry.point) in (2, 3) else None
-                middle = self._middle(pair, np.array([entry.time]), excerpt)[0]
+                middle = self._middle(pair, np.array([entry.time]), chunk)[0]
                 offset = np.zeros(3) if point is None else point - middle
                 if np.isfinite(offset + middle).all():
                     self._touching[pair] = _Touch(pair, point, entry.time), offset
@@ -112,12 +112,14 @@ class Contacts(Drawing):
                 touches.append((_Touch(pair, touch.point, touch.since, entry.time), offset))
         return [*touches, *self._touching.values()]
 
-    def _middle(self, pair: tuple[str, str], times: Times, excerpt: Excerpt) -> Array:
+    def _middle(self, pair: tuple[str, str], times: Times, chunk: Chunk) -> Array:
         """The middle between two that touch, or the one that is an agent; (len(times), 3) [m]."""
-        agents = [who for who in pair if who in self.cast.place] or list(pair)
-        middle: Array = np.mean([self.places(who, times, excerpt) for who in agents], axis=0)
+        agents = [who for who in pair if who in self.run_view.place] or list(pair)
+        middle: Array = np.mean([self.places(who, times, chunk) for who in agents], axis=0)
         return middle
 
     def _size(self, pair: Sequence[str]) -> float:
-        radii = [self.cast.troupes[self.cast.place[who][0]].extent for who in pair if who in self.cast.place]
+        radii = [
+            self.run_view.group_views[self.run_view.place[who][0]].extent for who in pair if who in self.run_view.place
+        ]
         return min(radii, default=0.0) or _POINT

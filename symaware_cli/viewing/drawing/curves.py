@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from symaware_cli.core import Part
 from symaware_cli.geometry.bodies import Bodies
 from symaware_cli.geometry.proximity import Proximity
-from symaware_cli.viewing.cast import Cast, Troupe
+from symaware_cli.viewing.chunk import Chunk
 from symaware_cli.viewing.detail import Detail
 from symaware_cli.viewing.drawing.base import Drawing
-from symaware_cli.viewing.excerpt import Excerpt
 from symaware_cli.viewing.palette import AGENTS, CONTACT, RISK
-from symaware_cli.viewing.stage import Stage
+from symaware_cli.viewing.rerun_output import RerunOutput
+from symaware_cli.viewing.views import GroupView, RunView
 
 Array = NDArray[np.float64]
 
@@ -30,63 +30,67 @@ class Risks(Drawing):
 
     def begin(self) -> None:
         """Name the curves."""
-        for troupe in self.cast.troupes.values():
+        for group_view in self.run_view.group_views.values():
             if self.detail.curves:
-                self.stage.series(f"curves/risk/{troupe.name}", troupe.agents, troupe.colours, keep="greatest")
+                self.output.series(
+                    f"curves/risk/{group_view.name}", group_view.agents, group_view.colours, keep="greatest"
+                )
             else:
-                names = [f"{troupe.name}: {name}" for name, _ in _QUANTILES]
-                self.stage.series(f"curves/risk/{troupe.name}", names, _SHADES, keep="greatest")
+                names = [f"{group_view.name}: {name}" for name, _ in _QUANTILES]
+                self.output.series(f"curves/risk/{group_view.name}", names, _SHADES, keep="greatest")
 
-    def draw(self, excerpt: Excerpt) -> None:
+    def draw(self, chunk: Chunk) -> None:
         """Draw the risks."""
-        for troupe in self.cast.troupes.values():
-            strips = excerpt.strips.get(f"/agents/{troupe.name}/risk")
+        for group_view in self.run_view.group_views.values():
+            strips = chunk.strips.get(f"/agents/{group_view.name}/risk")
             if strips is None or not strips.values.shape[1]:
                 continue
             risks = strips.firsts[..., 0]
             if not self.detail.curves:
                 risks = _quantiles(risks, [share for _, share in _QUANTILES])
-            self.stage.scalars(f"curves/risk/{troupe.name}", strips.times, risks)
+            self.output.scalars(f"curves/risk/{group_view.name}", strips.times, risks)
 
 
 class Separation(Drawing):
     """The least distance between the outlines of any two agents, and 0, where bodies touch."""
 
-    def __init__(self, cast: Cast, detail: Detail, stage: Stage) -> None:
-        super().__init__(cast, detail, stage)
-        troupes = cast.troupes.values()
-        shapes = [troupe.shape for troupe in troupes]
-        counts = [len(troupe.agents) for troupe in troupes]
+    def __init__(self, run_view: RunView, detail: Detail, output: RerunOutput) -> None:
+        super().__init__(run_view, detail, output)
+        group_views = run_view.group_views.values()
+        shapes = [group_view.shape for group_view in group_views]
+        counts = [len(group_view.agents) for group_view in group_views]
         self._bodies = Bodies([shape.pieces[0] if shape else None for shape in shapes], counts)
 
     def begin(self) -> None:
         """Name the curves."""
         name = "least between two outlines [m]"
-        self.stage.series("curves/separation/smallest", [name], [AGENTS[3]], keep="least")
-        self.stage.series("curves/separation/bound", ["touching"], [CONTACT], 1.0)
+        self.output.series("curves/separation/smallest", [name], [AGENTS[3]], keep="least")
+        self.output.series("curves/separation/bound", ["touching"], [CONTACT], 1.0)
 
-    def draw(self, excerpt: Excerpt) -> None:
+    def draw(self, chunk: Chunk) -> None:
         """Draw the distance."""
-        if self.cast.agent_count < 2:
+        if self.run_view.agent_count < 2:
             return
-        found = {name: excerpt.frames.get(troupe.whereabouts) for name, troupe in self.cast.troupes.items()}
+        found = {
+            name: chunk.frames.get(group_view.whereabouts) for name, group_view in self.run_view.group_views.items()
+        }
         times = np.unique(np.concatenate([frames.times for frames in found.values() if frames] or [_NEVER]))
         if not len(times):
             return
-        shape = (len(times), self.cast.agent_count)
+        shape = (len(times), self.run_view.agent_count)
         places, headings = np.full((*shape, 3), np.nan), np.zeros(shape)
         first = 0
-        for name, troupe in self.cast.troupes.items():
-            some, frames = slice(first, first + len(troupe.agents)), found[name]
+        for name, group_view in self.run_view.group_views.items():
+            some, frames = slice(first, first + len(group_view.agents)), found[name]
             first = some.stop
             if frames:
                 states = frames.at(times)
-                places[:, some] = troupe.positions(states)
-                turned = troupe.headings(states)
+                places[:, some] = group_view.positions(states)
+                turned = group_view.headings(states)
                 headings[:, some] = 0.0 if turned is None else turned
         smallest = np.array([self._smallest(*each) for each in zip(places, headings, strict=True)])
-        self.stage.scalars("curves/separation/smallest", times, smallest[:, None])
-        self.stage.scalars("curves/separation/bound", times, np.zeros((len(times), 1)))
+        self.output.scalars("curves/separation/smallest", times, smallest[:, None])
+        self.output.scalars("curves/separation/bound", times, np.zeros((len(times), 1)))
 
     def _smallest(self, places: Array, headings: Array) -> float:
         """The least separation at an instant of those who are there; infinite where there are no two."""
@@ -103,34 +107,34 @@ class Awareness(Drawing):
         """Nothing is named yet."""
         self._named: set[str] = set()
 
-    def draw(self, excerpt: Excerpt) -> None:
+    def draw(self, chunk: Chunk) -> None:
         """Draw the curves of all who are in focus."""
         for agent in self.detail.focus:
-            group, row = self.cast.place[agent]
-            troupe = self.cast.troupes[group]
+            group, row = self.run_view.place[agent]
+            group_view = self.run_view.group_views[group]
             topic = f"/world/{group}/control"
-            applied = excerpt.frames.get(topic)
+            applied = chunk.frames.get(topic)
             if applied is not None:
-                self._curve(agent, troupe, "control", topic, applied.times, applied.values[:, row])
-            for name, topic in plotted(troupe):
-                frames, strips = excerpt.frames.get(topic), excerpt.strips.get(topic)
+                self._curve(agent, group_view, "control", topic, applied.times, applied.values[:, row])
+            for name, topic in plotted(group_view):
+                frames, strips = chunk.frames.get(topic), chunk.strips.get(topic)
                 if frames is not None:
                     times, values = frames.times, frames.values[:, row]
                 elif strips is not None and strips.values.shape[1]:
                     times, values = strips.times, strips.firsts[:, row]
                 else:
                     continue
-                if isinstance(troupe.signals[name], Part):
-                    self._curve(agent, troupe, name, topic, times, values)
+                if isinstance(group_view.signals[name], Part):
+                    self._curve(agent, group_view, name, topic, times, values)
                 else:
                     self._by_unit(agent, topic, name, times, values)
 
     def _curve(
-        self, agent: str, troupe: Troupe, field: str, topic: str, times: NDArray[np.int64], values: Array
+        self, agent: str, group_view: GroupView, field: str, topic: str, times: NDArray[np.int64], values: Array
     ) -> None:
         names, units = self._quantities(topic, field, values.shape[1])
-        if field in troupe.signals and troupe.signals[field].drawn == "ellipse":
-            names, units, values = _deviations(troupe, names, units, values)
+        if field in group_view.signals and group_view.signals[field].drawn == "ellipse":
+            names, units, values = _deviations(group_view, names, units, values)
         self._plot(f"curves/agents/{agent}/{field}", times, names, units, values)
 
     def _by_unit(self, agent: str, topic: str, field: str, times: NDArray[np.int64], values: Array) -> None:
@@ -154,15 +158,15 @@ class Awareness(Drawing):
             self._named.add(path)
             shown = [f"{name} [{unit}]" if unit not in ("", "1") else name for name, unit in _paired(names, units)]
             colours = [AGENTS[number % len(AGENTS)] for number in range(len(shown))]
-            self.stage.series(path, shown, colours, keep="greatest" if path.endswith("/risk") else "both")
-        self.stage.scalars(path, times, values)
+            self.output.series(path, shown, colours, keep="greatest" if path.endswith("/risk") else "both")
+        self.output.scalars(path, times, values)
 
 
-def plotted(troupe: Troupe) -> list[tuple[str, str]]:
+def plotted(group_view: GroupView) -> list[tuple[str, str]]:
     """The parts and signals that an agent's tab has curves of, with their topics: all numbers but those of paths."""
-    signals = troupe.signals.items()
+    signals = group_view.signals.items()
     drawn = (name for name, signal in signals if signal.kind != "table" and signal.drawn not in (None, "path"))
-    return [(name, troupe.topic(name)) for name in drawn]
+    return [(name, group_view.topic(name)) for name in drawn]
 
 
 def unit_paths(agent: str, topic: str, units: Sequence[str]) -> dict[str, list[int]]:
@@ -184,14 +188,18 @@ def unit_paths(agent: str, topic: str, units: Sequence[str]) -> dict[str, list[i
 
 
 def _deviations(
-    troupe: Troupe, names: list[str], units: list[str], values: Array
+    group_view: GroupView, names: list[str], units: list[str], values: Array
 ) -> tuple[list[str], list[str], Array]:
     """Standard deviations where covariances are given; nothing of samples, which are drawn as ways."""
-    variances = [f"cov_{name}_{name}" for name, _ in troupe.state]
+    variances = [f"cov_{name}_{name}" for name, _ in group_view.state]
     if all(name in names for name in variances):
         chosen = [names.index(name) for name in variances]
         deviations = np.sqrt(np.maximum(values[:, chosen], 0.0))
-        return [f"deviation of {name}" for name, _ in troupe.state], [unit for _, unit in troupe.state], deviations
+        return (
+            [f"deviation of {name}" for name, _ in group_view.state],
+            [unit for _, unit in group_view.state],
+            deviations,
+        )
     if any(re.fullmatch(r".+\.\d+", name) for name in names):
         return [], [], values
     return names, units, values

@@ -10,14 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.geometry.articulation import Visual
-from symaware_cli.viewing.cast import Cast, Prop, Troupe
+from symaware_cli.viewing.chunk import Chunk
 from symaware_cli.viewing.detail import Detail
 from symaware_cli.viewing.drawing.base import Drawing
-from symaware_cli.viewing.excerpt import Excerpt
 from symaware_cli.viewing.figure import Figure, media_type
 from symaware_cli.viewing.palette import SCENERY, faded
-from symaware_cli.viewing.stage import Stage
+from symaware_cli.viewing.rerun_output import RerunOutput
 from symaware_cli.viewing.tessellation import tessellated
+from symaware_cli.viewing.views import GroupView, ObstacleView, RunView
 
 Array = NDArray[np.float64]
 Times = NDArray[np.int64]
@@ -38,20 +38,20 @@ class Figures(Drawing):
     places. Entities without meshes have paths of their own.
     """
 
-    def __init__(self, cast: Cast, detail: Detail, stage: Stage) -> None:
-        super().__init__(cast, detail, stage)
+    def __init__(self, run_view: RunView, detail: Detail, output: RerunOutput) -> None:
+        super().__init__(run_view, detail, output)
         self._begun = False
-        users: dict[int, list[Troupe | Prop]] = {}
-        everybody: list[Troupe | Prop] = [*cast.troupes.values(), *cast.props.values()]
+        users: dict[int, list[GroupView | ObstacleView]] = {}
+        everybody: list[GroupView | ObstacleView] = [*run_view.group_views.values(), *run_view.obstacle_views.values()]
         figures = {each.figure.number: each.figure for each in everybody if each.figure}
         for each in everybody:
             if each.figure:
                 users.setdefault(each.figure.number, []).append(each)
         #: Where it is drawn, what is drawn there, and who looks like that.
-        self._shown: list[tuple[str, Figure, Sequence[Troupe | Prop]]] = []
+        self._shown: list[tuple[str, Figure, Sequence[GroupView | ObstacleView]]] = []
         for number, like in sorted(users.items()):
             figure = figures[number]
-            if (len(like) > 1 and figure.surfaces) or any(isinstance(each, Troupe) for each in like):
+            if (len(like) > 1 and figure.surfaces) or any(isinstance(each, GroupView) for each in like):
                 self._shown.append((f"world/figures/{_part(figure.name)}", figure, like))
             else:
                 self._shown += [(f"world/scenery/{each.name}", figure, [each]) for each in like]
@@ -60,9 +60,9 @@ class Figures(Drawing):
         """Put up what they look like, and the ground."""
         import rerun as rr
 
-        if self.cast.ground is not None:
+        if self.run_view.ground is not None:
             corners = _GROUND_REACH * np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
-            plane = np.column_stack([corners, np.full(4, self.cast.ground - _BELOW)])
+            plane = np.column_stack([corners, np.full(4, self.run_view.ground - _BELOW)])
             # Without a direction in which it faces, light does not fall on it.
             surface = rr.Mesh3D(
                 vertex_positions=plane,
@@ -70,42 +70,42 @@ class Figures(Drawing):
                 vertex_normals=np.zeros((4, 3)),
                 albedo_factor=_GROUND,
             )
-            self.stage.static("world/ground", surface)
+            self.output.static("world/ground", surface)
         for path, figure, like in self._shown:
-            colour = _PLAIN if isinstance(like[0], Troupe) else like[0].colour if like[0].moves else _STILL
+            colour = _PLAIN if isinstance(like[0], GroupView) else like[0].colour if like[0].moves else _STILL
             for first, *_ in figure.looks:
-                self.stage.static(_path(path, figure, first), self._surface(figure.visuals[first][0], colour))
+                self.output.static(_path(path, figure, first), self._surface(figure.visuals[first][0], colour))
 
-    def draw(self, excerpt: Excerpt) -> None:
+    def draw(self, chunk: Chunk) -> None:
         """Draw them where they are, whenever one moves."""
         for path, figure, like in self._shown:
-            moments = [self._moments(each, excerpt) for each in like]
+            moments = [self._moments(each, chunk) for each in like]
             times = np.unique(np.concatenate(moments))
-            if not self._begun and excerpt.start not in times[:1]:
-                times = np.concatenate([[excerpt.start], times])
+            if not self._begun and chunk.start not in times[:1]:
+                times = np.concatenate([[chunk.start], times])
             if not len(times):
                 continue
-            placed = [self._placed(each, times, excerpt) for each in like]
+            placed = [self._placed(each, times, chunk) for each in like]
             for look in figure.looks:
                 parts = [each[place] for place in look for each in placed]
                 positions = np.concatenate([position for position, _ in parts], axis=1)
                 orientations = np.concatenate([orientation for _, orientation in parts], axis=1)
                 visual, _ = figure.visuals[look[0]]
                 scale = visual.size if visual.kind == "mesh" and set(visual.size) != {1.0} else None
-                self.stage.instances(_path(path, figure, look[0]), times, positions, orientations, scale)
+                self.output.instances(_path(path, figure, look[0]), times, positions, orientations, scale)
         self._begun = True
 
-    def _moments(self, who: Troupe | Prop, excerpt: Excerpt) -> Times:
-        topics = [who.whereabouts if isinstance(who, Troupe) else f"/world/{who.name}/state"]
+    def _moments(self, who: GroupView | ObstacleView, chunk: Chunk) -> Times:
+        topics = [who.whereabouts if isinstance(who, GroupView) else f"/world/{who.name}/state"]
         topics += [f"/world/{who.name}/{kind}" for kind in ("pose", "joints")]
-        found = [excerpt.frames[topic].times for topic in topics if topic in excerpt.frames]
+        found = [chunk.frames[topic].times for topic in topics if topic in chunk.frames]
         return np.concatenate([np.empty(0, np.int64), *found])
 
-    def _placed(self, who: Troupe | Prop, times: Times, excerpt: Excerpt) -> list[tuple[Array, Array]]:
+    def _placed(self, who: GroupView | ObstacleView, times: Times, chunk: Chunk) -> list[tuple[Array, Array]]:
         """Where the visuals of somebody are at some instants: (k, n, 3) [m] and (k, n, 4) each."""
         assert who.figure
-        positions, orientations = self.postures(who, times, excerpt)
-        joints = excerpt.frames.get(f"/world/{who.name}/joints")
+        positions, orientations = self.postures(who, times, chunk)
+        joints = chunk.frames.get(f"/world/{who.name}/joints")
         values = None
         if joints and joints.before.shape[1] == len(who.figure.articulation.joints):
             values = joints.at(times)
@@ -117,7 +117,7 @@ class Figures(Drawing):
         said = visual.colour
         albedo = tuple(round(255 * part) for part in said) if said else (*colour, 255)
         if visual.kind == "mesh":
-            contents = self.cast.surfaces[visual.mesh]
+            contents = self.run_view.surfaces[visual.mesh]
             return rr.Asset3D(contents=contents, media_type=media_type(visual), albedo_factor=albedo)
         vertices, normals, corners = tessellated(visual)
         return rr.Mesh3D(

@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.recording.text import read_json
-from symaware_cli.viewing.cast import Cast, Troupe, in_space
+from symaware_cli.viewing.chunk import Chunk
 from symaware_cli.viewing.detail import FEW, Detail
 from symaware_cli.viewing.drawing.base import Drawing
-from symaware_cli.viewing.excerpt import Excerpt
 from symaware_cli.viewing.palette import faded
-from symaware_cli.viewing.stage import Stage
+from symaware_cli.viewing.rerun_output import RerunOutput
+from symaware_cli.viewing.views import GroupView, RunView, in_space
 
 Array = NDArray[np.float64]
 
@@ -28,47 +28,47 @@ class Goals(Drawing):
     They are what the knowledge calls ``goal``, ``target``, ``waypoint`` or ``waypoints``.
     """
 
-    def __init__(self, cast: Cast, detail: Detail, stage: Stage) -> None:
-        super().__init__(cast, detail, stage)
+    def __init__(self, run_view: RunView, detail: Detail, output: RerunOutput) -> None:
+        super().__init__(run_view, detail, output)
         self._known: dict[str, list[list[Array]]] = {
-            troupe.name: [[] for _ in troupe.agents] for troupe in cast.troupes.values()
+            group_view.name: [[] for _ in group_view.agents] for group_view in run_view.group_views.values()
         }
 
     def begin(self) -> None:
         """Put up how thick the lines are."""
         import rerun as rr
 
-        for troupe in self.cast.troupes.values():
+        for group_view in self.run_view.group_views.values():
             width = rr.LineStrips3D.from_fields(radii=rr.Radius.ui_points([1.5 if self._few else 0.75]))
-            self.stage.static(f"world/agents/{troupe.name}/goal", width)
+            self.output.static(f"world/agents/{group_view.name}/goal", width)
 
-    def draw(self, excerpt: Excerpt) -> None:
+    def draw(self, chunk: Chunk) -> None:
         """Draw the goals that became known."""
-        for troupe in self.cast.troupes.values():
-            told = excerpt.entries.get(f"/agents/{troupe.name}/knowledge", ())
+        for group_view in self.run_view.group_views.values():
+            told = chunk.entries.get(f"/agents/{group_view.name}/knowledge", ())
             for place, (time, message) in enumerate(told):
                 rows = message.rows or range(len(message.values))
                 for row, value in zip(rows, message.values, strict=True):
-                    self._known[troupe.name][row] = known_ways(read_json(value), len(troupe.position))
+                    self._known[group_view.name][row] = known_ways(read_json(value), len(group_view.position))
                 if place + 1 == len(told) or told[place + 1][0] > time:
-                    self._draw(troupe, time)
+                    self._draw(group_view, time)
 
-    def _draw(self, troupe: Troupe, time: int) -> None:
-        size = 0.8 * troupe.radius or 0.2
+    def _draw(self, group_view: GroupView, time: int) -> None:
+        size = 0.8 * group_view.radius or 0.2
         strips, colours = [], []
-        for row, ways in enumerate(self._known[troupe.name]):
+        for row, ways in enumerate(self._known[group_view.name]):
             lines = [line for way in ways for line in (*crosses(way, size), *([way] if len(way) > 1 else []))]
             strips += lines
-            colours += [faded(troupe.colours[row], 0.35 if self._few else 0.7)] * len(lines)
+            colours += [faded(group_view.colours[row], 0.35 if self._few else 0.7)] * len(lines)
         if strips:
             lengths = [len(strip) for strip in strips]
             shades, points = np.array(colours, np.uint8), np.concatenate(strips)
-            path = f"world/agents/{troupe.name}/goal"
-            self.stage.strips(path, np.array([time]), points, lengths, [len(strips)], shades)
+            path = f"world/agents/{group_view.name}/goal"
+            self.output.strips(path, np.array([time]), points, lengths, [len(strips)], shades)
 
     @property
     def _few(self) -> bool:
-        return self.cast.agent_count <= FEW
+        return self.run_view.agent_count <= FEW
 
 
 def known_ways(knowledge: Any, dimension: int) -> list[Array]:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from symaware_cli.recording import journal
-from symaware_cli.viewing.cast import Cast
+from symaware_cli.viewing.chunk import Chunk
 from symaware_cli.viewing.detail import Detail
 from symaware_cli.viewing.drawing.base import Drawing
-from symaware_cli.viewing.excerpt import Excerpt
 from symaware_cli.viewing.palette import MESSAGE
-from symaware_cli.viewing.stage import Stage
+from symaware_cli.viewing.rerun_output import RerunOutput
+from symaware_cli.viewing.views import RunView
 
 #: The event that says so, and what in its data names who told it.
 _EVENT, _TELLER = "informed", "other"
@@ -22,37 +22,39 @@ _NEVER = np.iinfo(np.int64).max
 class Informed(Drawing):
     """Marks agents from the event ``informed`` on, as gossip records it."""
 
-    def __init__(self, cast: Cast, detail: Detail, stage: Stage) -> None:
-        super().__init__(cast, detail, stage)
-        self._since = {name: np.full(len(troupe.agents), _NEVER) for name, troupe in cast.troupes.items()}
+    def __init__(self, run_view: RunView, detail: Detail, output: RerunOutput) -> None:
+        super().__init__(run_view, detail, output)
+        self._since = {
+            name: np.full(len(group_view.agents), _NEVER) for name, group_view in run_view.group_views.items()
+        }
 
     def begin(self) -> None:
         """Put up how the marks look."""
         import rerun as rr
 
-        for name in self.cast.troupes:
+        for name in self.run_view.group_views:
             look = rr.Points3D.from_fields(radii=rr.Radius.ui_points([_POINT]), colors=[MESSAGE])
-            self.stage.static(f"world/agents/{name}/informed", look)
+            self.output.static(f"world/agents/{name}/informed", look)
 
-    def draw(self, excerpt: Excerpt) -> None:
+    def draw(self, chunk: Chunk) -> None:
         """Mark those who know by then."""
         moments = []
-        for time, message in excerpt.entries.get("/events", ()):
+        for time, message in chunk.entries.get("/events", ()):
             if message.name == _EVENT:
                 event = journal.event(time, message)
                 # The source of an event is a component: agents.<agent>.<component>.
                 told = event.source.removeprefix("agents.").rpartition(".")[0]
                 for agent in (told, event.data.get(_TELLER)):
-                    if isinstance(agent, str) and agent in self.cast.place:
-                        group, row = self.cast.place[agent]
+                    if isinstance(agent, str) and agent in self.run_view.place:
+                        group, row = self.run_view.place[agent]
                         self._since[group][row] = min(self._since[group][row], time)
                 moments.append(time)
-        for name, troupe in self.cast.troupes.items():
-            since, frames = self._since[name], excerpt.frames.get(troupe.whereabouts)
+        for name, group_view in self.run_view.group_views.items():
+            since, frames = self._since[name], chunk.frames.get(group_view.whereabouts)
             if frames is None or (since == _NEVER).all():
                 continue
             times = np.union1d(frames.times, np.array(moments, np.int64))
             # Above the bodies, which would hide them.
-            places = troupe.positions(frames.at(times)) + np.array([0.0, 0.0, 1.1 * troupe.extent])
+            places = group_view.positions(frames.at(times)) + np.array([0.0, 0.0, 1.1 * group_view.extent])
             places[since > times[:, None]] = np.nan
-            self.stage.points(f"world/agents/{name}/informed", times, places)
+            self.output.points(f"world/agents/{name}/informed", times, places)

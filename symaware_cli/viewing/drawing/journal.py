@@ -7,11 +7,11 @@ from typing import Any
 
 from symaware_cli.recording import journal
 from symaware_cli.recording.text import read_json
-from symaware_cli.viewing.cast import Cast
+from symaware_cli.viewing.chunk import Chunk
 from symaware_cli.viewing.detail import Detail
 from symaware_cli.viewing.drawing.base import Drawing
-from symaware_cli.viewing.excerpt import Excerpt
-from symaware_cli.viewing.stage import Stage
+from symaware_cli.viewing.rerun_output import RerunOutput
+from symaware_cli.viewing.views import RunView
 
 _LEVELS = {"DEBUG": "DEBUG", "INFO": "INFO", "WARNING": "WARN", "ERROR": "ERROR"}
 
@@ -25,16 +25,16 @@ class _Modes(Drawing):
         for path, time, mode in changes:
             found[path].append((time, mode))
         for path, told in found.items():
-            self.stage.modes(f"modes/{path}", [time for time, _ in told], [mode for _, mode in told])
+            self.output.modes(f"modes/{path}", [time for time, _ in told], [mode for _, mode in told])
 
 
 class Events(_Modes):
     """The events as a log; those of each agent in focus also as what it did last."""
 
-    def draw(self, excerpt: Excerpt) -> None:
+    def draw(self, chunk: Chunk) -> None:
         """Write the events."""
-        events = [journal.event(time, message) for time, message in excerpt.entries.get("/events", ())]
-        self.stage.texts(
+        events = [journal.event(time, message) for time, message in chunk.entries.get("/events", ())]
+        self.output.texts(
             "log/events",
             [event.time for event in events],
             [f"{event.time / 1e9:8.2f} s  {event.name}  {event.source}  {event.text}".rstrip() for event in events],
@@ -49,16 +49,16 @@ class Events(_Modes):
 class Knowledge(_Modes):
     """What agents know that is a mode: words and yes or no, over time."""
 
-    def __init__(self, cast: Cast, detail: Detail, stage: Stage) -> None:
-        super().__init__(cast, detail, stage)
+    def __init__(self, run_view: RunView, detail: Detail, output: RerunOutput) -> None:
+        super().__init__(run_view, detail, output)
         self._known: dict[str, str] = {}
 
-    def draw(self, excerpt: Excerpt) -> None:
+    def draw(self, chunk: Chunk) -> None:
         """Write down what changed."""
         changes = []
-        for troupe in self.cast.troupes.values():
-            focus = {row: agent for row, agent in enumerate(troupe.agents) if agent in self.detail.focus}
-            for time, message in excerpt.entries.get(f"/agents/{troupe.name}/knowledge", ()):
+        for group_view in self.run_view.group_views.values():
+            focus = {row: agent for row, agent in enumerate(group_view.agents) if agent in self.detail.focus}
+            for time, message in chunk.entries.get(f"/agents/{group_view.name}/knowledge", ()):
                 for row, value in zip(message.rows or range(len(message.values)), message.values, strict=True):
                     if row in focus:
                         changes += [(path, time, mode) for path, mode in self._changed(focus[row], read_json(value))]

@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.recording import journal
-from symaware_cli.viewing.cast import Cast
+from symaware_cli.viewing.chunk import Chunk
 from symaware_cli.viewing.detail import FEW, Detail
 from symaware_cli.viewing.drawing.arrows import BROKEN_POINTS, POINTS, arrows, broken
 from symaware_cli.viewing.drawing.base import Drawing
-from symaware_cli.viewing.excerpt import Excerpt
 from symaware_cli.viewing.palette import LOSS, MESSAGE, faded
-from symaware_cli.viewing.stage import Stage
+from symaware_cli.viewing.rerun_output import RerunOutput
+from symaware_cli.viewing.views import RunView
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -37,16 +37,18 @@ _LONGEST = 300
 class Messages(Drawing):
     """Messages as they are sent, delivered and dropped; each arrow goes with those at its ends until it has faded."""
 
-    def __init__(self, cast: Cast, detail: Detail, stage: Stage) -> None:
-        super().__init__(cast, detail, stage)
-        self._number = {agent: number for number, agent in enumerate(cast.agents)}
-        troupes = [(troupe, row) for troupe in cast.troupes.values() for row in range(len(troupe.agents))]
+    def __init__(self, run_view: RunView, detail: Detail, output: RerunOutput) -> None:
+        super().__init__(run_view, detail, output)
+        self._number = {agent: number for number, agent in enumerate(run_view.agents)}
+        group_views = [
+            (group_view, row) for group_view in run_view.group_views.values() for row in range(len(group_view.agents))
+        ]
         #: The group of each agent, its row, and its size [m].
-        self._groups = np.array([troupe.name for troupe, _ in troupes])
-        self._rows = np.array([row for _, row in troupes], np.intp)
-        self._sizes = np.array([troupe.extent for troupe, _ in troupes])
+        self._groups = np.array([group_view.name for group_view, _ in group_views])
+        self._rows = np.array([row for _, row in group_views], np.intp)
+        self._sizes = np.array([group_view.extent for group_view, _ in group_views])
         self._step = _STEP if detail.minds else _CROWD_STEP
-        #: The arrows still to be seen after the last excerpt: time [ns], sender, receiver, whether it was lost; (m, 4).
+        #: The arrows still to be seen after the last chunk: time [ns], sender, receiver, whether it was lost; (m, 4).
         self._left = np.empty((0, 4), np.int64)
         #: The number of the last instant at which arrows were drawn.
         self._drawn = -1
@@ -56,19 +58,21 @@ class Messages(Drawing):
         """Put up how arrows look."""
         import rerun as rr
 
-        look = rr.LineStrips3D.from_fields(radii=rr.Radius.ui_points([1.0 if self.cast.agent_count <= FEW else 0.75]))
-        self.stage.static("world/messages", look)
+        look = rr.LineStrips3D.from_fields(
+            radii=rr.Radius.ui_points([1.0 if self.run_view.agent_count <= FEW else 0.75])
+        )
+        self.output.static("world/messages", look)
 
-    def draw(self, excerpt: Excerpt) -> None:
+    def draw(self, chunk: Chunk) -> None:
         """Write and draw the messages."""
         entries = [
             entry
             for topic in journal.MESSAGES
-            for time, message in excerpt.entries.get(topic, ())
-            for entry in journal.communications(time, message, self.cast.roster)
+            for time, message in chunk.entries.get(topic, ())
+            for entry in journal.communications(time, message, self.run_view.roster)
         ]
         entries.sort(key=lambda entry: entry.time)
-        self.stage.texts(
+        self.output.texts(
             "log/messages",
             [entry.time for entry in entries],
             [_line(entry) for entry in entries],
@@ -81,7 +85,7 @@ class Messages(Drawing):
             if entry.stage in ("DELIVERED", "DROPPED") and entry.sender in number and entry.receiver in number
         ]
         told = np.concatenate([self._left, np.array(ended, np.int64).reshape(-1, 4)])
-        now, drawn = excerpt.end // self._step, self._drawn
+        now, drawn = chunk.end // self._step, self._drawn
         first, last = _stays(told, self._step)
         self._left, self._drawn = told[last >= now], now
         begin = np.maximum(first, drawn + 1)
@@ -90,24 +94,24 @@ class Messages(Drawing):
         instants = begin[which] + np.arange(len(which)) - np.repeat(np.cumsum(counts) - counts, counts)
         # Where there is no arrow any more, that has to be said once.
         gone = last[(last >= drawn) & (last < now) & (last >= first)] + 1
-        self._draw(np.unique(np.concatenate([instants, gone])), told[which], instants, excerpt)
+        self._draw(np.unique(np.concatenate([instants, gone])), told[which], instants, chunk)
 
-    def _draw(self, moments: Integers, told: Integers, instants: Integers, excerpt: Excerpt) -> None:
+    def _draw(self, moments: Integers, told: Integers, instants: Integers, chunk: Chunk) -> None:
         """Draw arrows, each at its instant; both counted in steps."""
         if not len(moments):
             return
         order = np.argsort(instants, kind="stable")
         told, instants = told[order], instants[order]
         times = instants * self._step
-        origins, targets = (self._ends(told[:, end], times, excerpt) for end in (1, 2))
+        origins, targets = (self._ends(told[:, end], times, chunk) for end in (1, 2))
         ways = np.linalg.norm(targets - origins, axis=1)
         known = ways > 0.0  # neither unknown nor the same
         told, instants, times, ways = told[known], instants[known], times[known], ways[known]
-        points, lengths = self._lines(told, origins[known], targets[known], ways, self._scene(excerpt))
+        points, lengths = self._lines(told, origins[known], targets[known], ways, self._scene(chunk))
         plain = np.where(told[:, 3:] > 0, np.array(LOSS, np.uint8), np.array(MESSAGE, np.uint8))
         colours = faded(plain, _FADED * (times - told[:, 0]) / _SEEN)
         drawn = np.bincount(np.searchsorted(moments, instants), minlength=len(moments))
-        self.stage.strips("world/messages", moments * self._step, points, lengths, drawn, colours)
+        self.output.strips("world/messages", moments * self._step, points, lengths, drawn, colours)
 
     def _lines(
         self, told: Integers, origins: Array, targets: Array, ways: Array, scene: float
@@ -118,12 +122,12 @@ class Messages(Drawing):
             All their points (p, 3) [m], and how many of these each has (m,).
         """
         sizes = self._sizes[told[:, 1:3]]
-        if not self.cast.is_spatial:
+        if not self.run_view.is_spatial:
             # Just above the bodies, which would hide them.
             lift = 1.1 * sizes.max(axis=1, initial=0.0)[:, None] * [0.0, 0.0, 1.0]
             origins, targets = origins + lift, targets + lift
         out = np.minimum((sizes + _GAP * scene) / ways[:, None], _OUT)
-        heads = np.minimum((_ASLANT_HEAD if self.cast.is_spatial else _HEAD) * scene, 0.3 * ways)
+        heads = np.minimum((_ASLANT_HEAD if self.run_view.is_spatial else _HEAD) * scene, 0.3 * ways)
         lost = told[:, 3] > 0
         lengths = np.where(lost, BROKEN_POINTS, POINTS)
         starts = np.cumsum(lengths) - lengths
@@ -133,25 +137,28 @@ class Messages(Drawing):
             points[starts[some, None] + np.arange(lines.shape[1])] = lines
         return points, lengths
 
-    def _ends(self, agents: Integers, times: Integers, excerpt: Excerpt) -> Array:
+    def _ends(self, agents: Integers, times: Integers, chunk: Chunk) -> Array:
         """Where each of some agents is, each at its time; (m, 3) [m], NaN if unknown."""
         places = np.full((len(agents), 3), np.nan)
         groups = self._groups[agents]
-        for name, troupe in self.cast.troupes.items():
-            frames = excerpt.frames.get(troupe.whereabouts)
+        for name, group_view in self.run_view.group_views.items():
+            frames = chunk.frames.get(group_view.whereabouts)
             mine = np.flatnonzero(groups == name)
             if frames is not None and len(mine):
-                places[mine] = troupe.positions(frames.of(times[mine], self._rows[agents[mine]]))
+                places[mine] = group_view.positions(frames.of(times[mine], self._rows[agents[mine]]))
         return places
 
-    def _scene(self, excerpt: Excerpt) -> float:
+    def _scene(self, chunk: Chunk) -> float:
         """How wide the scene is, as it is when the first message is drawn [m]."""
         if not self._width:
-            corners = [np.empty((0, 3)), *(prop.corners for prop in self.cast.props.values())]
-            for troupe in self.cast.troupes.values():
-                frames = excerpt.frames.get(troupe.whereabouts)
+            corners = [
+                np.empty((0, 3)),
+                *(obstacle_view.corners for obstacle_view in self.run_view.obstacle_views.values()),
+            ]
+            for group_view in self.run_view.group_views.values():
+                frames = chunk.frames.get(group_view.whereabouts)
                 if frames is not None:
-                    corners += [troupe.positions(frames.values).reshape(-1, 3), troupe.positions(frames.before)]
+                    corners += [group_view.positions(frames.values).reshape(-1, 3), group_view.positions(frames.before)]
             everywhere = np.concatenate(corners)
             everywhere = everywhere[np.isfinite(everywhere).all(axis=1)]
             self._width = float(np.max(np.ptp(everywhere, axis=0))) if len(everywhere) else 0.0

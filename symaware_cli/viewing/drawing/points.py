@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.recording import wire
-from symaware_cli.viewing.cast import Cast, Troupe
+from symaware_cli.viewing.chunk import Chunk
 from symaware_cli.viewing.detail import Detail
 from symaware_cli.viewing.drawing.base import Drawing
-from symaware_cli.viewing.excerpt import Excerpt
-from symaware_cli.viewing.stage import TIMELINE, Stage
+from symaware_cli.viewing.rerun_output import TIMELINE, RerunOutput
+from symaware_cli.viewing.views import GroupView, RunView
 
 Array = NDArray[np.float64]
 Dots = tuple[int, int, Array]
@@ -25,46 +25,46 @@ _POINT, _NEAR_POINT = 3.0, 4.0
 class Points(Drawing):
     """The points of all agents in the scene, unless they are a crowd, and in tabs one's own."""
 
-    def __init__(self, cast: Cast, detail: Detail, stage: Stage) -> None:
-        super().__init__(cast, detail, stage)
+    def __init__(self, run_view: RunView, detail: Detail, output: RerunOutput) -> None:
+        super().__init__(run_view, detail, output)
         #: By topic, what was said last of each row.
         self._known: dict[str, list[Array]] = {}
 
-    def draw(self, excerpt: Excerpt) -> None:
+    def draw(self, chunk: Chunk) -> None:
         """Draw the points of each instant until the next."""
-        for troupe in self.cast.troupes.values():
-            for name, topic in troupe.drawn("points"):
-                found = list(self._found(troupe, name, topic, excerpt))
+        for group_view in self.run_view.group_views.values():
+            for name, topic in group_view.drawn("points"):
+                found = list(self._found(group_view, name, topic, chunk))
                 if self.detail.minds:
-                    draw_dots(self, f"minds/{troupe.name}/{name}", found, troupe, _POINT)
+                    draw_dots(self, f"minds/{group_view.name}/{name}", found, group_view, _POINT)
                 for agent in self.detail.focus:
-                    if agent in troupe.agents:
-                        own = [dots for dots in found if troupe.agents[dots[1]] == agent]
-                        draw_dots(self, f"as/{agent}/{name}", own, troupe, _NEAR_POINT)
+                    if agent in group_view.agents:
+                        own = [dots for dots in found if group_view.agents[dots[1]] == agent]
+                        draw_dots(self, f"as/{agent}/{name}", own, group_view, _NEAR_POINT)
 
-    def _found(self, troupe: Troupe, name: str, topic: str, excerpt: Excerpt) -> Iterator[Dots]:
+    def _found(self, group_view: GroupView, name: str, topic: str, chunk: Chunk) -> Iterator[Dots]:
         """The points of every agent at each instant at which any were said."""
-        known = self._known.setdefault(topic, [np.empty((0, 0))] * len(troupe.agents))
-        names, whereabouts = troupe.signals[name].column_names, excerpt.frames.get(troupe.whereabouts)
-        for time, tables in self._said(topic, excerpt):
+        known = self._known.setdefault(topic, [np.empty((0, 0))] * len(group_view.agents))
+        names, whereabouts = group_view.signals[name].column_names, chunk.frames.get(group_view.whereabouts)
+        for time, tables in self._said(topic, chunk):
             for row, table in tables:
                 known[row] = table
             now = np.array([time])
-            states = np.full((len(known), len(troupe.state)), np.nan)
+            states = np.full((len(known), len(group_view.state)), np.nan)
             if whereabouts is not None:
                 states = whereabouts.at(now)[0]
-            positions, headings = troupe.positions(states), troupe.headings(states)
+            positions, headings = group_view.positions(states), group_view.headings(states)
             for row, table in enumerate(known):
                 heading = 0.0 if headings is None else float(headings[row])
                 yield time, row, places(names, table, positions[row], heading) if len(table) else np.empty((0, 3))
 
-    def _said(self, topic: str, excerpt: Excerpt) -> Iterator[tuple[int, Iterable[tuple[int, Array]]]]:
+    def _said(self, topic: str, chunk: Chunk) -> Iterator[tuple[int, Iterable[tuple[int, Array]]]]:
         """What is said at each instant, and of which rows."""
-        frames = excerpt.frames.get(topic)
+        frames = chunk.frames.get(topic)
         if frames is not None:
             for time, values in zip(frames.times.tolist(), frames.values, strict=True):
                 yield time, ((row, each[None]) for row, each in enumerate(values))
-        for time, message in excerpt.entries.get(topic, ()):
+        for time, message in chunk.entries.get(topic, ()):
             if isinstance(message, wire.TableRows):
                 rows = range(len(message.lengths)) if message.rows is None else message.rows.tolist()
                 yield time, zip(rows, message, strict=False)
@@ -99,26 +99,26 @@ def places(names: Sequence[str], table: Array, position: Array, heading: float) 
     return known
 
 
-def draw_dots(drawing: Drawing, path: str, found: Sequence[Dots], troupe: Troupe, size: float) -> None:
+def draw_dots(drawing: Drawing, path: str, found: Sequence[Dots], group_view: GroupView, size: float) -> None:
     """Draw points in the colours of those whose they are, from each instant until the next.
 
     Args:
         drawing: What draws.
         path: The Rerun entity.
         found: In the order of time.
-        troupe: Whose they are.
+        group_view: Whose they are.
         size: Of the dots [pixels].
     """
     import rerun as rr
 
     if not found:
         return
-    flat = np.array([1.0, 1.0, float(drawing.cast.is_spatial)])
+    flat = np.array([1.0, 1.0, float(drawing.run_view.is_spatial)])
     moments, which = np.unique([time for time, _, _ in found], return_inverse=True)
     sizes = np.array([len(points) for _, _, points in found])
     rows = np.array([row for _, row, _ in found])
     # A little lighter than the bodies, to stand out from the walls that they lie on.
-    colours = (troupe.colours // 4 * 3 + 63)[np.repeat(rows, sizes)]
+    colours = (group_view.colours // 4 * 3 + 63)[np.repeat(rows, sizes)]
     columns = rr.Points3D.columns(
         positions=(flat * np.concatenate([points for _, _, points in found])).astype(np.float32),
         colors=colours,
@@ -126,4 +126,4 @@ def draw_dots(drawing: Drawing, path: str, found: Sequence[Dots], troupe: Troupe
     )
     counts = np.bincount(which, weights=sizes, minlength=len(moments)).astype(np.int64)
     index = rr.TimeColumn(TIMELINE, duration=moments.astype("timedelta64[ns]"))
-    drawing.stage.recording.send_columns(path, [index], columns.partition(counts), strict=True)
+    drawing.output.recording.send_columns(path, [index], columns.partition(counts), strict=True)

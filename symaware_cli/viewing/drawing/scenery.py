@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from symaware_cli.viewing.cast import Cast, Prop
+from symaware_cli.viewing.chunk import Chunk
 from symaware_cli.viewing.detail import Detail
 from symaware_cli.viewing.drawing.base import Drawing
-from symaware_cli.viewing.excerpt import Excerpt
 from symaware_cli.viewing.outline import mesh, outlines
 from symaware_cli.viewing.palette import faded
-from symaware_cli.viewing.stage import Stage
+from symaware_cli.viewing.rerun_output import RerunOutput
+from symaware_cli.viewing.views import ObstacleView, RunView
 
 #: How high obstacles without a height are drawn in space [m].
 _HEIGHT = 2.0
@@ -19,51 +19,59 @@ _HEIGHT = 2.0
 class Scenery(Drawing):
     """Walls, boxes and the like as solid bodies, flat in a plane and upright in space."""
 
-    def __init__(self, cast: Cast, detail: Detail, stage: Stage) -> None:
-        super().__init__(cast, detail, stage)
+    def __init__(self, run_view: RunView, detail: Detail, output: RerunOutput) -> None:
+        super().__init__(run_view, detail, output)
         self._placed = False
         #: Those of which no more is known than their outline.
-        self._props = [prop for prop in cast.props.values() if prop.figure is None]
+        self._props = [
+            obstacle_view for obstacle_view in run_view.obstacle_views.values() if obstacle_view.figure is None
+        ]
 
     def begin(self) -> None:
         """Put up what they look like."""
         import rerun as rr
 
-        for prop in self._props:
-            path = _path(prop)
-            low, high = self._extent(prop)
-            for number, outline in enumerate(outlines(prop.shape)):
+        for obstacle_view in self._props:
+            path = _path(obstacle_view)
+            low, high = self._extent(obstacle_view)
+            for number, outline in enumerate(outlines(obstacle_view.shape)):
                 vertices, triangles = mesh(outline, low, high)
-                solid = rr.Mesh3D(vertex_positions=vertices, triangle_indices=triangles, albedo_factor=_shade(prop))
-                self.stage.static(f"{path}/{number}", solid)
+                solid = rr.Mesh3D(
+                    vertex_positions=vertices, triangle_indices=triangles, albedo_factor=_shade(obstacle_view)
+                )
+                self.output.static(f"{path}/{number}", solid)
 
-    def draw(self, excerpt: Excerpt) -> None:
+    def draw(self, chunk: Chunk) -> None:
         """Put them where they are at the beginning, and move those that move."""
-        for prop in self._props:
-            frames = excerpt.frames.get(f"/world/{prop.name}/state")
-            if not self._placed and (frames is None or excerpt.start not in frames.times[:1]):
-                position, heading = prop.position[None], np.array([prop.heading])
-                self.stage.poses(_path(prop), np.array([excerpt.start]), position, heading)
+        for obstacle_view in self._props:
+            frames = chunk.frames.get(f"/world/{obstacle_view.name}/state")
+            if not self._placed and (frames is None or chunk.start not in frames.times[:1]):
+                position, heading = obstacle_view.position[None], np.array([obstacle_view.heading])
+                self.output.poses(_path(obstacle_view), np.array([chunk.start]), position, heading)
             if frames is not None:
                 values = frames.values[:, 0]
-                self.stage.poses(_path(prop), frames.times, prop.positions(values), values[:, -1])
+                self.output.poses(_path(obstacle_view), frames.times, obstacle_view.positions(values), values[:, -1])
         self._placed = True
 
-    def _extent(self, prop: Prop) -> tuple[float, float]:
+    def _extent(self, obstacle_view: ObstacleView) -> tuple[float, float]:
         """Where it begins and ends, upwards [m]; a plane's scenery lies just below the agents."""
-        if not self.cast.is_spatial:
+        if not self.run_view.is_spatial:
             return -0.05, -0.05
         height = _HEIGHT
-        if prop.shape.box and prop.shape.box.height:
-            height = prop.shape.box.height
-        elif prop.shape.cylinder:
-            height = prop.shape.cylinder.height
-        return (0.0, height) if prop.stands else (-0.5 * height, 0.5 * height)
+        if obstacle_view.shape.box and obstacle_view.shape.box.height:
+            height = obstacle_view.shape.box.height
+        elif obstacle_view.shape.cylinder:
+            height = obstacle_view.shape.cylinder.height
+        return (0.0, height) if obstacle_view.stands else (-0.5 * height, 0.5 * height)
 
 
-def _path(prop: Prop) -> str:
-    return f"world/scenery/{prop.name}"
+def _path(obstacle_view: ObstacleView) -> str:
+    return f"world/scenery/{obstacle_view.name}"
 
 
-def _shade(prop: Prop) -> tuple[int, ...]:
-    return prop.colour if prop.moves else tuple(faded(np.array(prop.colour, np.uint8), 0.45).tolist())
+def _shade(obstacle_view: ObstacleView) -> tuple[int, ...]:
+    return (
+        obstacle_view.colour
+        if obstacle_view.moves
+        else tuple(faded(np.array(obstacle_view.colour, np.uint8), 0.45).tolist())
+    )

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from symaware_cli.recording.error import LogError
 from symaware_cli.recording.output import whole_file
 from symaware_cli.recording.reader import Log
-from symaware_cli.viewing.cast import cast_of
+from symaware_cli.viewing.views import run_view_of
 
 _PROGRESS = 256
 """Messages between two reports of progress."""
@@ -31,10 +31,10 @@ def export_foxglove(
         LogError: The log is not one of ours, or what this needs is not installed.
         OutputError: The MCAP cannot be written; nothing is left behind then.
     """
-    cast = cast_of(log)
+    run_view = run_view_of(log)
     try:
         from symaware_cli.viewing.foxglove.output import Output
-        from symaware_cli.viewing.foxglove.show import Show
+        from symaware_cli.viewing.foxglove.scene import FoxgloveScene
     except ModuleNotFoundError as error:
         if not (error.name or "").startswith("foxglove_schemas_protobuf"):
             raise
@@ -42,7 +42,7 @@ def export_foxglove(
             f"Foxglove needs the module `{error.name}`, which is not installed: pip install 'symaware-cli[export]'"
         ) from error
     with whole_file(path, log.path) as place, open(place, "wb") as file, Output(file) as output:
-        show = Show(cast, log.topics, output, log.start_time or 0)
+        show = FoxgloveScene(run_view, log.topics, output, log.start_time or 0)
         for number, message in enumerate(log.messages(show.topics)):
             if on_progress and number % _PROGRESS == 0:
                 on_progress(message.time)

@@ -26,9 +26,9 @@ from google.protobuf.timestamp_pb2 import Timestamp
 from numpy.typing import NDArray
 
 from symaware_cli.core import Shape
-from symaware_cli.viewing.cast import Prop, Troupe
 from symaware_cli.viewing.foxglove.output import Output
 from symaware_cli.viewing.outline import circle, mesh, outlines
+from symaware_cli.viewing.views import GroupView, ObstacleView
 from symaware_cli.world.time import SECOND
 
 Array = NDArray[np.float64]
@@ -138,14 +138,14 @@ def ellipsoid(centre: Array, half_sizes: Array, turned: Array, shade: Color) -> 
     return SpherePrimitive(pose=pose(centre.tolist(), turned.tolist()), size=vector(size.tolist()), color=shade)
 
 
-def body(troupe: Troupe, row: int, tint: NDArray[np.uint8], time: int) -> SceneEntity:
+def body(group_view: GroupView, row: int, tint: NDArray[np.uint8], time: int) -> SceneEntity:
     """The body of an agent, which moves with its frame, and an arrow where it heads."""
-    made = entity(troupe.agents[row], time, troupe.agents[row])
-    shade, shape, in_space = colour(tint), troupe.shape, len(troupe.position) == 3
-    radius = troupe.radius or 0.5 * _POINT
+    made = entity(group_view.agents[row], time, group_view.agents[row])
+    shade, shape, in_space = colour(tint), group_view.shape, len(group_view.position) == 3
+    radius = group_view.radius or 0.5 * _POINT
     height = radius
-    if troupe.figure:
-        ring = troupe.figure.middle + np.pad(circle(troupe.extent), ((0, 0), (0, 1)))
+    if group_view.figure:
+        ring = group_view.figure.middle + np.pad(circle(group_view.extent), ((0, 0), (0, 1)))
         made.lines.append(line(ring, shade, 2.0))
         return made
     if shape is None or (shape.circle and in_space):
@@ -159,7 +159,7 @@ def body(troupe: Troupe, row: int, tint: NDArray[np.uint8], time: int) -> SceneE
         made.cubes.append(CubePrimitive(pose=_ORIGIN, size=size, color=shade))
     else:
         made.triangles.extend(_prisms(shape, -0.5 * height, 0.5 * height, shade))
-    if troupe.heading is not None:
+    if group_view.heading is not None:
         arrow = ArrowPrimitive(
             pose=pose((0.0, 0.0, 0.5 * height)),
             shaft_length=radius,
@@ -172,29 +172,29 @@ def body(troupe: Troupe, row: int, tint: NDArray[np.uint8], time: int) -> SceneE
     return made
 
 
-def label(troupe: Troupe, row: int, time: int) -> SceneEntity:
+def label(group_view: GroupView, row: int, time: int) -> SceneEntity:
     """The name of an agent, beside it."""
-    made = entity(troupe.agents[row], time, troupe.agents[row])
-    radius = troupe.extent or 0.5 * _POINT
+    made = entity(group_view.agents[row], time, group_view.agents[row])
+    radius = group_view.extent or 0.5 * _POINT
     made.texts.append(
         TextPrimitive(
             pose=pose((0.0, 0.0, 2.0 * radius)),
             billboard=True,
             font_size=12.0,
             scale_invariant=True,
-            color=colour(troupe.colours[row]),
-            text=troupe.agents[row],
+            color=colour(group_view.colours[row]),
+            text=group_view.agents[row],
         )
     )
     return made
 
 
-def scenery(prop: Prop, time: int, *, spatial: bool) -> SceneEntity:
+def scenery(obstacle_view: ObstacleView, time: int, *, spatial: bool) -> SceneEntity:
     """An entity of the environment; one that moves does so with its frame."""
-    made = entity(prop.name, time, prop.name)
-    high = prop.shape.box.height if prop.shape.box and prop.shape.box.height else _HEIGHT
+    made = entity(obstacle_view.name, time, obstacle_view.name)
+    high = obstacle_view.shape.box.height if obstacle_view.shape.box and obstacle_view.shape.box.height else _HEIGHT
     low, high = (-0.5 * high, 0.5 * high) if spatial else (-2.0 * _FLOOR, -_FLOOR)
-    made.triangles.extend(_prisms(prop.shape, low, high, colour(prop.colour)))
+    made.triangles.extend(_prisms(obstacle_view.shape, low, high, colour(obstacle_view.colour)))
     return made
 
 

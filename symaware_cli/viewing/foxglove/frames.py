@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from symaware_cli.recording import wire
 from symaware_cli.recording.index import ChannelInfo
-from symaware_cli.viewing.cast import Prop
 from symaware_cli.viewing.foxglove import entities
 from symaware_cli.viewing.foxglove.entities import WORLD
 from symaware_cli.viewing.foxglove.output import Output
+from symaware_cli.viewing.views import ObstacleView
 
 Array = NDArray[np.float64]
 Take = Callable[[int, Any], None]
@@ -40,16 +40,20 @@ def transforms_of(
     )
 
 
-def movers(prop: Prop, channels: Mapping[str, ChannelInfo], output: Output) -> Mapping[str, Take]:
+def movers(obstacle_view: ObstacleView, channels: Mapping[str, ChannelInfo], output: Output) -> Mapping[str, Take]:
     """What moves an entity of the environment: how it is turned in space, where that is known, or else its heading."""
 
     def by_pose(time: int, message: wire.Rows) -> None:
         values = message.values
-        output.write(f"/tf/{prop.name}", time, transforms_of(time, [prop.name], values[:, :3], values[:, 3:]))
+        output.write(
+            f"/tf/{obstacle_view.name}", time, transforms_of(time, [obstacle_view.name], values[:, :3], values[:, 3:])
+        )
 
     def by_state(time: int, message: wire.Rows) -> None:
         values = message.values
-        transforms = transforms_of(time, [prop.name], prop.positions(values), prop.orientations(values[:, -1]))
-        output.write(f"/tf/{prop.name}", time, transforms)
+        transforms = transforms_of(
+            time, [obstacle_view.name], obstacle_view.positions(values), obstacle_view.orientations(values[:, -1])
+        )
+        output.write(f"/tf/{obstacle_view.name}", time, transforms)
 
-    return {"pose": by_pose} if f"/world/{prop.name}/pose" in channels else {"state": by_state}
+    return {"pose": by_pose} if f"/world/{obstacle_view.name}/pose" in channels else {"state": by_state}

@@ -17,7 +17,7 @@ from symaware_cli.viewing.drawing.sensors import line_of_sight
 from symaware_cli.viewing.foxglove import entities
 from symaware_cli.viewing.foxglove.entities import WORLD
 from symaware_cli.viewing.foxglove.output import Output
-from symaware_cli.viewing.stage import turned
+from symaware_cli.viewing.rerun_output import turned
 
 
 class Lidar:

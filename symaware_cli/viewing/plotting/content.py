@@ -15,13 +15,13 @@ from symaware_cli.core import PARTS, seconds
 from symaware_cli.recording.error import LogError
 from symaware_cli.recording.journal import LoggedContact
 from symaware_cli.recording.reader import Log
-from symaware_cli.viewing.cast import Cast, cast_of
 from symaware_cli.viewing.plotting import separation as closeness
 from symaware_cli.viewing.plotting.curves import Curves, altitude, named, recorded, speed
 from symaware_cli.viewing.plotting.motion import Chosen, Motion, Obstacles, goals, intents, motion, obstacles
 from symaware_cli.viewing.plotting.request import Request, Window
 from symaware_cli.viewing.plotting.separation import Separation
 from symaware_cli.viewing.plotting.shares import Shares, shares
+from symaware_cli.viewing.views import RunView, run_view_of
 
 Array = NDArray[np.float64]
 
@@ -66,7 +66,7 @@ class Trajectories:
         return {
             "panel": self.name,
             "agents": len(self.chosen.lines),
-            "obstacles": len(self.obstacles.props),
+            "obstacles": len(self.obstacles.obstacle_views),
             "goals": len(self.goals),
             "contacts": len(self.contacts),
         }
@@ -90,7 +90,7 @@ class Distances:
         agents: Of two agents; None if there is but one.
         obstacles: Of an agent and an obstacle; None if there are none.
         chosen: The agents.
-        props: The names of the obstacles.
+        obstacle_views: The names of the obstacles.
         contacts: When contacts began [s].
         sampled: The time between two records, where the world made steps in between [s]; None if each was recorded.
     """
@@ -98,7 +98,7 @@ class Distances:
     agents: Separation | None
     obstacles: Separation | None
     chosen: Chosen
-    props: tuple[str, ...]
+    obstacle_views: tuple[str, ...]
     contacts: tuple[float, ...]
     sampled: float | None = None
 
@@ -107,7 +107,9 @@ class Distances:
     def who(self, separation: Separation) -> tuple[str, str]:
         """Whose the least separation is."""
         one, other = separation.pair[separation.lowest].tolist()
-        return self.chosen.agents[one], (self.chosen.agents if separation is self.agents else self.props)[other]
+        return self.chosen.agents[one], (self.chosen.agents if separation is self.agents else self.obstacle_views)[
+            other
+        ]
 
     @cached_property
     def closest(self) -> Separation:
@@ -150,14 +152,14 @@ class Content:
     """Everything that a plot shows.
 
     Attributes:
-        cast: Who took part in the run.
+        run_view: Who took part in the run.
         chosen: The agents that it is about.
         window: The stretch of time.
         panels: In the order in which they are drawn.
         moment: Whether bodies are shown at a time that was asked for.
     """
 
-    cast: Cast
+    run_view: RunView
     chosen: Chosen
     window: Window
     panels: tuple[Panel, ...]
@@ -166,8 +168,8 @@ class Content:
     def facts(self) -> dict[str, Any]:
         """Return what there is to say in numbers, as plain data."""
         return {
-            "name": self.cast.name,
-            "seed": self.cast.seed,
+            "name": self.run_view.name,
+            "seed": self.run_view.seed,
             "agents": len(self.chosen.lines),
             "start": seconds(self.window.start),
             "end": seconds(self.window.end),
@@ -187,26 +189,26 @@ def gather(log: Log, request: Request) -> Content:
     Raises:
         LogError: There is nothing to plot, or not what was asked for.
     """
-    cast = cast_of(log)
-    request.require_known(name for troupe in cast.troupes.values() for name in troupe.signals)
-    chosen = Chosen.of(cast, request.agents)
+    run_view = run_view_of(log)
+    request.require_known(name for group_view in run_view.group_views.values() for name in group_view.signals)
+    chosen = Chosen.of(run_view, request.agents)
     window = Window.of(log, request)
-    reading = _Reading(log, cast, chosen, window, request)
+    reading = _Reading(log, run_view, chosen, window, request)
     panels = list(reading.panels())
-    panels += named(log, cast, chosen, request.series, window) if request.series else []
+    panels += named(log, run_view, chosen, request.series, window) if request.series else []
     if not panels:
         raise LogError(f"{log.path} holds nothing to plot")
     if len(panels) > _MOST_PANELS:
         raise LogError(f"that makes {len(panels)} panels, and {_MOST_PANELS} fit; name the columns to be shown")
-    return Content(cast, chosen, window, tuple(panels), request.at is not None)
+    return Content(run_view, chosen, window, tuple(panels), request.at is not None)
 
 
 class _Reading:
     """Reads a log for one request, and nothing twice."""
 
-    def __init__(self, log: Log, cast: Cast, chosen: Chosen, window: Window, request: Request) -> None:
+    def __init__(self, log: Log, run_view: RunView, chosen: Chosen, window: Window, request: Request) -> None:
         self._log = log
-        self._cast = cast
+        self._run_view = run_view
         self._chosen = chosen
         self._window = window
         self._request = request
@@ -229,7 +231,11 @@ class _Reading:
     @property
     def _further(self) -> Sequence[str]:
         """The parts of awareness and signals of plugins that are curves or bars."""
-        signals = {name: each for troupe in self._cast.troupes.values() for name, each in troupe.signals.items()}
+        signals = {
+            name: each
+            for group_view in self._run_view.group_views.values()
+            for name, each in group_view.signals.items()
+        }
         every = {*(part.name for part in PARTS)}
         return [
             name
@@ -256,15 +262,15 @@ class _Reading:
 
     @cached_property
     def _motion(self) -> Motion | None:
-        return motion(self._log, self._cast, self._chosen, self._window)
+        return motion(self._log, self._run_view, self._chosen, self._window)
 
     @cached_property
     def _obstacles(self) -> Obstacles | None:
-        return None if self._motion is None else obstacles(self._log, self._cast, self._motion.times)
+        return None if self._motion is None else obstacles(self._log, self._run_view, self._motion.times)
 
     @cached_property
     def _contacts(self) -> tuple[LoggedContact, ...]:
-        shown = {*self._chosen.agents, *self._cast.props}
+        shown = {*self._chosen.agents, *self._run_view.obstacle_views}
         return tuple(
             contact
             for contact in self._log.contacts(self._window.start, self._window.end + 1)
@@ -299,8 +305,8 @@ class _Reading:
         if agents is None and from_obstacles is None:
             return []
         times = tuple(seconds(contact.time) for contact in self._contacts)
-        props = tuple(self._cast.props)
-        return [Distances(agents, from_obstacles, self._chosen, props, times, self._sampled(self._motion))]
+        obstacle_views = tuple(self._run_view.obstacle_views)
+        return [Distances(agents, from_obstacles, self._chosen, obstacle_views, times, self._sampled(self._motion))]
 
     def _sampled(self, motion: Motion) -> float | None:
         """The usual time between two records where that is more than a step of the world [s]; None elsewhere."""

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from symaware_cli.core import PARTS, seconds
 from symaware_cli.recording.error import LogError, UnknownNameError
 from symaware_cli.recording.reader import FIELDS, Log
-from symaware_cli.viewing.cast import Cast
 from symaware_cli.viewing.palette import DISTINCT, SCENERY, hexadecimal
 from symaware_cli.viewing.plotting.motion import Chosen, Line, Motion, held, instants, series_of
 from symaware_cli.viewing.plotting.request import SeriesName, Window
+from symaware_cli.viewing.views import RunView
 
 Array = NDArray[np.float64]
 
@@ -108,54 +108,56 @@ def speed(chosen: Chosen, motion: Motion) -> Curves | None:
 
 def altitude(chosen: Chosen, motion: Motion) -> Curves | None:
     """The third coordinate of agents that move in space; None if nobody does."""
-    spatial = np.array([len(troupe.position) == 3 for troupe in chosen.troupe])
+    spatial = np.array([len(group_view.position) == 3 for group_view in chosen.group_view])
     if not spatial.any():
         return None
     lines = tuple(line for line, flies in zip(chosen.lines, spatial, strict=True) if flies)
     return Curves("altitude", "m", motion.times, motion.positions[:, spatial, 2], lines)
 
 
-def named(log: Log, cast: Cast, chosen: Chosen, names: Sequence[SeriesName], window: Window) -> list[Curves]:
+def named(log: Log, run_view: RunView, chosen: Chosen, names: Sequence[SeriesName], window: Window) -> list[Curves]:
     """Read series by name; those that measure the same, by column and unit, come together.
 
     Raises:
         LogError: The log has no values of one.
         UnknownNameError: It has no such agent, group, entity, field or column.
     """
-    single = [name.owner for name in names if name.owner in cast.place and name.owner not in cast.troupes]
-    alone = Chosen.of(cast, single) if single else chosen
+    single = [name.owner for name in names if name.owner in run_view.place and name.owner not in run_view.group_views]
+    alone = Chosen.of(run_view, single) if single else chosen
     found: dict[tuple[str, str], list[tuple[str, Curves]]] = {}
     for name in dict.fromkeys(names):
-        rows, lines = _owned(cast, chosen, alone, name)
-        for curves in _picked(log, cast, name, rows, lines, window):
+        rows, lines = _owned(run_view, chosen, alone, name)
+        for curves in _picked(log, run_view, name, rows, lines, window):
             found.setdefault((curves.name, curves.unit), []).append((name.field, curves))
     return [_joined(_told_apart(parts)) for parts in found.values()]
 
 
-def _owned(cast: Cast, chosen: Chosen, alone: Chosen, name: SeriesName) -> tuple[NDArray[np.intp], tuple[Line, ...]]:
+def _owned(
+    run_view: RunView, chosen: Chosen, alone: Chosen, name: SeriesName
+) -> tuple[NDArray[np.intp], tuple[Line, ...]]:
     """The rows that a series is about, and how each is drawn."""
     owner = name.owner
-    if owner in cast.props:
+    if owner in run_view.obstacle_views:
         return np.array([0]), (Line(owner, hexadecimal(SCENERY)),)
-    if owner in cast.troupes:
+    if owner in run_view.group_views:
         if owner not in chosen.rows:
             raise LogError(f"no agent of {owner!r} is among those that were chosen")
-        pairs = zip(chosen.lines, chosen.troupe, strict=True)
-        return chosen.rows[owner], tuple(line for line, troupe in pairs if troupe.name == owner)
-    if owner in cast.place:
+        pairs = zip(chosen.lines, chosen.group_view, strict=True)
+        return chosen.rows[owner], tuple(line for line, group_view in pairs if group_view.name == owner)
+    if owner in run_view.place:
         # It is shown because it is asked for, whoever else was chosen; in its own colour where it has one.
         known = chosen if owner in chosen.agents and not chosen.many else alone
-        return np.array([cast.place[owner][1]]), (known.lines[known.agents.index(owner)],)
-    listed = ", ".join([*cast.troupes, *cast.props])
+        return np.array([run_view.place[owner][1]]), (known.lines[known.agents.index(owner)],)
+    listed = ", ".join([*run_view.group_views, *run_view.obstacle_views])
     message = f"there is no agent, group or entity {owner!r}; there are {listed}"
-    raise UnknownNameError(message, owner, [*cast.troupes, *cast.place, *cast.props])
+    raise UnknownNameError(message, owner, [*run_view.group_views, *run_view.place, *run_view.obstacle_views])
 
 
 def _picked(
-    log: Log, cast: Cast, name: SeriesName, rows: NDArray[np.intp], lines: tuple[Line, ...], window: Window
+    log: Log, run_view: RunView, name: SeriesName, rows: NDArray[np.intp], lines: tuple[Line, ...], window: Window
 ) -> list[Curves]:
     """One for each column that a name stands for."""
-    group = cast.place[name.owner][0] if name.owner in cast.place else name.owner
+    group = run_view.place[name.owner][0] if name.owner in run_view.place else name.owner
     every = _columns(log, group, name.field, rows, lines, window)
     if not every:
         raise LogError(f"{log.path} has no values of {name.owner}:{name.field}")

@@ -259,9 +259,9 @@ def _title(content: Content, title: str | None) -> str:
         if unknown:
             raise LogError(f"the font cannot write {''.join(unknown)!r} in the title")
         return title
-    count, everybody = len(content.chosen.lines), content.cast.agent_count
+    count, everybody = len(content.chosen.lines), content.run_view.agent_count
     agents = f"{count:,} agent{'s' if count != 1 else ''}" + (f" of {everybody:,}" if count < everybody else "")
-    return f"{content.cast.name}: {agents}, seed {content.cast.seed}"
+    return f"{content.run_view.name}: {agents}, seed {content.run_view.seed}"
 
 
 def _owners(content: Content) -> list[Line2D | Patch]:

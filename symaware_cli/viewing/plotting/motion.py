@@ -13,9 +13,9 @@ from symaware_cli.core import Shape
 from symaware_cli.recording.error import LogError, UnknownNameError
 from symaware_cli.recording.reader import Log
 from symaware_cli.recording.series import Series
-from symaware_cli.viewing.cast import Cast, Prop, Troupe
 from symaware_cli.viewing.palette import DISTINCT, agent_colours, hexadecimal
 from symaware_cli.viewing.plotting.request import Window
+from symaware_cli.viewing.views import GroupView, ObstacleView, RunView
 
 Array = NDArray[np.float64]
 Times = NDArray[np.int64]
@@ -43,12 +43,12 @@ class Chosen:
     Attributes:
         rows: The rows of each group, ascending; groups of which nobody is chosen are left out.
         lines: How each agent is drawn, group by group.
-        troupe: The group that each of them belongs to.
+        group_view: The group that each of them belongs to.
     """
 
     rows: Mapping[str, NDArray[np.intp]]
     lines: tuple[Line, ...]
-    troupe: tuple[Troupe, ...]
+    group_view: tuple[GroupView, ...]
 
     @property
     def agents(self) -> tuple[str, ...]:
@@ -63,7 +63,7 @@ class Chosen:
     @property
     def groups(self) -> tuple[Line, ...]:
         """How each group is drawn where its agents are too many."""
-        found = {troupe.name: line.colour for line, troupe in zip(self.lines, self.troupe, strict=True)}
+        found = {group_view.name: line.colour for line, group_view in zip(self.lines, self.group_view, strict=True)}
         return tuple(Line(name, colour) for name, colour in found.items())
 
     @property
@@ -75,7 +75,7 @@ class Chosen:
             first += len(rows)
 
     @classmethod
-    def of(cls, cast: Cast, names: Sequence[str] = ()) -> Chosen:
+    def of(cls, run_view: RunView, names: Sequence[str] = ()) -> Chosen:
         """Choose agents, groups, or everybody if there are no names.
 
         Raises:
@@ -83,33 +83,33 @@ class Chosen:
         """
         wanted = set()
         for name in names:
-            if name in cast.troupes:
-                wanted |= set(cast.troupes[name].agents)
-            elif name in cast.place:
+            if name in run_view.group_views:
+                wanted |= set(run_view.group_views[name].agents)
+            elif name in run_view.place:
                 wanted.add(name)
             else:
-                known = [*cast.troupes, *cast.place]
-                listed = f"; there are {', '.join(cast.troupes)}" if cast.troupes else ""
+                known = [*run_view.group_views, *run_view.place]
+                listed = f"; there are {', '.join(run_view.group_views)}" if run_view.group_views else ""
                 raise UnknownNameError(f"there is no agent or group {name!r}{listed}", name, known)
         rows = {}
-        for troupe in cast.troupes.values():
-            found = [row for row, agent in enumerate(troupe.agents) if not names or agent in wanted]
+        for group_view in run_view.group_views.values():
+            found = [row for row, agent in enumerate(group_view.agents) if not names or agent in wanted]
             if found:
-                rows[troupe.name] = np.array(found, np.intp)
-        colours = [cast.troupes[name].colours[some] for name, some in rows.items()]
+                rows[group_view.name] = np.array(found, np.intp)
+        colours = [run_view.group_views[name].colours[some] for name, some in rows.items()]
         count = sum(len(some) for some in rows.values())
-        if count <= DISTINCT < cast.agent_count:
+        if count <= DISTINCT < run_view.agent_count:
             # A few out of many: they are told apart, though the replay does not do so.
             colours = agent_colours([len(some) for some in rows.values()])
         lines: list[Line] = []
-        troupes: list[Troupe] = []
+        group_views: list[GroupView] = []
         for (name, some), colour in zip(rows.items(), colours, strict=True):
             for row, each in zip(some.tolist(), colour, strict=True):
                 hue = hexadecimal(each)
                 dashed = count <= DISTINCT and hue in {line.colour for line in lines}
-                lines.append(Line(cast.troupes[name].agents[row], hue, dashed))
-                troupes.append(cast.troupes[name])
-        return cls(rows, tuple(lines), tuple(troupes))
+                lines.append(Line(run_view.group_views[name].agents[row], hue, dashed))
+                group_views.append(run_view.group_views[name])
+        return cls(rows, tuple(lines), tuple(group_views))
 
 
 @dataclass(frozen=True)
@@ -140,12 +140,12 @@ class Obstacles:
     """Where the entities of the environment were, at the instants of a `Motion`.
 
     Attributes:
-        props: Who.
+        obstacle_views: Who.
         positions: (k, m, 3) [m].
         headings: (k, m) [rad].
     """
 
-    props: tuple[Prop, ...]
+    obstacle_views: tuple[ObstacleView, ...]
     positions: Array
     headings: Array
 
@@ -154,43 +154,46 @@ class Obstacles:
         return bool(np.ptp(self.positions[:, number], axis=0).any() or np.ptp(self.headings[:, number]))
 
 
-def motion(log: Log, cast: Cast, chosen: Chosen, window: Window) -> Motion | None:
+def motion(log: Log, run_view: RunView, chosen: Chosen, window: Window) -> Motion | None:
     """Read where the chosen agents were; None where the log does not tell.
 
     Raises:
         LogError: The log cannot be read, or not understood.
     """
     fields = {
-        name: "world" if cast.troupes[name].whereabouts.startswith("/world/") else "state" for name in chosen.rows
+        name: "world" if run_view.group_views[name].whereabouts.startswith("/world/") else "state"
+        for name in chosen.rows
     }
-    recorded = {name: series_of(log, name, field, cast.troupes[name].whereabouts) for name, field in fields.items()}
+    recorded = {
+        name: series_of(log, name, field, run_view.group_views[name].whereabouts) for name, field in fields.items()
+    }
     believed = tuple(name for name, field in fields.items() if field == "state" and recorded[name] is not None)
     times = instants([series.times for series in recorded.values() if series is not None], window)
     if not len(times):
         return None
     positions, headings, shapes = [], [], []
     for name, rows in chosen.rows.items():
-        troupe, series = cast.troupes[name], recorded[name]
-        states = np.full((len(times), len(rows), len(troupe.state)), np.nan)
+        group_view, series = run_view.group_views[name], recorded[name]
+        states = np.full((len(times), len(rows), len(group_view.state)), np.nan)
         if series is not None:
             states = held(series.times, series.values, times)[:, rows]
-        if states.shape[2] <= max(*troupe.position, troupe.heading or 0):
+        if states.shape[2] <= max(*group_view.position, group_view.heading or 0):
             raise LogError(f"the states of {name!r} in {log.path} have fewer elements than its model")
-        positions.append(troupe.positions(states))
-        heading = troupe.headings(states)
+        positions.append(group_view.positions(states))
+        heading = group_view.headings(states)
         headings.append(np.zeros(states.shape[:2]) if heading is None else heading)
-        shapes += [troupe.shape] * len(rows)
+        shapes += [group_view.shape] * len(rows)
     return Motion(times, np.concatenate(positions, axis=1), np.concatenate(headings, axis=1), tuple(shapes), believed)
 
 
-def obstacles(log: Log, cast: Cast, times: Times) -> Obstacles:
+def obstacles(log: Log, run_view: RunView, times: Times) -> Obstacles:
     """Read where the entities of the environment were at instants [ns]."""
-    props = tuple(cast.props.values())
-    positions = np.zeros((len(times), len(props), 3))
-    headings = np.zeros((len(times), len(props)))
-    for number, prop in enumerate(props):
-        positions[:, number], headings[:, number] = prop.position, prop.heading
-        series = series_of(log, prop.name, "world", f"/world/{prop.name}/state")
+    obstacle_views = tuple(run_view.obstacle_views.values())
+    positions = np.zeros((len(times), len(obstacle_views), 3))
+    headings = np.zeros((len(times), len(obstacle_views)))
+    for number, obstacle_view in enumerate(obstacle_views):
+        positions[:, number], headings[:, number] = obstacle_view.position, obstacle_view.heading
+        series = series_of(log, obstacle_view.name, "world", f"/world/{obstacle_view.name}/state")
         if series is not None:
             poses = held(series.times, series.values, times)[:, 0]
             known = ~np.isnan(poses[:, 0])
@@ -199,7 +202,7 @@ def obstacles(log: Log, cast: Cast, times: Times) -> Obstacles:
                     positions[known, number, axis] = poses[known, series.columns.index(column)]
             if "heading" in series.columns:
                 headings[known, number] = poses[known, series.columns.index("heading")]
-    return Obstacles(props, positions, headings)
+    return Obstacles(obstacle_views, positions, headings)
 
 
 def goals(log: Log, chosen: Chosen, until: int) -> dict[str, Array]:
@@ -214,14 +217,14 @@ def goals(log: Log, chosen: Chosen, until: int) -> dict[str, Array]:
         By agent (m, 2) positions from above [m].
     """
     found: dict[str, Array] = {}
-    troupes = dict(zip(chosen.agents, chosen.troupe, strict=True))
+    group_views = dict(zip(chosen.agents, chosen.group_view, strict=True))
     for name in chosen.rows:
         if f"/agents/{name}/knowledge" not in log.topics:
             continue
         for entry in log.knowledge(name):
-            if entry.time <= until and entry.agent in troupes:
+            if entry.time <= until and entry.agent in group_views:
                 found.pop(entry.agent, None)
-                points = _destinations(entry.values, troupes[entry.agent])
+                points = _destinations(entry.values, group_views[entry.agent])
                 found.update({} if points is None else {entry.agent: points})
     return found
 
@@ -240,14 +243,14 @@ def intents(log: Log, chosen: Chosen, at: int) -> dict[str, Array]:
     found: dict[str, Array] = {}
     for name in chosen.rows:
         topic = f"/agents/{name}/intent"
-        troupe = next(troupe for troupe in chosen.troupe if troupe.name == name)
+        group_view = next(group_view for group_view in chosen.group_view if group_view.name == name)
         if topic not in log.topics or log.topics[topic].metadata.get("columns", "").split(",")[:2] != ["x", "y"]:
             continue
         for message in log.messages(topic, end=at + 1):
             content = message.decode()
-            rows = range(len(troupe.agents)) if content.rows is None else content.rows.tolist()
+            rows = range(len(group_view.agents)) if content.rows is None else content.rows.tolist()
             for row, (_, values) in zip(rows, content, strict=False):
-                found[troupe.agents[row]] = values[:, :2]
+                found[group_view.agents[row]] = values[:, :2]
     return {agent: values for agent, values in found.items() if agent in chosen.agents and len(values)}
 
 
@@ -276,7 +279,7 @@ def held(times: Times, values: Array, at: Times) -> Array:
     return stood
 
 
-def _destinations(knowledge: Mapping[str, Any], troupe: Troupe) -> Array | None:
+def _destinations(knowledge: Mapping[str, Any], group_view: GroupView) -> Array | None:
     """The positions that a knowledge database names as destinations, from above; None if it names none."""
     try:
         array = np.array(knowledge.get("waypoints", knowledge.get("goal")), float, ndmin=2)
@@ -285,5 +288,5 @@ def _destinations(knowledge: Mapping[str, Any], troupe: Troupe) -> Array | None:
         return None
     if array.ndim != 2 or array.shape[1] < 2 or not np.isfinite(array).all():
         return None
-    where = list(troupe.position[:2]) if array.shape[1] == len(troupe.state) else [0, 1]
+    where = list(group_view.position[:2]) if array.shape[1] == len(group_view.state) else [0, 1]
     return array[:, where]

@@ -65,7 +65,7 @@ def draw_trajectories(axes: Axes, content: Trajectories, moment: bool) -> tuple[
     handles += _draw_bodies(axes, content, float((high - low).max()))
     handles += _draw_contacts(axes, content)
     at = content.motion.times[content.at] / 1e9
-    view = " from above" if any(len(troupe.position) == 3 for troupe in content.chosen.troupe) else ""
+    view = " from above" if any(len(group_view.position) == 3 for group_view in content.chosen.group_view) else ""
     axes.set_title(f"trajectories{view}, bodies at {at:.6g} s", loc="left")
     if moment:
         said += ["Dotted: what came after."] * (content.at < len(content.motion.times) - 1)
@@ -80,7 +80,7 @@ def extent(content: Trajectories) -> tuple[Array, Array]:
     points = np.concatenate([positions[~np.isnan(positions[:, 0])], *content.goals.values()])
     low, high = points.min(axis=0) - radius, points.max(axis=0) + radius
     room = max(_AROUND * float((high - low).max()), 1e-3)
-    for number in range(len(content.obstacles.props)):
+    for number in range(len(content.obstacles.obstacle_views)):
         for step in {0, content.at}:
             for piece in _obstacle(content, number, step):
                 box = piece.get_path().get_extents(piece.get_patch_transform())
@@ -117,14 +117,14 @@ def _body(pieces: Iterable[tuple[Array, float]], position: Array, heading: float
 def _obstacle(content: Trajectories, number: int, step: int) -> list[Circle | Polygon]:
     """An obstacle where it is at an instant."""
     obstacles = content.obstacles
-    pieces = _pieces(obstacles.props[number].shape)
+    pieces = _pieces(obstacles.obstacle_views[number].shape)
     return _body(pieces, obstacles.positions[step, number], obstacles.headings[step, number])
 
 
 def _draw_obstacles(axes: Axes, content: Trajectories) -> list[Line2D | Patch]:
     colour, moved = hexadecimal(SCENERY), False
-    for number in range(len(content.obstacles.props)):
-        here, own = _obstacle(content, number, content.at), hexadecimal(content.obstacles.props[number].colour)
+    for number in range(len(content.obstacles.obstacle_views)):
+        here, own = _obstacle(content, number, content.at), hexadecimal(content.obstacles.obstacle_views[number].colour)
         axes.add_collection(
             PatchCollection(here, facecolors=_faded(own, 0.45), edgecolors="none", zorder=1), autolim=False
         )
@@ -133,7 +133,7 @@ def _draw_obstacles(axes: Axes, content: Trajectories) -> list[Line2D | Patch]:
             moved = True
             axes.plot(way[:, 0], way[:, 1], color=own, linewidth=1.0, linestyle=":", zorder=1)
     handles: list[Line2D | Patch] = []
-    if content.obstacles.props:
+    if content.obstacles.obstacle_views:
         handles.append(Patch(facecolor=_faded(colour, 0.45), label="obstacle"))
     if moved:
         handles.append(Line2D([], [], color=colour, linewidth=1.0, linestyle=":", label="path of an obstacle"))
@@ -232,7 +232,7 @@ def _draw_bodies(axes: Axes, content: Trajectories, span: float) -> list[Line2D 
             position, heading = motion.positions[at, agent], float(motion.headings[at, agent])
             bodies += _body(pieces, position, heading)
             colours += [line.colour] * len(pieces)
-            if chosen.troupe[agent].heading is not None and inner > 0.01 * span:
+            if chosen.group_view[agent].heading is not None and inner > 0.01 * span:
                 noses.append(placed(_NOSE * inner, position, heading)[:, :2])
     for colour, where in _by_colour(chosen.lines, starts).items():
         mark = _mark("o", colour, 1.5 if chosen.many else 5.5)

@@ -77,10 +77,14 @@ def among(motion: Motion) -> Separation | None:
 
 def from_obstacles(motion: Motion, obstacles: Obstacles) -> Separation | None:
     """Find how far agents are from obstacles; None where there are none."""
-    agents, count = motion.positions.shape[1], len(obstacles.props)
+    agents, count = motion.positions.shape[1], len(obstacles.obstacle_views)
     if not agents or not count:
         return None
-    listed = [(number, piece) for number, prop in enumerate(obstacles.props) for piece in prop.shape.pieces]
+    listed = [
+        (number, piece)
+        for number, obstacle_view in enumerate(obstacles.obstacle_views)
+        for piece in obstacle_view.shape.pieces
+    ]
     owner = np.array([number for number, _ in listed], np.intp)
     pieces = Pieces.of(piece for _, piece in listed)
     steps, every = _instants(motion, agents * len(owner) // 16)

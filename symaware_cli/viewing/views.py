@@ -1,4 +1,4 @@
-"""The cast of a log: who and what is to be seen, as the manifest tells it."""
+"""Views of a log: who and what is to be seen, as the manifest tells it."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Troupe:
+class GroupView:
     """A group of agents.
 
     Attributes:
@@ -97,7 +97,7 @@ class Troupe:
 
 
 @dataclass(frozen=True)
-class Prop:
+class ObstacleView:
     """An entity of the environment.
 
     Attributes:
@@ -141,14 +141,14 @@ class Prop:
 
 
 @dataclass(frozen=True)
-class Cast:
+class RunView:
     """Everybody and everything in a log.
 
     Attributes:
         name: The scenario's.
         seed: The seed of the run.
-        troupes: By name of the group, in the order of the manifest.
-        props: By name.
+        group_views: By name of the group, in the order of the manifest.
+        obstacle_views: By name.
         roster: Who can be known of, in the order of `Awareness.entities`.
         duration: How long the run was to be [s].
         surfaces: The files of the meshes that figures consist of, by the name that they have there.
@@ -158,8 +158,8 @@ class Cast:
 
     name: str
     seed: int
-    troupes: Mapping[str, Troupe]
-    props: Mapping[str, Prop]
+    group_views: Mapping[str, GroupView]
+    obstacle_views: Mapping[str, ObstacleView]
     roster: tuple[str, ...]
     duration: float
     surfaces: Mapping[str, bytes] = field(default_factory=dict)
@@ -169,18 +169,20 @@ class Cast:
     @property
     def agent_count(self) -> int:
         """How many agents there are."""
-        return sum(len(troupe.agents) for troupe in self.troupes.values())
+        return sum(len(group_view.agents) for group_view in self.group_views.values())
 
     @property
     def is_spatial(self) -> bool:
         """Whether there is a third dimension, or all keep to a plane that has none."""
-        return self.has_space or any(len(troupe.position) == 3 for troupe in self.troupes.values())
+        return self.has_space or any(len(group_view.position) == 3 for group_view in self.group_views.values())
 
     @cached_property
     def place(self) -> Mapping[str, tuple[str, int]]:
         """The group and the row in it of each agent."""
         return {
-            agent: (troupe.name, row) for troupe in self.troupes.values() for row, agent in enumerate(troupe.agents)
+            agent: (group_view.name, row)
+            for group_view in self.group_views.values()
+            for row, agent in enumerate(group_view.agents)
         }
 
     @property
@@ -189,7 +191,7 @@ class Cast:
         return list(self.place)
 
 
-def cast_of(log: Log) -> Cast:
+def run_view_of(log: Log) -> RunView:
     """Read who takes part in a log.
 
     Raises:
@@ -206,11 +208,11 @@ def cast_of(log: Log) -> Cast:
         of = {name: figures[place] for name, place in geometry.bodies.items()}
         heights = geometry.heights
         tints = body_colours([name for name, entity in manifest["entities"].items() if _moves(entity)])
-        return Cast(
+        return RunView(
             name=manifest["name"],
             seed=manifest["seed"],
-            troupes={
-                name: _troupe(
+            group_views={
+                name: _group_view(
                     name,
                     group,
                     colours=colour,
@@ -222,7 +224,7 @@ def cast_of(log: Log) -> Cast:
                 )
                 for (name, group), colour in zip(groups.items(), colours, strict=True)
             },
-            props={
+            obstacle_views={
                 name: _prop(name, entity, heights.get(name, 0.0), figure=of.get(name), colour=tints.get(name, SCENERY))
                 for name, entity in manifest["entities"].items()
             },
@@ -243,9 +245,9 @@ def in_space(positions: Array, height: float = 0.0) -> Array:
     return np.concatenate([positions, np.full((*positions.shape[:-1], 1), height)], axis=-1)
 
 
-def _troupe(name: str, group: Mapping[str, Any], **more: Any) -> Troupe:
+def _group_view(name: str, group: Mapping[str, Any], **more: Any) -> GroupView:
     model, shape = group["model"], group["entity"].get("shape")
-    return Troupe(
+    return GroupView(
         name=name,
         agents=tuple(group["agents"]),
         shape=Shape.model_validate(shape) if shape else None,
@@ -261,9 +263,9 @@ def _moves(entity: Mapping[str, Any]) -> bool:
     return bool(entity.get("moves") or entity.get("path"))
 
 
-def _prop(name: str, entity: Mapping[str, Any], height: float, **look: Any) -> Prop:
+def _prop(name: str, entity: Mapping[str, Any], height: float, **look: Any) -> ObstacleView:
     shape, tilt = Shape.model_validate(entity["shape"]), (float(entity.get("roll", 0)), float(entity.get("pitch", 0)))
-    return Prop(
+    return ObstacleView(
         name=name,
         shape=shape if entity.get("mass") and not entity.get("path") else footprint(shape, *tilt),
         tilt=tilt,

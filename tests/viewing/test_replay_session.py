@@ -7,8 +7,8 @@ from rerun_files import STEP, Recording, Script, coloured, group, needs_graphics
 
 from symaware_cli.recording import wire
 from symaware_cli.recording.error import LogError
-from symaware_cli.viewing import excerpt
-from symaware_cli.viewing.screening import screening
+from symaware_cli.viewing import chunk
+from symaware_cli.viewing.replay_session import replay_session
 
 BODY = "/world/agents/cart/body", "Boxes3D:centers"
 
@@ -29,7 +29,7 @@ def content(recording):
 def test_an_rrd_has_its_blueprint_inside_and_simulated_time_only(log, tmp_path):
     from rerun.chunk import RrdReader
 
-    screening(log).save(tmp_path / "a.rrd")
+    replay_session(log).save(tmp_path / "a.rrd")
     assert Recording(tmp_path / "a.rrd").blueprints == 1
     names = {name for chunk in RrdReader(tmp_path / "a.rrd").stream() for name in chunk.timeline_names}
     assert names == {"time"}
@@ -41,10 +41,10 @@ def test_two_files_of_one_log_say_the_same(log, tmp_path):
     assert repr(one) == repr(other)
 
 
-def test_a_log_cut_into_small_excerpts_makes_the_same_recording(log, tmp_path, monkeypatch):
+def test_a_log_cut_into_small_chunks_makes_the_same_recording(log, tmp_path, monkeypatch):
     whole = content(saved(log, tmp_path))
-    original = excerpt.Gathering.excerpts
-    monkeypatch.setattr(excerpt.Gathering, "excerpts", lambda self, messages: original(self, messages, 3000))
+    original = chunk.ChunkReader.chunks
+    monkeypatch.setattr(chunk.ChunkReader, "chunks", lambda self, messages: original(self, messages, 3000))
     parts = content(saved(log, tmp_path))
     assert parts.keys() == whole.keys()
     for key, rows in whole.items():
@@ -82,17 +82,17 @@ def test_a_contact_that_lasts_into_a_stretch_is_shown_there(tmp_path):
 
 def test_nothing_in_a_stretch_is_told(log):
     with pytest.raises(LogError, match="nothing to show in that stretch"):
-        screening(log, start=10_000_000_000)
+        replay_session(log, start=10_000_000_000)
 
 
 def test_a_log_that_broke_off_before_its_first_message_is_told(tmp_path):
     with pytest.raises(LogError, match=r"has nothing to show$"):
-        screening(Script(tmp_path / "a.mcap", {"a": group("a")}).finish())
+        replay_session(Script(tmp_path / "a.mcap", {"a": group("a")}).finish())
 
 
 def test_a_log_of_many_kinds_of_messages_and_no_models_is_a_damaged_one(sample_writer_path, tmp_path):
     with pytest.raises(LogError, match=r"manifest in .* is damaged"):
-        screening(sample_writer_path)
+        replay_session(sample_writer_path)
 
 
 @pytest.fixture
@@ -108,7 +108,7 @@ def sample_writer_path(tmp_path):
 @pytest.mark.parametrize(("scenario", "agents"), [(YARD, ()), (YARD, ["cart.1"]), (AIRCRAFT, ())])
 def test_the_viewer_shows_it_without_complaint(scenario, agents, tmp_path):
     opened = log_of(tmp_path, scenario)
-    shown = screening(opened, agents)
+    shown = replay_session(opened, agents)
     views = shown.picture(tmp_path / "a.png", None, "900x600")
     assert [report for view in views for report in view.reports] == []
     names = [view.name for view in views]
@@ -126,7 +126,7 @@ def test_the_viewer_shows_it_without_complaint(scenario, agents, tmp_path):
 @pytest.mark.parametrize(("scenario", "duration"), [("crossing", 14), ("circle-swap", 10), ("swarm", 3)])
 def test_the_examples_are_shown_without_complaint_be_they_few_or_a_thousand(scenario, duration, tmp_path):
     opened = log_of(tmp_path, f"{scenario}.yaml", f"run.duration={duration}")
-    views = screening(opened).picture(tmp_path / "a.png", int(0.8 * duration * 1e9), "1200x800")
+    views = replay_session(opened).picture(tmp_path / "a.png", int(0.8 * duration * 1e9), "1200x800")
     assert [report for view in views for report in view.reports] == []
     assert {"Scene", "Risk", "Separation", "Events"} <= {view.name for view in views}
     picture = pixels((tmp_path / "a.png").read_bytes())

@@ -1,4 +1,4 @@
-"""Screening a log: into a file, a viewer on the screen, a browser, or a picture."""
+"""Sessions of replaying a log: into a file, a viewer on the screen, a browser, or a picture."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from symaware_cli.recording.error import LogError, OutputError, reason
 from symaware_cli.recording.output import whole_file
 from symaware_cli.recording.reader import Log
 from symaware_cli.viewing.blueprint import blueprint
-from symaware_cli.viewing.cast import Cast, cast_of
 from symaware_cli.viewing.detail import Detail, detail_of
 from symaware_cli.viewing.replay import Replay, content_of, names_of
-from symaware_cli.viewing.stage import Stage
+from symaware_cli.viewing.rerun_output import RerunOutput
+from symaware_cli.viewing.views import RunView, run_view_of
 
 if TYPE_CHECKING:
     import rerun as rr
@@ -30,19 +30,19 @@ Progress = Callable[[int], None] | None
 
 
 @dataclass(frozen=True)
-class Screening:
+class ReplaySession:
     """What of a log is to be shown, and how closely.
 
     Attributes:
         log: The log.
-        cast: Who takes part in it.
+        run_view: Who takes part in it.
         detail: How much to show.
         start: The first instant [ns]; None for the beginning.
         end: The first instant not shown any more [ns]; None for the end.
     """
 
     log: Log
-    cast: Cast
+    run_view: RunView
     detail: Detail
     start: int | None = None
     end: int | None = None
@@ -133,19 +133,19 @@ class Screening:
 
     def _replay(self, recording: rr.RecordingStream) -> Replay:
         columns, units = names_of(self.log, "columns"), names_of(self.log, "units")
-        return Replay(self.cast, self.detail, Stage(recording), columns, units)
+        return Replay(self.run_view, self.detail, RerunOutput(recording), columns, units)
 
     def _recording(self) -> rr.RecordingStream:
         import rerun as rr
 
         # Rerun keeps one blueprint for each application.
-        name = self.cast.name
+        name = self.run_view.name
         recording = rr.RecordingStream(f"symaware {name}", recording_id=f"{name}-{uuid.uuid4()}")
-        recording.send_recording_name(f"{name}, seed {self.cast.seed}")
+        recording.send_recording_name(f"{name}, seed {self.run_view.seed}")
         return recording
 
     def _blueprint(self) -> Any:
-        return blueprint(self.cast, self.detail, content_of(self.log, self.cast, self.start, self.end))
+        return blueprint(self.run_view, self.detail, content_of(self.log, self.run_view, self.start, self.end))
 
     def _middle(self) -> int:
         first = self.log.start_time or 0 if self.start is None else self.start
@@ -153,7 +153,9 @@ class Screening:
         return (first + last) // 2
 
 
-def screening(log: Log, agents: Sequence[str] = (), start: int | None = None, end: int | None = None) -> Screening:
+def replay_session(
+    log: Log, agents: Sequence[str] = (), start: int | None = None, end: int | None = None
+) -> ReplaySession:
     """Choose what of a log to show.
 
     Args:
@@ -165,13 +167,13 @@ def screening(log: Log, agents: Sequence[str] = (), start: int | None = None, en
     Raises:
         LogError: It is not one of ours, has no such agents, or has nothing in that stretch.
     """
-    cast = cast_of(log)
-    detail = detail_of(cast, agents)
+    run_view = run_view_of(log)
+    detail = detail_of(run_view, agents)
     if next(log.messages(start=start, end=end), None) is None:
         where = "" if start is None and end is None else " in that stretch"
         lost = f"; {log.damage}" if log.damage and log.damage.lost else ""
         raise LogError(f"{log.path} has nothing to show{where}{lost}")
-    return Screening(log, cast, detail, start, end)
+    return ReplaySession(log, run_view, detail, start, end)
 
 
 @contextmanager

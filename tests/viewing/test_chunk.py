@@ -1,4 +1,4 @@
-"""A log in columns, excerpt by excerpt."""
+"""A log in columns, chunk by chunk."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from hypothesis.extra.numpy import arrays
 
 from symaware_cli.recording import wire
 from symaware_cli.recording.error import LogError
-from symaware_cli.viewing.excerpt import Gathering
+from symaware_cli.viewing.chunk import ChunkReader
 
 TABLE, SERIES = "/world/robot/state", "/agents/robot/risk"
 COUNT = 3
@@ -52,17 +52,17 @@ stories = st.lists(st.tuples(st.integers(0, 2), st.one_of(table_messages(), seri
 
 
 def told(story, cut):
-    """The content of all excerpts put together again, where one begins at each of some instants."""
-    gathering, excerpts, time = Gathering(COUNTS), [], 0
+    """The content of all chunks put together again, where one begins at each of some instants."""
+    chunk_reader, chunks, time = ChunkReader(COUNTS), [], 0
     for pause, (topic, message) in story:
-        if pause and time in cut and not gathering.empty:
-            excerpts.append(gathering.drain())
+        if pause and time in cut and not chunk_reader.empty:
+            chunks.append(chunk_reader.drain())
         time += pause
-        gathering.take(topic, time, message)
-    if not gathering.empty:
-        excerpts.append(gathering.drain())
-    frames = [excerpt.frames[TABLE] for excerpt in excerpts if TABLE in excerpt.frames]
-    strips = [excerpt.strips[SERIES] for excerpt in excerpts if SERIES in excerpt.strips]
+        chunk_reader.take(topic, time, message)
+    if not chunk_reader.empty:
+        chunks.append(chunk_reader.drain())
+    frames = [chunk.frames[TABLE] for chunk in chunks if TABLE in chunk.frames]
+    strips = [chunk.strips[SERIES] for chunk in chunks if SERIES in chunk.strips]
     return [
         *([time for each in frames for time in each.times], [row for each in frames for row in each.values.tolist()]),
         *([time for each in strips for time in each.times], [row for each in strips for row in each.lengths.tolist()]),
@@ -81,10 +81,10 @@ def test_a_log_says_the_same_however_it_is_cut(story, cut):
 def test_whoever_is_left_out_keeps_what_it_had(story):
     known = np.full((COUNT, 2), np.nan)
     held = [[]] * COUNT
-    gathering, time = Gathering(COUNTS), 0
+    chunk_reader, time = ChunkReader(COUNTS), 0
     for pause, (topic, message) in story:
         time += pause
-        gathering.take(topic, time, message)
+        chunk_reader.take(topic, time, message)
         only = range(COUNT) if message.rows is None else message.rows
         if topic == TABLE:
             known[list(only)] = message.values
@@ -93,11 +93,11 @@ def test_whoever_is_left_out_keeps_what_it_had(story):
         ends = np.cumsum(each)
         for row, length, end in zip(only, each, ends, strict=True):
             held[row] = message.values[end - length : end, 0].tolist()
-    excerpt = gathering.drain()
-    if TABLE in excerpt.frames:
-        np.testing.assert_array_equal(excerpt.frames[TABLE].values[-1], known)
-    if SERIES in excerpt.strips:
-        strips = excerpt.strips[SERIES]
+    chunk = chunk_reader.drain()
+    if TABLE in chunk.frames:
+        np.testing.assert_array_equal(chunk.frames[TABLE].values[-1], known)
+    if SERIES in chunk.strips:
+        strips = chunk.strips[SERIES]
         assert strips.lengths[-1].tolist() == [len(values) for values in held]
         total = strips.lengths[-1].sum()
         last = strips.values[len(strips.values) - total :].ravel().tolist()
@@ -105,42 +105,42 @@ def test_whoever_is_left_out_keeps_what_it_had(story):
 
 
 def test_a_series_without_points_for_everybody_empties_what_was_there():
-    gathering = Gathering(COUNTS)
-    gathering.take(SERIES, 0, series([1, 1, 1]))
-    gathering.take(SERIES, 1, wire.decode_series(wire.encode_series([], np.empty((3, 0, 1)))))
-    assert gathering.drain().strips[SERIES].lengths.tolist() == [[1, 1, 1], [0, 0, 0]]
+    chunk_reader = ChunkReader(COUNTS)
+    chunk_reader.take(SERIES, 0, series([1, 1, 1]))
+    chunk_reader.take(SERIES, 1, wire.decode_series(wire.encode_series([], np.empty((3, 0, 1)))))
+    assert chunk_reader.drain().strips[SERIES].lengths.tolist() == [[1, 1, 1], [0, 0, 0]]
 
 
 def test_the_first_points_of_series_are_nan_where_there_are_none():
-    gathering = Gathering(COUNTS)
-    gathering.take(SERIES, 0, series([2, 0, 1]))
-    np.testing.assert_array_equal(gathering.drain().strips[SERIES].firsts[0, :, 0], [0.0, np.nan, 2.0])
+    chunk_reader = ChunkReader(COUNTS)
+    chunk_reader.take(SERIES, 0, series([2, 0, 1]))
+    np.testing.assert_array_equal(chunk_reader.drain().strips[SERIES].firsts[0, :, 0], [0.0, np.nan, 2.0])
 
 
 def test_values_at_other_instants_are_those_that_held_then():
-    gathering = Gathering(COUNTS)
-    gathering.take(TABLE, 10, rows([[1, 1], [2, 2], [3, 3]]))
-    gathering.drain()
-    gathering.take(TABLE, 20, rows([[9, 9]], [1]))
-    found = gathering.drain().frames[TABLE].at(np.array([15, 20, 25]))
+    chunk_reader = ChunkReader(COUNTS)
+    chunk_reader.take(TABLE, 10, rows([[1, 1], [2, 2], [3, 3]]))
+    chunk_reader.drain()
+    chunk_reader.take(TABLE, 20, rows([[9, 9]], [1]))
+    found = chunk_reader.drain().frames[TABLE].at(np.array([15, 20, 25]))
     assert found[:, 1, 0].tolist() == [2.0, 9.0, 9.0]
     assert found[:, 0, 0].tolist() == [1.0, 1.0, 1.0]
 
 
-def test_what_is_known_stays_known_in_excerpts_that_say_nothing_of_it():
-    gathering = Gathering(COUNTS)
-    gathering.take(TABLE, 10, rows([[1, 1], [2, 2], [3, 3]]))
-    gathering.drain()
-    gathering.take(SERIES, 30, series([1, 1, 1]))
-    frames = gathering.drain().frames[TABLE]
+def test_what_is_known_stays_known_in_chunks_that_say_nothing_of_it():
+    chunk_reader = ChunkReader(COUNTS)
+    chunk_reader.take(TABLE, 10, rows([[1, 1], [2, 2], [3, 3]]))
+    chunk_reader.drain()
+    chunk_reader.take(SERIES, 30, series([1, 1, 1]))
+    frames = chunk_reader.drain().frames[TABLE]
     assert len(frames.times) == 0
     assert frames.at(np.array([30]))[0, 2].tolist() == [3.0, 3.0]
 
 
 def test_before_anything_is_known_values_are_nan():
-    gathering = Gathering(COUNTS)
-    gathering.take(TABLE, 10, rows([[1, 1]], [2]))
-    frames = gathering.drain().frames[TABLE]
+    chunk_reader = ChunkReader(COUNTS)
+    chunk_reader.take(TABLE, 10, rows([[1, 1]], [2]))
+    frames = chunk_reader.drain().frames[TABLE]
     assert np.isnan(frames.at(np.array([5]))).all()
     np.testing.assert_array_equal(frames.values[0], [[np.nan] * 2, [np.nan] * 2, [1, 1]])
 
@@ -149,20 +149,20 @@ def test_before_anything_is_known_values_are_nan():
 def test_a_row_that_the_group_does_not_have_is_a_damaged_log(message):
     topic = TABLE if isinstance(message, wire.Rows) else SERIES
     with pytest.raises(LogError, match="row 3 of a group of 3"):
-        Gathering(COUNTS).take(topic, 0, message)
+        ChunkReader(COUNTS).take(topic, 0, message)
 
 
 def test_columns_that_change_are_a_damaged_log():
-    gathering = Gathering(COUNTS)
-    gathering.take(TABLE, 0, rows([[1, 1], [2, 2], [3, 3]]))
+    chunk_reader = ChunkReader(COUNTS)
+    chunk_reader.take(TABLE, 0, rows([[1, 1], [2, 2], [3, 3]]))
     with pytest.raises(LogError, match="do not fit together"):
-        gathering.take(TABLE, 1, rows([[1, 1, 1]], [0]))
+        chunk_reader.take(TABLE, 1, rows([[1, 1, 1]], [0]))
 
 
 def test_two_messages_of_one_instant_make_one_frame():
-    gathering = Gathering(COUNTS)
-    gathering.take(TABLE, 0, rows([[1, 1]], [0]))
-    gathering.take(TABLE, 0, rows([[2, 2]], [1]))
-    frames = gathering.drain().frames[TABLE]
+    chunk_reader = ChunkReader(COUNTS)
+    chunk_reader.take(TABLE, 0, rows([[1, 1]], [0]))
+    chunk_reader.take(TABLE, 0, rows([[2, 2]], [1]))
+    frames = chunk_reader.drain().frames[TABLE]
     assert frames.times.tolist() == [0]
     assert frames.values[0, :2].tolist() == [[1, 1], [2, 2]]

@@ -8,11 +8,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.viewing.cast import Troupe, in_space
+from symaware_cli.viewing.chunk import Chunk, SeriesFrames
 from symaware_cli.viewing.drawing.base import Drawing
-from symaware_cli.viewing.excerpt import Excerpt, Strips
 from symaware_cli.viewing.palette import faded
-from symaware_cli.viewing.stage import Stage
+from symaware_cli.viewing.rerun_output import RerunOutput
+from symaware_cli.viewing.views import GroupView, in_space
 
 Array = NDArray[np.float64]
 Colours = NDArray[np.uint8]
@@ -34,19 +34,19 @@ class Intents(Drawing):
         import rerun as rr
 
         width = rr.LineStrips3D.from_fields(radii=rr.Radius.ui_points([1.5]))
-        for troupe in self.cast.troupes.values():
-            for name, _ in troupe.drawn("path"):
-                self.stage.static(f"minds/{troupe.name}/{name}", width)
+        for group_view in self.run_view.group_views.values():
+            for name, _ in group_view.drawn("path"):
+                self.output.static(f"minds/{group_view.name}/{name}", width)
 
-    def draw(self, excerpt: Excerpt) -> None:
+    def draw(self, chunk: Chunk) -> None:
         """Draw the intents of all who are shown."""
-        for troupe in self.cast.troupes.values():
-            rows = [row for row, id in enumerate(troupe.agents) if self.detail.minds or id in self.detail.focus]
-            for name, topic in troupe.drawn("path"):
-                strips = excerpt.strips.get(topic)
+        for group_view in self.run_view.group_views.values():
+            rows = [row for row, id in enumerate(group_view.agents) if self.detail.minds or id in self.detail.focus]
+            for name, topic in group_view.drawn("path"):
+                strips = chunk.strips.get(topic)
                 if strips is not None:
-                    columns = path_columns(troupe, name, strips)
-                    fading(self.stage, f"minds/{troupe.name}/{name}", troupe, strips, rows, columns)
+                    columns = path_columns(group_view, name, strips)
+                    fading(self.output, f"minds/{group_view.name}/{name}", group_view, strips, rows, columns)
 
 
 class Uncertainties(Drawing):
@@ -57,36 +57,36 @@ class Uncertainties(Drawing):
         import rerun as rr
 
         thin = rr.Radius.ui_points([0.75])
-        for troupe in self.cast.troupes.values():
-            for name, _ in troupe.drawn("ellipse"):
-                path = f"minds/{troupe.name}/{name}"
-                self.stage.static(path, rr.Ellipsoids3D.from_fields(line_radii=thin, fill_mode="majorwireframe"))
-                self.stage.static(f"{path}/samples", rr.LineStrips3D.from_fields(radii=thin))
+        for group_view in self.run_view.group_views.values():
+            for name, _ in group_view.drawn("ellipse"):
+                path = f"minds/{group_view.name}/{name}"
+                self.output.static(path, rr.Ellipsoids3D.from_fields(line_radii=thin, fill_mode="majorwireframe"))
+                self.output.static(f"{path}/samples", rr.LineStrips3D.from_fields(radii=thin))
 
-    def draw(self, excerpt: Excerpt) -> None:
+    def draw(self, chunk: Chunk) -> None:
         """Draw the uncertainties of all who are shown."""
-        for troupe in self.cast.troupes.values():
-            believed = excerpt.frames.get(f"/agents/{troupe.name}/state")
-            rows = [row for row, id in enumerate(troupe.agents) if self.detail.minds or id in self.detail.focus]
-            for name, topic in troupe.drawn("ellipse"):
-                path, strips = f"minds/{troupe.name}/{name}", excerpt.strips.get(topic)
-                names = troupe.signals[name].column_names
+        for group_view in self.run_view.group_views.values():
+            believed = chunk.frames.get(f"/agents/{group_view.name}/state")
+            rows = [row for row, id in enumerate(group_view.agents) if self.detail.minds or id in self.detail.focus]
+            for name, topic in group_view.drawn("ellipse"):
+                path, strips = f"minds/{group_view.name}/{name}", chunk.strips.get(topic)
+                names = group_view.signals[name].column_names
                 if strips is None or not rows:
                     continue
-                covariance, samples = covariance_columns(troupe, names), sample_columns(troupe, names)
+                covariance, samples = covariance_columns(group_view, names), sample_columns(group_view, names)
                 if covariance is not None and believed is not None:
-                    centres = troupe.positions(believed.at(strips.times))[:, rows]
+                    centres = group_view.positions(believed.at(strips.times))[:, rows]
                     matrices = strips.firsts[:, rows][..., covariance]
-                    self._draw_ellipses(path, troupe, strips.times, centres, matrices, rows)
+                    self._draw_ellipses(path, group_view, strips.times, centres, matrices, rows)
                 if samples is not None:
-                    self._draw_samples(f"{path}/samples", troupe, strips, rows, samples)
+                    self._draw_samples(f"{path}/samples", group_view, strips, rows, samples)
 
     def _draw_ellipses(
-        self, path: str, troupe: Troupe, times: Times, centres: Array, matrices: Array, rows: Sequence[int]
+        self, path: str, group_view: GroupView, times: Times, centres: Array, matrices: Array, rows: Sequence[int]
     ) -> None:
         half_sizes, quaternions = ellipsoids(matrices.reshape(-1, *matrices.shape[2:]))
-        colours = np.broadcast_to(faded(troupe.colours[rows], 0.15), (*centres.shape[:2], 3))
-        self.stage.ellipsoids(
+        colours = np.broadcast_to(faded(group_view.colours[rows], 0.15), (*centres.shape[:2], 3))
+        self.output.ellipsoids(
             path,
             times,
             centres.reshape(-1, 3),
@@ -97,7 +97,7 @@ class Uncertainties(Drawing):
         )
 
     def _draw_samples(
-        self, path: str, troupe: Troupe, strips: Strips, rows: Sequence[int], columns: NDArray[np.intp]
+        self, path: str, group_view: GroupView, strips: SeriesFrames, rows: Sequence[int], columns: NDArray[np.intp]
     ) -> None:
         """Draw the ways of all samples; columns (samples, d)."""
         points: list[Array] = []
@@ -111,13 +111,13 @@ class Uncertainties(Drawing):
                 length = int(strips.lengths[place, row])
                 series = strips.values[ends[place, row] - length : ends[place, row]]
                 if length > 1:
-                    ways = in_space(series[:, columns].swapaxes(0, 1), troupe.height)
+                    ways = in_space(series[:, columns].swapaxes(0, 1), group_view.height)
                     points.append(ways.reshape(-1, 3))
                     lengths += [length] * len(ways)
-                    colours.append(np.broadcast_to(faded(troupe.colours[row], 0.5), (len(ways), 3)))
+                    colours.append(np.broadcast_to(faded(group_view.colours[row], 0.5), (len(ways), 3)))
             counts.append(len(lengths) - before)
         if points:
-            self.stage.strips(
+            self.output.strips(
                 path,
                 strips.times,
                 np.concatenate(points),
@@ -128,14 +128,19 @@ class Uncertainties(Drawing):
 
 
 def fading(
-    stage: Stage, path: str, troupe: Troupe, strips: Strips, rows: Sequence[int], columns: Sequence[int] | None
+    output: RerunOutput,
+    path: str,
+    group_view: GroupView,
+    strips: SeriesFrames,
+    rows: Sequence[int],
+    columns: Sequence[int] | None,
 ) -> None:
     """Draw the series of some rows as lines that fade with time.
 
     Args:
-        stage: Where to draw.
+        output: Where to draw.
         path: The Rerun entity.
-        troupe: Whose they are.
+        group_view: Whose they are.
         strips: The series.
         rows: Of whom.
         columns: Which columns are the position; nothing is drawn without.
@@ -144,21 +149,26 @@ def fading(
         return
     length = int(strips.lengths.max(initial=0))
     if length < 2 or (strips.lengths != length).any():
-        _fading_ragged(stage, path, troupe, strips, rows, columns)
+        _fading_ragged(output, path, group_view, strips, rows, columns)
         return
     chosen = _pieces(length)
     shape = (len(strips.times), -1, length, strips.values.shape[1])
     of_all = (
         strips.values.reshape(shape)[:, rows] if len(rows) < strips.lengths.shape[1] else strips.values.reshape(shape)
     )
-    points = in_space(of_all[:, :, chosen][..., list(columns)], troupe.height)
+    points = in_space(of_all[:, :, chosen][..., list(columns)], group_view.height)
     ends = np.stack([points[:, :, :-1], points[:, :, 1:]], axis=3)
-    shades = faded(troupe.colours[list(rows)][:, None], _shares(len(chosen) - 1))
-    stage.segments(path, strips.times, ends.reshape(len(ends), -1, 2, 3), shades.reshape(-1, 3))
+    shades = faded(group_view.colours[list(rows)][:, None], _shares(len(chosen) - 1))
+    output.segments(path, strips.times, ends.reshape(len(ends), -1, 2, 3), shades.reshape(-1, 3))
 
 
 def _fading_ragged(
-    stage: Stage, path: str, troupe: Troupe, strips: Strips, rows: Sequence[int], columns: Sequence[int]
+    output: RerunOutput,
+    path: str,
+    group_view: GroupView,
+    strips: SeriesFrames,
+    rows: Sequence[int],
+    columns: Sequence[int],
 ) -> None:
     """The same for series of which each has a length of its own."""
     points, colours, counts = [], [], []
@@ -170,14 +180,14 @@ def _fading_ragged(
             if length < 2:
                 continue
             series = strips.values[ends[place, row] - length : ends[place, row]]
-            chosen = in_space(series[_pieces(length)][:, list(columns)], troupe.height)
+            chosen = in_space(series[_pieces(length)][:, list(columns)], group_view.height)
             points.append(np.stack([chosen[:-1], chosen[1:]], axis=1).reshape(-1, 3))
-            colours.append(faded(troupe.colours[row], _shares(len(chosen) - 1)))
+            colours.append(faded(group_view.colours[row], _shares(len(chosen) - 1)))
             count += len(chosen) - 1
         counts.append(count)
     flat = np.concatenate(points) if points else np.empty((0, 3))
     shades = np.concatenate(colours) if colours else np.empty((0, 3), np.uint8)
-    stage.strips(path, strips.times, flat, np.full(sum(counts), 2), counts, shades)
+    output.strips(path, strips.times, flat, np.full(sum(counts), 2), counts, shades)
 
 
 def ellipsoids(covariances: Array) -> tuple[Array, Array]:
@@ -212,35 +222,35 @@ def ellipsoids(covariances: Array) -> tuple[Array, Array]:
     return half_sizes, Rotation.from_matrix(axes).as_quat()
 
 
-def position_columns(troupe: Troupe, names: Sequence[str]) -> list[int] | None:
+def position_columns(group_view: GroupView, names: Sequence[str]) -> list[int] | None:
     """Where the elements of the position stand among named columns; None if any is missing."""
-    wanted = [troupe.state[index][0] for index in troupe.position]
+    wanted = [group_view.state[index][0] for index in group_view.position]
     return [names.index(name) for name in wanted] if all(name in names for name in wanted) else None
 
 
-def path_columns(troupe: Troupe, name: str, strips: Strips) -> list[int] | None:
+def path_columns(group_view: GroupView, name: str, strips: SeriesFrames) -> list[int] | None:
     """Where the position stands in a path; without names of columns those are states, or positions alone."""
-    named = position_columns(troupe, troupe.signals[name].column_names)
+    named = position_columns(group_view, group_view.signals[name].column_names)
     if named:
         return named
     columns = strips.values.shape[1]
-    if columns == len(troupe.state):
-        return list(troupe.position)
-    return list(range(columns)) if columns == len(troupe.position) else None
+    if columns == len(group_view.state):
+        return list(group_view.position)
+    return list(range(columns)) if columns == len(group_view.position) else None
 
 
-def covariance_columns(troupe: Troupe, names: Sequence[str]) -> NDArray[np.intp] | None:
+def covariance_columns(group_view: GroupView, names: Sequence[str]) -> NDArray[np.intp] | None:
     """Where the covariance of the position stands, (d, d)."""
-    elements = [troupe.state[index][0] for index in troupe.position]
+    elements = [group_view.state[index][0] for index in group_view.position]
     wanted = [[f"cov_{one}_{other}" for other in elements] for one in elements]
     if not all(name in names for row in wanted for name in row):
         return None
     return np.array([[names.index(name) for name in row] for row in wanted])
 
 
-def sample_columns(troupe: Troupe, names: Sequence[str]) -> NDArray[np.intp] | None:
+def sample_columns(group_view: GroupView, names: Sequence[str]) -> NDArray[np.intp] | None:
     """Where the positions of numbered samples stand, (samples, d)."""
-    elements = [troupe.state[index][0] for index in troupe.position]
+    elements = [group_view.state[index][0] for index in group_view.position]
     numbers = sorted({int(found[1]) for name in names if (found := re.fullmatch(r".+\.(\d+)", name))})
     samples = [[f"{element}.{number}" for element in elements] for number in numbers]
     whole = [sample for sample in samples if all(name in names for name in sample)]

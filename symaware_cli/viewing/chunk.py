@@ -1,4 +1,4 @@
-"""Excerpts: stretches of a log, short enough for memory, with the values of each channel in columns."""
+"""Chunks: stretches of a log, short enough for memory, with the values of each channel in columns."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 Times = NDArray[np.int64]
 
 #: A stretch ends with the instant in which it reaches this size [bytes of messages].
-EXCERPT_SIZE = 4 << 20
+CHUNK_SIZE = 4 << 20
 
 #: Where few of many rows change, frames take more memory than messages; so many times as much may be held.
 _FRAMES_TO_MESSAGES = 8
@@ -51,7 +51,7 @@ class Frames:
 
 
 @dataclass(frozen=True)
-class Strips:
+class SeriesFrames:
     """A series of each row of a group at some instants; rows that a message left out keep theirs.
 
     Attributes:
@@ -76,7 +76,7 @@ class Strips:
 
 
 @dataclass(frozen=True)
-class Excerpt:
+class Chunk:
     """A stretch of a log.
 
     Attributes:
@@ -88,14 +88,14 @@ class Excerpt:
     """
 
     frames: Mapping[str, Frames]
-    strips: Mapping[str, Strips]
+    strips: Mapping[str, SeriesFrames]
     entries: Mapping[str, list[tuple[int, Any]]]
     start: int
     end: int
 
 
-class Gathering:
-    """Puts messages together to excerpts."""
+class ChunkReader:
+    """Puts messages together to chunks."""
 
     def __init__(self, counts: Mapping[str, int], places: Mapping[str, tuple[str, int]] | None = None) -> None:
         """Begin with nothing.
@@ -116,16 +116,16 @@ class Gathering:
 
     @property
     def empty(self) -> bool:
-        """Whether nothing was taken in since the last excerpt."""
+        """Whether nothing was taken in since the last chunk."""
         return self._start is None
 
     @property
     def is_full(self) -> bool:
-        """Whether it is time for an excerpt."""
-        return self._size >= EXCERPT_SIZE
+        """Whether it is time for a chunk."""
+        return self._size >= CHUNK_SIZE
 
-    def excerpts(self, messages: Iterable[LogMessage], size: int = EXCERPT_SIZE) -> Iterator[Excerpt]:
-        """Cut messages, which come in the order of time, into excerpts; an instant is never cut."""
+    def chunks(self, messages: Iterable[LogMessage], size: int = CHUNK_SIZE) -> Iterator[Chunk]:
+        """Cut messages, which come in the order of time, into chunks; an instant is never cut."""
         for message in messages:
             if self._size >= size and message.time > self.end:
                 yield self.drain()
@@ -174,9 +174,9 @@ class Gathering:
             if topic.split("/")[2] == group:
                 known.forget(time, row)
 
-    def drain(self) -> Excerpt:
+    def drain(self) -> Chunk:
         """Hand out what was taken in since the last time."""
-        excerpt = Excerpt(
+        chunk = Chunk(
             {topic: table.drain() for topic, table in self._tables.items()},
             {topic: series.drain() for topic, series in self._series.items() if series.times},
             dict(self._entries),
@@ -185,7 +185,7 @@ class Gathering:
         )
         self._entries.clear()
         self._size, self._start = 0, None
-        return excerpt
+        return chunk
 
     def _take(self, topic: str, time: int, rows: NDArray[np.uint32] | None, values: Array) -> int:
         """Take in values of some rows, and return how much memory that takes [bytes]."""
@@ -258,7 +258,7 @@ class _Series:
         self._columns = 0
         self._lengths: list[NDArray[np.int64]] = []
         self._values: list[Array] = []
-        #: What was known at the end of the last excerpt.
+        #: What was known at the end of the last chunk.
         self._held: tuple[NDArray[np.int64], Array] | None = None
 
     def take(self, time: int, message: wire.SeriesRows) -> None:
@@ -304,12 +304,12 @@ class _Series:
         lengths = np.array([len(values) for values in held], np.int64)
         return lengths, np.concatenate([np.empty((0, self._columns)), *held])
 
-    def drain(self) -> Strips:
+    def drain(self) -> SeriesFrames:
         lengths = np.zeros((len(self.times), self._count), np.int64)
         for place, known in enumerate(self._lengths):
             lengths[place, : len(known)] = known
         values = [_padded(values, self._columns) for values in self._values]
-        strips = Strips(np.array(self.times, np.int64), lengths, np.concatenate(values))
+        strips = SeriesFrames(np.array(self.times, np.int64), lengths, np.concatenate(values))
         # A copy: the values may be a view of a message, or of a whole chunk.
         self._held = self._lengths[-1], self._values[-1].copy()
         self.times, self._lengths, self._values = [], [], []

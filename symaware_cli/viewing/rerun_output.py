@@ -1,4 +1,4 @@
-"""The stage of a replay: puts arrays into a Rerun recording, whole columns at a time.
+"""Output to Rerun: puts arrays into a Rerun recording, whole columns at a time.
 
 Logging row by row costs Rerun some 100 us a row, a column less than half a microsecond (benchmarks/RESULTS.md), so
 nothing here is ever called for a single row.
@@ -23,7 +23,7 @@ TIMELINE = "time"
 """The name of the timeline: simulated time."""
 
 
-class Stage:
+class RerunOutput:
     """Draws into a Rerun recording; in what follows k is a number of instants and n one of things.
 
     Attributes:

@@ -19,10 +19,9 @@ from symaware_cli.core import Signal
 from symaware_cli.recording import journal, wire
 from symaware_cli.recording.index import ChannelInfo
 from symaware_cli.recording.sensing import IMAGE, SCAN, sensors
-from symaware_cli.viewing.cast import Cast, Troupe, in_space
 from symaware_cli.viewing.detail import MANY
 from symaware_cli.viewing.drawing.goals import crosses, known_ways
-from symaware_cli.viewing.drawing.minds import covariance_columns, ellipsoids, position_columns, sample_columns
+from symaware_cli.viewing.drawing.intents import covariance_columns, ellipsoids, position_columns, sample_columns
 from symaware_cli.viewing.drawing.points import places
 from symaware_cli.viewing.figure import Figure
 from symaware_cli.viewing.foxglove import entities
@@ -32,6 +31,7 @@ from symaware_cli.viewing.foxglove.frames import movers, transforms_of
 from symaware_cli.viewing.foxglove.output import Columns, Output
 from symaware_cli.viewing.foxglove.sensors import Camera, Lidar
 from symaware_cli.viewing.palette import CONTACT, GOAL, tinted
+from symaware_cli.viewing.views import GroupView, RunView, in_space
 
 Array = NDArray[np.float64]
 Take = Callable[[int, Any], Any]
@@ -56,38 +56,41 @@ _LEVELS = {
 }
 
 
-class Show:
+class FoxgloveScene:
     """Draws a run for Foxglove.
 
     Attributes:
         topics: The topics that it wants to be told of.
     """
 
-    def __init__(self, cast: Cast, channels: Mapping[str, ChannelInfo], output: Output, start: int) -> None:
+    def __init__(self, run_view: RunView, channels: Mapping[str, ChannelInfo], output: Output, start: int) -> None:
         """Put up what holds for all times.
 
         Args:
-            cast: Who takes part.
+            run_view: Who takes part.
             channels: What the log has.
             output: Where to draw.
             start: The first instant [ns].
         """
-        self._cast, self._channels, self._output = cast, channels, output
+        self._run_view, self._channels, self._output = run_view, channels, output
         self._takers: dict[str, Take] = {}
         self._places: dict[str, Array] = {}
         self._put_up_scenery(start)
-        for troupe in cast.troupes.values():
-            shown = _Troupe(troupe, channels, output, start, crowd=cast.agent_count > MANY, places=self._places)
+        for group_view in run_view.group_views.values():
+            shown = _GroupMessages(
+                group_view, channels, output, start, crowd=run_view.agent_count > MANY, places=self._places
+            )
             self._takers |= shown.takers
-            models = self._models(troupe.name, troupe.agents, troupe.figure, start)
-            Layer(output, f"/models/{troupe.name}").show(start, models)
-            for sensor, topic in sensors(channels, troupe.name, SCAN).items():
-                self._takers[topic] = Lidar(sensor, troupe.agents, output, spatial=cast.is_spatial).take
-            for sensor, topic in sensors(channels, troupe.name, IMAGE).items():
-                self._takers[topic] = Camera(sensor, troupe.agents, output).take
-        for prop in cast.props.values():
+            models = self._models(group_view.name, group_view.agents, group_view.figure, start)
+            Layer(output, f"/models/{group_view.name}").show(start, models)
+            for sensor, topic in sensors(channels, group_view.name, SCAN).items():
+                self._takers[topic] = Lidar(sensor, group_view.agents, output, spatial=run_view.is_spatial).take
+            for sensor, topic in sensors(channels, group_view.name, IMAGE).items():
+                self._takers[topic] = Camera(sensor, group_view.agents, output).take
+        for obstacle_view in run_view.obstacle_views.values():
             self._takers |= {
-                f"/world/{prop.name}/{kind}": take for kind, take in movers(prop, channels, output).items()
+                f"/world/{obstacle_view.name}/{kind}": take
+                for kind, take in movers(obstacle_view, channels, output).items()
             }
         self._contacts = Layer(output, "/contacts")
         self._touching: dict[str, SceneEntity] = {}
@@ -114,23 +117,33 @@ class Show:
         self._takers[topic](time, content)
 
     def _put_up_scenery(self, start: int) -> None:
-        props = self._cast.props.values()
-        spatial = self._cast.is_spatial
-        shown = [entities.scenery(prop, start, spatial=spatial) for prop in props if prop.figure is None]
-        shown += [made for prop in props for made in self._models(prop.name, [prop.name], prop.figure, start)]
+        obstacle_views = self._run_view.obstacle_views.values()
+        spatial = self._run_view.is_spatial
+        shown = [
+            entities.scenery(obstacle_view, start, spatial=spatial)
+            for obstacle_view in obstacle_views
+            if obstacle_view.figure is None
+        ]
+        shown += [
+            made
+            for obstacle_view in obstacle_views
+            for made in self._models(obstacle_view.name, [obstacle_view.name], obstacle_view.figure, start)
+        ]
         Layer(self._output, "/scenery").show(start, shown)
-        still = [prop for prop in props if not prop.moves]
+        still = [obstacle_view for obstacle_view in obstacle_views if not obstacle_view.moves]
         if still:
-            positions = np.stack([prop.position for prop in still])
-            orientations = np.stack([prop.orientations(np.array(prop.heading)) for prop in still])
-            names = [prop.name for prop in still]
+            positions = np.stack([obstacle_view.position for obstacle_view in still])
+            orientations = np.stack(
+                [obstacle_view.orientations(np.array(obstacle_view.heading)) for obstacle_view in still]
+            )
+            names = [obstacle_view.name for obstacle_view in still]
             self._output.write("/tf_static", start, transforms_of(start, names, positions, orientations))
 
     def _models(self, name: str, bodies: Sequence[str], figure: Figure | None, start: int) -> Sequence[SceneEntity]:
         """What bodies of a group, or an entity, look like, if the log knows; from then on their joints move them."""
         if figure is None:
             return []
-        models = Models(name, bodies, figure, self._cast.surfaces, self._output, start)
+        models = Models(name, bodies, figure, self._run_view.surfaces, self._output, start)
         self._takers[f"/world/{name}/joints"] = models.take
         return models.made
 
@@ -146,7 +159,7 @@ class Show:
 
     def _message(self, time: int, message: Any) -> None:
         arrows = []
-        for entry in journal.communications(time, message, self._cast.roster):
+        for entry in journal.communications(time, message, self._run_view.roster):
             places = [place for who in (entry.sender, entry.receiver) if (place := self._place(who)) is not None]
             if entry.stage == "SENT" or len(places) < 2:
                 continue
@@ -172,10 +185,10 @@ class Show:
 
     def _place(self, who: str) -> Array | None:
         """Where somebody is now, (3,) [m]; None if that is not known."""
-        if who in self._cast.place:
-            group, row = self._cast.place[who]
+        if who in self._run_view.place:
+            group, row = self._run_view.place[who]
             return self._places[group][row] if group in self._places else None
-        return self._cast.props[who].position if who in self._cast.props else None
+        return self._run_view.obstacle_views[who].position if who in self._run_view.obstacle_views else None
 
 
 class _Held:
@@ -201,12 +214,12 @@ def _layer(name: str) -> str:
     return {"intent": "intents", "uncertainty": "uncertainties"}.get(name, name)
 
 
-class _Troupe:
+class _GroupMessages:
     """A group of agents: bodies, trails, minds and curves."""
 
     def __init__(
         self,
-        troupe: Troupe,
+        group_view: GroupView,
         channels: Mapping[str, ChannelInfo],
         output: Output,
         start: int,
@@ -214,11 +227,11 @@ class _Troupe:
         crowd: bool,
         places: dict[str, Array],
     ) -> None:
-        self._troupe, self._channels, self._output, self._places = troupe, channels, output, places
-        self._agents = f"/agents/{troupe.name}"
+        self._group_view, self._channels, self._output, self._places = group_view, channels, output, places
+        self._agents = f"/agents/{group_view.name}"
         self._held: dict[str, _Held] = {}
         self._columns: dict[str, Columns] = {}
-        self._tints: NDArray[np.intp] = np.full(len(troupe.agents), -1)
+        self._tints: NDArray[np.intp] = np.full(len(group_view.agents), -1)
         self._believed: Array | None = None
         self._goals: dict[str, SceneEntity] = {}
         self._ahead: dict[str, dict[str, SceneEntity]] = {}
@@ -229,24 +242,26 @@ class _Troupe:
         self._trail: deque[Array] = deque(maxlen=length)
         self._trail_due = 0
         layers = ["bodies", "labels", "trails", "goals"]
-        layers += [_layer(name) for how in _LAYERED for name, _ in troupe.drawn(how)]
-        self._layers = {kind: Layer(output, f"/{kind}/{troupe.name}") for kind in layers}
-        self._show_bodies(start, np.zeros(len(troupe.agents)))
+        layers += [_layer(name) for how in _LAYERED for name, _ in group_view.drawn(how)]
+        self._layers = {kind: Layer(output, f"/{kind}/{group_view.name}") for kind in layers}
+        self._show_bodies(start, np.zeros(len(group_view.agents)))
         # The names of a crowd would hide it.
-        rows = range(0 if crowd else len(troupe.agents))
-        self._layers["labels"].show(start, [entities.label(troupe, row, start) for row in rows])
+        rows = range(0 if crowd else len(group_view.agents))
+        self._layers["labels"].show(start, [entities.label(group_view, row, start) for row in rows])
         self.takers: dict[str, Take] = {
-            f"/world/{troupe.name}/state": self._world,
-            f"/world/{troupe.name}/pose": self._pose,
+            f"/world/{group_view.name}/state": self._world,
+            f"/world/{group_view.name}/pose": self._pose,
             f"{self._agents}/control": partial(self._numbers, f"{self._agents}/control"),
-            f"/world/{troupe.name}/control": partial(self._numbers, f"/world/{troupe.name}/control"),
+            f"/world/{group_view.name}/control": partial(self._numbers, f"/world/{group_view.name}/control"),
             f"{self._agents}/knowledge": self._knowledge,
         }
-        self.takers |= {troupe.topic(name): self._taker(name, signal) for name, signal in troupe.signals.items()}
+        self.takers |= {
+            group_view.topic(name): self._taker(name, signal) for name, signal in group_view.signals.items()
+        }
 
     def _taker(self, name: str, signal: Signal) -> Take:
         """What draws a part of awareness, or a signal."""
-        topic = self._troupe.topic(name)
+        topic = self._group_view.topic(name)
         if name in ("state", "risk"):
             return self._state if name == "state" else self._risk
         match signal.kind, signal.drawn:
@@ -263,25 +278,25 @@ class _Troupe:
         return partial(self._firsts, topic)
 
     def _point(self, name: str, time: int, message: wire.Rows) -> None:
-        self._numbers(self._troupe.topic(name), time, message)
+        self._numbers(self._group_view.topic(name), time, message)
         self._show_points(name, time, zip(self._rows(message.rows), message.values[:, None], strict=False))
 
     def _points(self, name: str, time: int, message: wire.TableRows) -> None:
         """Show a table that is drawn as points; Foxglove has nothing for others."""
-        if self._troupe.signals[name].drawn == "points":
+        if self._group_view.signals[name].drawn == "points":
             self._show_points(name, time, zip(self._rows(message.rows), message, strict=False))
 
     def _show_points(self, name: str, time: int, tables: Iterable[tuple[int, Array]]) -> None:
-        troupe, where = self._troupe, self._where
+        group_view, where = self._group_view, self._where
         if where is None:
             return
-        known, names = self._tables.setdefault(name, {}), troupe.signals[name].column_names
+        known, names = self._tables.setdefault(name, {}), group_view.signals[name].column_names
         known.update(tables)
-        positions, headings = troupe.positions(where), troupe.headings(where)
+        positions, headings = group_view.positions(where), group_view.headings(where)
         shown = []
         for row, table in sorted(known.items()):
             heading = 0.0 if headings is None else float(headings[row])
-            made, shade = entity(f"{troupe.agents[row]} {name}", time), colour(troupe.colours[row], 0.8)
+            made, shade = entity(f"{group_view.agents[row]} {name}", time), colour(group_view.colours[row], 0.8)
             made.spheres.extend(
                 entities.ellipsoid(place, _DOT, _UPRIGHT, shade)
                 for place in places(names, table, positions[row], heading)
@@ -293,22 +308,22 @@ class _Troupe:
         self._plot(topic, time, self._update(topic, message.rows, message.values))
 
     def _world(self, time: int, message: wire.Rows) -> None:
-        topic = f"/world/{self._troupe.name}/state"
+        topic = f"/world/{self._group_view.name}/state"
         values = self._update(topic, message.rows, message.values)
         self._plot(topic, time, values)
         self._move(time, values)
 
     def _pose(self, time: int, message: wire.Rows) -> None:
-        topic = f"/world/{self._troupe.name}/pose"
+        topic = f"/world/{self._group_view.name}/pose"
         values = self._update(topic, message.rows, message.values)
-        transforms = transforms_of(time, self._troupe.agents, values[:, :3], values[:, 3:])
-        self._output.write(f"/tf/{self._troupe.name}", time, transforms)
+        transforms = transforms_of(time, self._group_view.agents, values[:, :3], values[:, 3:])
+        self._output.write(f"/tf/{self._group_view.name}", time, transforms)
 
     def _state(self, time: int, message: wire.Rows) -> None:
         topic = f"{self._agents}/state"
         self._believed = self._update(topic, message.rows, message.values)
         self._plot(topic, time, self._believed)
-        if f"/world/{self._troupe.name}/state" not in self._channels:
+        if f"/world/{self._group_view.name}/state" not in self._channels:
             # The truth was not recorded.
             self._move(time, self._believed)
 
@@ -318,53 +333,53 @@ class _Troupe:
             self._show_bodies(time, values[:, 0])
 
     def _path(self, field: str, time: int, message: wire.SeriesRows) -> None:
-        troupe = self._troupe
-        names = [name for name, _ in self._quantities(troupe.topic(field), message.values.shape[1])]
-        columns = position_columns(troupe, names)
-        if columns is None and message.values.shape[1] == len(troupe.position):
-            columns = list(range(len(troupe.position)))
+        group_view = self._group_view
+        names = [name for name, _ in self._quantities(group_view.topic(field), message.values.shape[1])]
+        columns = position_columns(group_view, names)
+        if columns is None and message.values.shape[1] == len(group_view.position):
+            columns = list(range(len(group_view.position)))
         if columns is None:
             return
         ways = replace(message, values=in_space(message.values[:, columns]))
         sound = bool(np.isfinite(ways.values).all())
         ahead = self._ahead.setdefault(field, {})
         for row, (_, points) in zip(self._rows(message.rows), ways, strict=False):
-            id = troupe.agents[row]
+            id = group_view.agents[row]
             ahead.pop(id, None)
             if len(points) > 1 and (sound or np.isfinite(points).all()):
                 ahead[id] = entity(id, time)
-                ahead[id].lines.append(entities.line(points, colour(troupe.colours[row], 0.7), 2.0))
+                ahead[id].lines.append(entities.line(points, colour(group_view.colours[row], 0.7), 2.0))
         self._layers[_layer(field)].show(time, ahead.values())
 
     def _spread(self, field: str, time: int, message: wire.SeriesRows) -> None:
-        troupe, topic = self._troupe, self._troupe.topic(field)
+        group_view, topic = self._group_view, self._group_view.topic(field)
         values = self._firsts(topic, time, message)
         names = [name for name, _ in self._quantities(topic, message.values.shape[1])]
-        covariance, samples = covariance_columns(troupe, names), sample_columns(troupe, names)
+        covariance, samples = covariance_columns(group_view, names), sample_columns(group_view, names)
         shown: list[SceneEntity] = []
         if covariance is not None and self._believed is not None:
-            centres = troupe.positions(self._believed)
+            centres = group_view.positions(self._believed)
             half_sizes, quaternions = ellipsoids(values[:, covariance])
             for row in np.flatnonzero(np.isfinite(centres).all(axis=1) & (half_sizes[:, 0] > 0.0)).tolist():
-                shade = colour(troupe.colours[row], 0.3)
-                made = entity(troupe.agents[row], time)
+                shade = colour(group_view.colours[row], 0.3)
+                made = entity(group_view.agents[row], time)
                 made.spheres.append(entities.ellipsoid(centres[row], half_sizes[row], quaternions[row], shade))
                 shown.append(made)
         if samples is not None:
             for row, (_, points) in zip(self._rows(message.rows), message, strict=False):
-                made = entity(f"{troupe.agents[row]} samples", time)
+                made = entity(f"{group_view.agents[row]} samples", time)
                 strips = in_space(points[:, samples].swapaxes(0, 1))
-                shade = colour(troupe.colours[row], 0.4)
+                shade = colour(group_view.colours[row], 0.4)
                 made.lines.extend(entities.line(strip, shade, 1.0) for strip in strips if np.isfinite(strip).all())
                 shown.append(made)
         self._layers[_layer(field)].show(time, shown)
 
     def _knowledge(self, time: int, message: Any) -> None:
-        troupe = self._troupe
-        size = 0.8 * troupe.radius or 0.2
-        for entry in journal.knowledge(time, message, troupe.agents):
+        group_view = self._group_view
+        size = 0.8 * group_view.radius or 0.2
+        for entry in journal.knowledge(time, message, group_view.agents):
             made = entity(entry.agent, time)
-            for way in known_ways(entry.values, len(troupe.position)):
+            for way in known_ways(entry.values, len(group_view.position)):
                 strokes = crosses(way, size)
                 made.lines.append(entities.line(np.concatenate(strokes), colour(GOAL), 2.0, pairs=True))
                 if len(way) > 1:
@@ -374,12 +389,12 @@ class _Troupe:
 
     def _move(self, time: int, states: Array) -> None:
         """Move the bodies to where they are, and draw on the trails."""
-        troupe = self._troupe
-        positions = troupe.positions(states)
-        self._places[troupe.name], self._where = positions, states
-        if f"/world/{troupe.name}/pose" not in self._channels:
-            transforms = transforms_of(time, troupe.agents, positions, troupe.orientations(states))
-            self._output.write(f"/tf/{troupe.name}", time, transforms)
+        group_view = self._group_view
+        positions = group_view.positions(states)
+        self._places[group_view.name], self._where = positions, states
+        if f"/world/{group_view.name}/pose" not in self._channels:
+            transforms = transforms_of(time, group_view.agents, positions, group_view.orientations(states))
+            self._output.write(f"/tf/{group_view.name}", time, transforms)
         if time >= self._trail_due:
             self._trail_due = time + self._trail_step
             self._trail.append(positions)
@@ -390,8 +405,8 @@ class _Troupe:
         shown = []
         for row, points in enumerate(trails):
             known = points[np.isfinite(points).all(axis=1)]
-            made = entity(self._troupe.agents[row], time)
-            made.lines.append(entities.line(known, colour(self._troupe.colours[row], 0.5), 1.5))
+            made = entity(self._group_view.agents[row], time)
+            made.lines.append(entities.line(known, colour(self._group_view.colours[row], 0.5), 1.5))
             shown.append(made)
         return shown
 
@@ -401,10 +416,10 @@ class _Troupe:
         if np.array_equal(tints, self._tints):
             return
         self._tints = tints
-        troupe = self._troupe
-        colours = tinted(troupe.colours, tints / _TINTS)
-        rows = range(len(troupe.agents))
-        self._layers["bodies"].show(time, [entities.body(troupe, row, colours[row], time) for row in rows])
+        group_view = self._group_view
+        colours = tinted(group_view.colours, tints / _TINTS)
+        rows = range(len(group_view.agents))
+        self._layers["bodies"].show(time, [entities.body(group_view, row, colours[row], time) for row in rows])
 
     def _firsts(self, topic: str, time: int, message: wire.SeriesRows) -> Array:
         """Plot the first point of each series, NaN where there is none; (n, columns)."""
@@ -417,17 +432,17 @@ class _Troupe:
         return values
 
     def _rows(self, rows: NDArray[np.uint32] | None) -> Sequence[int]:
-        return range(len(self._troupe.agents)) if rows is None else rows.tolist()
+        return range(len(self._group_view.agents)) if rows is None else rows.tolist()
 
     def _update(self, topic: str, rows: NDArray[np.uint32] | None, values: Array) -> Array:
         if topic not in self._held:
-            self._held[topic] = _Held(len(self._troupe.agents))
+            self._held[topic] = _Held(len(self._group_view.agents))
         return self._held[topic].update(rows, values)
 
     def _plot(self, topic: str, time: int, values: Array, quantities: Sequence[tuple[str, str]] | None = None) -> None:
         if topic not in self._columns:
             columns = self._quantities(topic, values.shape[1]) if quantities is None else quantities
-            self._columns[topic] = Columns(self._output, topic, columns, self._troupe.agents)
+            self._columns[topic] = Columns(self._output, topic, columns, self._group_view.agents)
         self._columns[topic].write(time, values)
 
     def _quantities(self, topic: str, width: int) -> Sequence[tuple[str, str]]:
