@@ -32,10 +32,10 @@ from symaware_cli.recording.reader import Log, open_log
 from symaware_cli.scenario.build import build
 from symaware_cli.scenario.execution import execute
 from symaware_cli.viewing.beliefs import Reading
-from symaware_cli.viewing.cast import Cast, Troupe, cast_of
-from symaware_cli.viewing.screening import screening
-from symaware_cli.viewing.stage import TIMELINE
+from symaware_cli.viewing.replay_session import replay_session
+from symaware_cli.viewing.rerun_output import TIMELINE
 from symaware_cli.viewing.viewer import require
+from symaware_cli.viewing.views import Cast, Troupe, cast_of
 
 SCENARIOS = Path(__file__).parent.parent / "scenarios"
 
@@ -78,7 +78,7 @@ def recorded(case: str, folder: Path) -> tuple[Path, int]:
 def convert(log: Path, path: Path) -> float:
     """CPU time of writing an .rrd [s]."""
     started = time.process_time()
-    screening(open_log(log)).save(path)
+    replay_session(open_log(log)).save(path)
     return time.process_time() - started
 
 
