@@ -35,7 +35,7 @@ from symaware_cli.viewing.beliefs import Reading
 from symaware_cli.viewing.replay_session import replay_session
 from symaware_cli.viewing.rerun_output import TIMELINE
 from symaware_cli.viewing.viewer import require
-from symaware_cli.viewing.views import Cast, Troupe, cast_of
+from symaware_cli.viewing.views import GroupView, RunView, run_view_of
 
 SCENARIOS = Path(__file__).parent.parent / "scenarios"
 
@@ -86,7 +86,7 @@ def convert_row_by_row(log: Log, path: Path) -> tuple[float, int]:
     """CPU time of logging the beginning of a log with one `rr.log` for each update [s], and how many these were."""
     import rerun as rr
 
-    cast = cast_of(log)
+    run_view = run_view_of(log)
     recording = rr.RecordingStream("benchmark")
     recording.save(path)
     updates = 0
@@ -95,17 +95,17 @@ def convert_row_by_row(log: Log, path: Path) -> tuple[float, int]:
         _, root, group, field = f"{message.channel.topic}///".split("/")[:4]
         if root != "agents":
             continue
-        troupe, content = cast.troupes[group], message.decode()
+        group_view, content = run_view.group_views[group], message.decode()
         recording.set_time(TIMELINE, duration=np.timedelta64(message.time, "ns"))
-        for row, drawn in _drawn(rr, cast, troupe, field, content):
-            recording.log(f"{troupe.agents[row]}/{field}", drawn)
+        for row, drawn in _drawn(rr, run_view, group_view, field, content):
+            recording.log(f"{group_view.agents[row]}/{field}", drawn)
             updates += 1
     recording.flush()
     recording.disconnect()
     return time.process_time() - started, updates
 
 
-def _drawn(rr: Any, cast: Cast, troupe: Troupe, field: str, content: Any) -> Iterator[tuple[int, Any]]:
+def _drawn(rr: Any, run_view: RunView, group_view: GroupView, field: str, content: Any) -> Iterator[tuple[int, Any]]:
     """What one would log for each row of a message."""
     match content:
         case wire.Rows() if field == "control":
@@ -113,16 +113,19 @@ def _drawn(rr: Any, cast: Cast, troupe: Troupe, field: str, content: Any) -> Ite
                 yield row, rr.Scalars(control_input)
         case wire.Rows():
             for row, state in enumerate(content.values):
-                yield row, rr.Points3D(troupe.positions(state), colors=troupe.colours[row], radii=troupe.radius)
+                yield (
+                    row,
+                    rr.Points3D(group_view.positions(state), colors=group_view.colours[row], radii=group_view.radius),
+                )
         case wire.SeriesRows():
             for row, (_, values) in enumerate(content):
                 if field == "risk":
                     yield row, rr.Scalars(values[0])
                 else:
-                    yield row, rr.LineStrips3D([troupe.positions(values)], colors=troupe.colours[row])
+                    yield row, rr.LineStrips3D([group_view.positions(values)], colors=group_view.colours[row])
         case wire.Awareness() if not content.world:
-            beliefs = Reading(cast, 2).read([(0, content)], len(troupe.agents), range(len(troupe.agents)))
-            for row in range(len(troupe.agents)):
+            beliefs = Reading(run_view, 2).read([(0, content)], len(group_view.agents), range(len(group_view.agents)))
+            for row in range(len(group_view.agents)):
                 yield row, rr.Points3D(beliefs.places[beliefs.observer == row])
 
 

@@ -289,11 +289,11 @@ class _Stranger:
     """Somebody who connects to a host; speaks the protocol as far as its habit lets it."""
 
     def __init__(self, port: int, key: bytes | None, digest: bytes) -> None:
-        from symaware_cli.network.transport.protocol import Conversation
+        from symaware_cli.network.transport.protocol import PeerProtocol
 
         self._socket = socket.create_connection(("127.0.0.1", port), timeout=2.0)
         self._socket.settimeout(0.5)
-        self._talk = Conversation(False, key, 2**24, 2.0, 60.0, time.monotonic())
+        self._talk = PeerProtocol(False, key, 2**24, 2.0, 60.0, time.monotonic())
         self._digest = digest
 
     def close(self) -> None:
