@@ -32,21 +32,21 @@ _SUNK = 2e-3
 
 
 class Collisions:
-    """Tells a ledger what an engine finds of bodies that touch."""
+    """Tells a tracker what an engine finds of bodies that touch."""
 
-    def __init__(self, client: int, owner: Mapping[int, int], ledger: ContactTracker, ground: int, step_time: float):
+    def __init__(self, client: int, owner: Mapping[int, int], tracker: ContactTracker, ground: int, step_time: float):
         """Take note of the world.
 
         Args:
             client: The engine's client.
-            owner: Whose each of the engine's bodies is, as in the ledger.
-            ledger: Who is told.
+            owner: Whose each of the engine's bodies is, as in the tracker.
+            tracker: Who is told.
             ground: The owner of the ground.
             step_time: A physics step [s].
         """
         self._client = client
         self._owner = owner
-        self._ledger = ledger
+        self._tracker = tracker
         self._ground = ground
         self._step_time = step_time
         #: Which of the engine's bodies touch, and whose they are.
@@ -61,13 +61,13 @@ class Collisions:
             if bodies[1] == self._ground and contact[8] > -_SUNK:
                 if contact[8] <= _GAP:
                     self._touching[contact[1:3]] = bodies
-                    self._ledger.rest(bodies, _middle(contact))
+                    self._tracker.rest(bodies, _middle(contact))
             elif bodies[0] != bodies[1] and contact[8] < -1e-9:
                 known = found.get(bodies)
                 if known is None or contact[8] < known[8]:
                     found[bodies] = contact
         for bodies in sorted(found):
-            self._ledger.start(bodies, _middle(found[bodies]), -found[bodies][8])
+            self._tracker.start(bodies, _middle(found[bodies]), -found[bodies][8])
 
     def update(self) -> Collection[tuple[int, int]]:
         """Tell what the last physics step found, and return which of the engine's bodies pressed on each other."""
@@ -83,7 +83,7 @@ class Collisions:
             near = {contact[1:3] for contact in found if contact[8] <= _GAP}
             # After those that begin, so that who slides along a wall from part to part stays in contact.
             for parts in [each for each in touching if each not in near]:
-                self._ledger.end(touching.pop(parts))
+                self._tracker.end(touching.pop(parts))
         return met
 
     def _begin(self, new: set[tuple[int, int]], found: Sequence[Any]) -> None:
@@ -97,18 +97,18 @@ class Collisions:
             for parts in dict.fromkeys(contact[1:3] for contact in contacts[bodies]):
                 self._touching[parts] = bodies
                 if bodies[0] != bodies[1]:
-                    self._ledger.begin(bodies, _middle(nearest), max(0.0, -nearest[8]))
+                    self._tracker.begin(bodies, _middle(nearest), max(0.0, -nearest[8]))
 
     def _press(self, found: Sequence[Any]) -> None:
         """Tell how hard those pressed on each other in the last physics step who have just begun to touch."""
-        fresh = self._ledger.fresh
+        fresh = self._tracker.fresh
         if fresh:
             for contact in found:
                 # Where there is a gap, the engine solved nothing, and what it tells is of an earlier physics step.
                 if contact[8] <= 0.0 and contact[9] > 0.0:
                     bodies = self._owners(contact[1:3])
                     if bodies in fresh:
-                        self._ledger.press(bodies, contact[9] * self._step_time)
+                        self._tracker.press(bodies, contact[9] * self._step_time)
 
     def _owners(self, parts: tuple[int, int]) -> Pair:
         """Whose two of the engine's bodies are."""

@@ -198,7 +198,7 @@ class PhysicsEnvironment(ColumnEnvironment):
 
     @abstractmethod
     def _find_overlaps(self) -> None:
-        """Tell the ledger who overlaps at the start."""
+        """Tell the tracker who overlaps at the start."""
 
     @abstractmethod
     def _refresh(self) -> None:
@@ -210,7 +210,7 @@ class PhysicsEnvironment(ColumnEnvironment):
 
     @abstractmethod
     def _advance(self, number: int, last: int) -> tuple[int, bool]:
-        """Make physics steps until something may have diverted what is driven, and tell the ledger of contacts.
+        """Make physics steps until something may have diverted what is driven, and tell the tracker of contacts.
 
         Args:
             number: The number in the time step of the first one; there is at least one.

@@ -184,20 +184,20 @@ class PymunkEnvironment(PhysicsEnvironment):
         batch.set_space_bodies(self._space, _FORCE, self._wrench)
 
     def _advance(self, number: int, last: int) -> tuple[int, bool]:
-        step, step_time, ledger = self._space.step, self.step_time, self._tracker
+        step, step_time, tracker = self._space.step, self.step_time, self._tracker
         while True:
             for body, name in self._movers:
                 self._lead(body, name, number)
             step(step_time)
             number += 1
-            if self._hit or ledger.fresh:
+            if self._hit or tracker.fresh:
                 self._take_hits()
             if self._ended:
                 # After those that begin, so that who slides along a wall from part to part stays in contact.
                 for bodies in self._ended:
-                    ledger.end(bodies)
+                    tracker.end(bodies)
                 self._ended.clear()
-            diverted = self._jointed or ledger.agents > 0
+            diverted = self._jointed or tracker.agents > 0
             if diverted or number == last:
                 return number, diverted
 
@@ -293,7 +293,7 @@ class PymunkEnvironment(PhysicsEnvironment):
         self._ended.append(pair(one.owner, other.owner))
 
     def _take_hits(self) -> None:
-        """Tell the ledger of contacts that began in the last physics step, and how hard bodies hit each other in it."""
+        """Tell the tracker of contacts that began in the last physics step, and how hard bodies hit each other."""
         self._buffer.clear()
         batch.get_space_arbiters(self._space, _HIT, self._buffer)
         numbers = np.frombuffer(self._buffer.int_buf(), np.uintp).reshape(-1, 3)

@@ -29,18 +29,18 @@ def world(kind, obstacles, positions=((99.0, 99.0),), shape=None, **parameters):
     return environment
 
 
-def test_a_ledger_adds_up_how_hard_until_bodies_part_or_the_time_step_ends():
-    ledger = ContactTracker(["a", "b", "c"], 0)
-    ledger.begin((0, 1), (0.0, 0.0), 0.1)
-    ledger.begin((0, 2), (0.0, 0.0), 0.1)
+def test_a_contact_tracker_adds_up_how_hard_until_bodies_part_or_the_time_step_ends():
+    tracker = ContactTracker(["a", "b", "c"], 0)
+    tracker.begin((0, 1), (0.0, 0.0), 0.1)
+    tracker.begin((0, 2), (0.0, 0.0), 0.1)
     for bodies, impulse in (((0, 1), 1.0), ((0, 2), 5.0), ((1, 2), 9.0), ((0, 1), 2.0)):
-        ledger.press(bodies, impulse)
-    ledger.end((0, 1))
-    ledger.press((0, 1), 7.0)  # has parted
-    ledger.press((0, 2), 0.5)
-    ledger.settle()
-    ledger.press((0, 2), 7.0)  # in the next time step
-    news = {(each.first, each.second): each.impulse for each in ledger.take() if each.begins}
+        tracker.press(bodies, impulse)
+    tracker.end((0, 1))
+    tracker.press((0, 1), 7.0)  # has parted
+    tracker.press((0, 2), 0.5)
+    tracker.settle()
+    tracker.press((0, 2), 7.0)  # in the next time step
+    news = {(each.first, each.second): each.impulse for each in tracker.take() if each.begins}
     assert news == {("a", "b"): 3.0, ("a", "c"): 5.5}
 
 
