@@ -11,7 +11,7 @@ from symaware_cli.components.communication.inbox import Inbox
 from symaware_cli.components.communication.state import StateSender
 from symaware_cli.components.perception import SelfPerception
 from symaware_cli.components.perception_range import RangePerception
-from symaware_cli.network.topology.still import Complete
+from symaware_cli.network.topology.fixed import Complete
 
 
 class TestStates:

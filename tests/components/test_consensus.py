@@ -6,7 +6,7 @@ from simulating import STEP, Team
 from talking import Setting, Watch, made
 
 from symaware_cli.components.communication.consensus import Consensus
-from symaware_cli.network.topology.still import Complete, Graph, Line, Random, Ring, Star, Tree
+from symaware_cli.network.topology.fixed import Complete, Graph, Line, Random, Ring, Star, Tree
 from symaware_cli.runtime.faults import Freeze, Restart
 from symaware_cli.runtime.timing import Timing
 

@@ -6,7 +6,7 @@ from simulating import STEP, Team
 from talking import Setting, Watch, made
 
 from symaware_cli.components.communication.flooding import Flooding
-from symaware_cli.network.topology.still import Complete, Line, Ring
+from symaware_cli.network.topology.fixed import Complete, Line, Ring
 from symaware_cli.runtime.faults import Restart
 
 

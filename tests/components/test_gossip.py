@@ -5,7 +5,7 @@ from simulating import STEP, Team
 from talking import Setting, Watch, made, team
 
 from symaware_cli.components.communication.gossip import Gossip
-from symaware_cli.network.topology.still import Complete
+from symaware_cli.network.topology.fixed import Complete
 from symaware_cli.runtime.faults import Restart
 from symaware_cli.runtime.timing import Timing
 

@@ -15,7 +15,7 @@ from symaware_cli.components.perception_range import RangePerception
 from symaware_cli.components.uncertainty_gaussian import GaussianUncertainty
 from symaware_cli.network.channel.parameters import ChannelParameters
 from symaware_cli.network.network import Network, TopologyPhase
-from symaware_cli.network.topology.still import Complete
+from symaware_cli.network.topology.fixed import Complete
 from symaware_cli.runtime.faults import Agents, Components, Cut, Fault, Restart, Stop
 from symaware_cli.runtime.options import RunOptions
 from symaware_cli.runtime.run import run

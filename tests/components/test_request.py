@@ -8,7 +8,7 @@ from talking import Watch, made
 
 from symaware_cli.components.communication.request import Request
 from symaware_cli.network.network import Network, TopologyPhase
-from symaware_cli.network.topology.still import Complete
+from symaware_cli.network.topology.fixed import Complete
 
 
 class TestRequests:

@@ -13,7 +13,7 @@ from symaware_cli import Message, MessageBatch
 from symaware_cli.network.channel.parameters import ChannelParameters
 from symaware_cli.network.exchange import MemoryExchange
 from symaware_cli.network.network import ChannelOverride, Network, TopologyPhase
-from symaware_cli.network.topology.still import Complete
+from symaware_cli.network.topology.fixed import Complete
 from symaware_cli.network.transport.codec import decode, encode
 from symaware_cli.network.transport.frame import Step
 

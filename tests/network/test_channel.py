@@ -13,7 +13,7 @@ from symaware_cli.network.channel.link_queue import LinkQueue
 from symaware_cli.network.channel.link_states import LinkStates
 from symaware_cli.network.channel.parameters import ChannelParameters
 from symaware_cli.network.network import ChannelOverride
-from symaware_cli.network.topology.still import Complete
+from symaware_cli.network.topology.fixed import Complete
 
 MANY = 20_000
 

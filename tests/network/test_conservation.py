@@ -12,8 +12,8 @@ from symaware_cli.core import EVERYBODY, Message, MessageBatch
 from symaware_cli.network.channel.parameters import ChannelParameters
 from symaware_cli.network.disturbance import Disturbance
 from symaware_cli.network.network import ChannelOverride
-from symaware_cli.network.topology.near import Range
-from symaware_cli.network.topology.still import Complete, Random, Star
+from symaware_cli.network.topology.fixed import Complete, Random, Star
+from symaware_cli.network.topology.spatial import Range
 
 MILLISECOND = 1_000_000
 

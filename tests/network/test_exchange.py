@@ -15,7 +15,7 @@ from symaware_cli.network.channel.parameters import ChannelParameters
 from symaware_cli.network.disturbance import Disturbance
 from symaware_cli.network.exchange import MemoryExchange, UnknownReceiverError
 from symaware_cli.network.network import ChannelOverride, Network, TopologyPhase
-from symaware_cli.network.topology.still import Complete, Line
+from symaware_cli.network.topology.fixed import Complete, Line
 
 IDS = ["car", "robot.0", "robot.1"]
 

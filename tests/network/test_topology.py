@@ -13,8 +13,8 @@ from simulating import STEP, Team, simulation
 from symaware_cli.core import Links, Obstacle, Roster
 from symaware_cli.environments.kinematic import KinematicEnvironment
 from symaware_cli.network.network import Network, TopologyPhase
-from symaware_cli.network.topology.near import LineOfSight, Nearest, Range
-from symaware_cli.network.topology.still import Complete, Graph, Grid, Line, Random, Ring, Star, Tree
+from symaware_cli.network.topology.fixed import Complete, Graph, Grid, Line, Random, Ring, Star, Tree
+from symaware_cli.network.topology.spatial import LineOfSight, Nearest, Range
 from symaware_cli.network.topology.topology import TopologyError
 from symaware_cli.world.chance import agent_numbers, combined, key_of, uniform
 
