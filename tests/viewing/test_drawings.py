@@ -9,8 +9,10 @@ import rerun as rr
 from outlines import distance, placed
 from plot_logs import AIRCRAFT, YARD, log_of
 from rerun_files import STEP, Script, group, saved
+from simulating import Team, simulate
 
-from symaware_cli import Shape
+from symaware_cli import AwarenessVector, Component, Shape, TimeSeries
+from symaware_cli.components.perception import SelfPerception
 from symaware_cli.recording import symaware_v1_pb2 as v1
 from symaware_cli.recording import wire
 from symaware_cli.viewing.palette import AGENTS, RISK, SCENERY
@@ -295,3 +297,32 @@ def test_agents_may_be_called_like_what_is_shown_besides(names, tmp_path):
         assert recording.values(f"/curves/agents/{name}/state", "Scalars:scalars") == [[row, 0]]
     assert recording.values("/world/scenery/body", "Transform3D:translation") == [[[0, 3, 0]]]
     assert not any(entity.startswith("/curves/risk/") and entity.count("/") > 3 for entity in recording.entities)
+
+
+class Guesses(Component):
+    """Believes for a while to know where another means to go: first one way, then a longer one, then none."""
+
+    def _compute(self):
+        step = self.now // STEP
+        way = {1.0: [1.0, 2.0], 2.0: [3.0, 2.0]} | ({} if step < 2 else {3.0: [3.0, 6.0]})
+        return TimeSeries() if step >= 4 else TimeSeries(way)
+
+    def _update(self, value):
+        if self._agent.row == 0:
+            others = self._agent.awareness_database
+            if "robot.1" not in others:
+                others["robot.1"] = AwarenessVector("robot.1", [7.0, 8.0, 0.0, 0.0], risk=TimeSeries({0.0: 0.5}))
+            others["robot.1"].intent = value
+
+
+def test_the_ways_that_an_agent_believes_others_to_mean_are_drawn_where_its_ghosts_stand(tmp_path):
+    simulate({"robot": Team({"see": SelfPerception, "guess": Guesses}, count=2)}, 7, tmp_path / "log")
+    recording = saved(tmp_path / "log", tmp_path, ["robot"])
+    path = "/as/robot.0/others/intent"
+    assert recording.times(path, "LineStrips3D:strips") == [0, 2 * STEP, 4 * STEP]
+    first, second, last = recording.values(path, "LineStrips3D:strips")
+    assert first == [[[1, 2, 0], [3, 2, 0]]]
+    assert second == [[[1, 2, 0], [3, 2, 0]], [[3, 2, 0], [3, 6, 0]]]
+    assert not last
+    assert "/as/robot.0/others/risk" not in recording.entities
+    assert ("/as/robot.1/others/intent", "LineStrips3D:strips") not in recording.rows

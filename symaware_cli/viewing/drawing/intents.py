@@ -45,7 +45,7 @@ class Intents(Drawing):
             for name, topic in group_view.drawn("path"):
                 strips = chunk.strips.get(topic)
                 if strips is not None:
-                    columns = path_columns(group_view, name, strips)
+                    columns = path_columns(group_view, name, strips.values.shape[1])
                     fading(self.output, f"minds/{group_view.name}/{name}", group_view, strips, rows, columns)
 
 
@@ -180,14 +180,31 @@ def _fading_ragged(
             if length < 2:
                 continue
             series = strips.values[ends[place, row] - length : ends[place, row]]
-            chosen = in_space(series[_pieces(length)][:, list(columns)], group_view.height)
-            points.append(np.stack([chosen[:-1], chosen[1:]], axis=1).reshape(-1, 3))
-            colours.append(faded(group_view.colours[row], _shares(len(chosen) - 1)))
-            count += len(chosen) - 1
+            line, fading_colours = fading_line(
+                in_space(series[:, list(columns)], group_view.height), group_view.colours[row]
+            )
+            points.append(line)
+            colours.append(fading_colours)
+            count += len(fading_colours)
         counts.append(count)
     flat = np.concatenate(points) if points else np.empty((0, 3))
     shades = np.concatenate(colours) if colours else np.empty((0, 3), np.uint8)
     output.strips(path, strips.times, flat, np.full(sum(counts), 2), counts, shades)
+
+
+def fading_line(points: Array, colour: Colours) -> tuple[Array, Colours]:
+    """Cut a line into straight pieces that fade.
+
+    Args:
+        points: (k, 3), at least two.
+        colour: That of its beginning.
+
+    Returns:
+        Both ends of each piece, (2 m, 3), and the colours of the pieces, (m, 3).
+    """
+    chosen = points[_pieces(len(points))]
+    ends = np.stack([chosen[:-1], chosen[1:]], axis=1).reshape(-1, 3)
+    return ends, faded(colour, _shares(len(chosen) - 1))
 
 
 def ellipsoids(covariances: Array) -> tuple[Array, Array]:
@@ -228,12 +245,11 @@ def position_columns(group_view: GroupView, names: Sequence[str]) -> list[int] |
     return [names.index(name) for name in wanted] if all(name in names for name in wanted) else None
 
 
-def path_columns(group_view: GroupView, name: str, strips: SeriesFrames) -> list[int] | None:
-    """Where the position stands in a path; without names of columns those are states, or positions alone."""
+def path_columns(group_view: GroupView, name: str, columns: int) -> list[int] | None:
+    """Where the position stands among the numbers of a path; where nobody names them they are states, or positions."""
     named = position_columns(group_view, group_view.signals[name].column_names)
     if named:
         return named
-    columns = strips.values.shape[1]
     if columns == len(group_view.state):
         return list(group_view.position)
     return list(range(columns)) if columns == len(group_view.position) else None

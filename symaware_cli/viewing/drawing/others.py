@@ -7,10 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from symaware_cli.recording import wire
+from symaware_cli.recording.series import place_of
 from symaware_cli.viewing.beliefs import Beliefs, Reading
 from symaware_cli.viewing.chunk import Chunk
 from symaware_cli.viewing.drawing.base import Drawing
-from symaware_cli.viewing.drawing.intents import ellipsoids, fading, path_columns
+from symaware_cli.viewing.drawing.intents import ellipsoids, fading, fading_line, path_columns
 from symaware_cli.viewing.outline import circle
 from symaware_cli.viewing.palette import faded
 from symaware_cli.viewing.views import in_space
@@ -44,6 +46,8 @@ class Others(Drawing):
         self._colours = np.array([colour for colour, _ in looks], np.uint8).reshape(-1, 3)
         self._radii = np.array([radius for _, radius in looks])
         self._heights = np.array([self._height(name) for name in run_view.roster])
+        #: The parts of awareness that are ways ahead, of any group.
+        self._paths = sorted({name for view in run_view.group_views.values() for name, _ in view.drawn("path")})
         thin, thick = rr.Radius.ui_points([1.0]), rr.Radius.ui_points([1.75])
         ghosts = rr.Cylinders3D.from_fields(lengths=[0.0], line_radii=thick, fill_mode="majorwireframe")
         doubts = rr.Ellipsoids3D.from_fields(line_radii=thin, fill_mode="majorwireframe")
@@ -54,6 +58,8 @@ class Others(Drawing):
                 self.output.static(f"as/{agent}/doubts", doubts)
                 for name, _ in self.run_view.group_views[group].drawn("path"):
                     self.output.static(f"as/{agent}/{name}", rr.LineStrips3D.from_fields(radii=thick))
+                for name in self._paths:
+                    self.output.static(f"as/{agent}/others/{name}", rr.LineStrips3D.from_fields(radii=thin))
                 # An eye follows only what there is something of.
                 self.output.static(
                     f"as/{agent}/place", rr.Points3D([[0.0, 0.0, 0.0]], radii=rr.Radius.ui_points([0.0]))
@@ -76,10 +82,13 @@ class Others(Drawing):
                 for name, topic in group_view.drawn("path"):
                     strips = chunk.strips.get(topic)
                     if strips is not None:
-                        columns = path_columns(group_view, name, strips)
+                        columns = path_columns(group_view, name, strips.values.shape[1])
                         fading(self.output, f"as/{agent}/{name}", group_view, strips, [row], columns)
-            entries = chunk.entries.get(f"/agents/{group}/awareness")
-            states = [(time, each) for time, each in entries or () if each.tells_states]
+            entries = chunk.entries.get(f"/agents/{group}/awareness", ())
+            for name in self._paths:
+                for agent, row in agents:
+                    self._draw_ways(name, agent, row, entries)
+            states = [(time, each) for time, each in entries if each.tells_states]
             if states:
                 beliefs = self._readings[group].read(states, len(group_view.agents), [row for _, row in agents])
                 for agent, row in agents:
@@ -97,6 +106,40 @@ class Others(Drawing):
             half_sizes, quaternions = ellipsoids(beliefs.covariances[mine])
             path = f"as/{agent}/doubts"
             self.output.ellipsoids(path, times, places, half_sizes, quaternions, counts, faded(colours, 0.15))
+
+    def _draw_ways(self, part: str, agent: str, row: int, entries: Sequence[tuple[int, wire.Awareness]]) -> None:
+        """Draw the ways that others mean to go, as far as an agent knows them."""
+        times, counts, lines = [], [], []
+        colours: list[NDArray[np.uint8]] = []
+        for time, message in entries:
+            for told in message.series:
+                place = place_of(row, told.rows)
+                if told.part != part or place is None:
+                    continue
+                before = len(colours)
+                for whose, who, _, values in told:
+                    points = self._way(part, who, values) if whose == place else None
+                    if points is not None:
+                        line, shades = fading_line(points, self._colours[who])
+                        lines.append(line)
+                        colours.extend(shades)
+                times.append(time)
+                counts.append(len(colours) - before)
+        if times:
+            points = np.concatenate(lines) if lines else np.empty((0, 3))
+            shown = np.array(colours, np.uint8).reshape(-1, 3)
+            at = np.array(times, np.int64)
+            self.output.strips(f"as/{agent}/others/{part}", at, points, np.full(len(shown), 2), counts, shown)
+
+    def _way(self, part: str, who: int, values: Array) -> Array | None:
+        """The points of a way of somebody in the roster, (k, 3); None where it is none."""
+        place = self.run_view.place.get(self.run_view.roster[who])
+        if place is None or len(values) < 2:
+            return None
+        group_view = self.run_view.group_views[place[0]]
+        is_path = part in group_view.signals and group_view.signals[part].drawn == "path"
+        columns = path_columns(group_view, part, values.shape[1]) if is_path else None
+        return None if columns is None else in_space(values[:, columns], group_view.height)
 
     def _looks(self, name: str) -> tuple[Sequence[int], float]:
         """The colour of somebody and the radius [m]."""
