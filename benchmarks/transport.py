@@ -13,9 +13,9 @@ import subprocess
 import sys
 import time
 
-from symaware_cli.network.transport.tcp import Tcp
-from symaware_cli.network.transport.transport import Port, Transport
-from symaware_cli.network.transport.zenoh import Zenoh
+from symaware_cli.distributed.tcp import Tcp
+from symaware_cli.distributed.transport import Port, Transport
+from symaware_cli.distributed.zenoh import Zenoh
 
 KEY = b"thirty-two bytes of a shared key"
 

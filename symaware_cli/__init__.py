@@ -73,9 +73,9 @@ if TYPE_CHECKING:
         seconds,
     )
     from symaware_cli.core.state import StateError
+    from symaware_cli.distributed.transport import Port, PortEvent, Transport, TransportError, TransportParameters
     from symaware_cli.environments.vehicle import Vehicle
     from symaware_cli.network.topology.topology import Topology, TopologyError, TopologyParameters
-    from symaware_cli.network.transport.transport import Port, PortEvent, Transport, TransportError, TransportParameters
     from symaware_cli.processor import ProcessorWarning
     from symaware_cli.recording.error import LogError
     from symaware_cli.recording.reader import Log, open_log
@@ -178,7 +178,7 @@ _HOMES = {
     "symaware_cli.core.state": ("StateError",),
     "symaware_cli.environments.vehicle": ("Vehicle",),
     "symaware_cli.network.topology.topology": ("Topology", "TopologyError", "TopologyParameters"),
-    "symaware_cli.network.transport.transport": (
+    "symaware_cli.distributed.transport": (
         "Port",
         "PortEvent",
         "Transport",

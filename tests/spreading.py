@@ -15,9 +15,9 @@ from parts import contents
 from ports import free_port
 from simulating import COMMAND
 
+from symaware_cli.distributed.merging import merge
+from symaware_cli.distributed.process_log import open_process_logs
 from symaware_cli.recording import wire
-from symaware_cli.recording.merging import merge
-from symaware_cli.recording.process_log import open_process_logs
 from symaware_cli.recording.reader import Log, open_log
 
 PATIENCE = 180

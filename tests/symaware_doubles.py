@@ -28,8 +28,8 @@ from symaware_cli import (
 )
 from symaware_cli.core import Message
 from symaware_cli.core.message import EVERYBODY
+from symaware_cli.distributed.tcp import Tcp
 from symaware_cli.environments.kinematic import KinematicEnvironment
-from symaware_cli.network.transport.tcp import Tcp
 
 #: What tests/conftest.py registers, by entry-point name.
 COMPONENTS = {

@@ -90,8 +90,8 @@ def _sound() -> list[bytes]:
 
     from symaware_cli.core import AwarenessVector, Contact, Delivery, MessageBatch, TimeSeries
     from symaware_cli.core.message import objects
-    from symaware_cli.network.transport.codec import encode
-    from symaware_cli.network.transport.frame import (
+    from symaware_cli.distributed.codec import encode
+    from symaware_cli.distributed.frame import (
         End,
         Hello,
         Notice,
@@ -150,8 +150,8 @@ def _damaged(chance: Random, frame: bytes) -> bytes:
 
 def _decoded(data: bytes) -> str:
     """Decode a frame; what is taken is the same when it is sent on."""
-    from symaware_cli.network.transport.codec import decode, encode
-    from symaware_cli.network.transport.frame import FrameError
+    from symaware_cli.distributed.codec import decode, encode
+    from symaware_cli.network.value import FrameError
 
     try:
         frame = decode(data)
@@ -289,7 +289,7 @@ class _Stranger:
     """Somebody who connects to a host; speaks the protocol as far as its habit lets it."""
 
     def __init__(self, port: int, key: bytes | None, digest: bytes) -> None:
-        from symaware_cli.network.transport.protocol import PeerProtocol
+        from symaware_cli.distributed.protocol import PeerProtocol
 
         self._socket = socket.create_connection(("127.0.0.1", port), timeout=2.0)
         self._socket.settimeout(0.5)
@@ -302,7 +302,7 @@ class _Stranger:
 
     def act(self, habit: str, frames: list[bytes]) -> int:
         """Do what it does; returns how many frames it sent."""
-        from symaware_cli.network.transport.protocol import FRAME
+        from symaware_cli.distributed.protocol import FRAME
 
         talk = self._talk
         if habit == "silent":
@@ -339,8 +339,8 @@ class _Stranger:
 
     def _hello(self, *, right: bool) -> bytes:
         from symaware_cli import __version__
-        from symaware_cli.network.transport.codec import encode
-        from symaware_cli.network.transport.frame import Hello
+        from symaware_cli.distributed.codec import encode
+        from symaware_cli.distributed.frame import Hello
 
         digest = self._digest if right else hashlib.sha256(self._digest).digest()
         return encode(Hello(f"stranger {self._socket.getsockname()[1]}", digest, __version__, ("robot.0",)))
@@ -349,13 +349,13 @@ class _Stranger:
         return len(record).to_bytes(4) + record
 
     def _say(self, frame: bytes) -> None:
-        from symaware_cli.network.transport.protocol import FRAME
+        from symaware_cli.distributed.protocol import FRAME
 
         self._socket.sendall(self._framed(self._talk.record(FRAME, frame)))
 
     def _introduce(self) -> bool:
         """Become known to the host; False if it does not let us."""
-        from symaware_cli.network.transport.protocol import PREAMBLE, Over
+        from symaware_cli.distributed.protocol import PREAMBLE, Over
 
         talk, data = self._talk, b""
         self._socket.sendall(talk.preamble)

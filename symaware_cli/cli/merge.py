@@ -15,8 +15,8 @@ from symaware_cli.api.report import size_in_words
 from symaware_cli.cli.terminal import DATA_LOST, INTERRUPTED, Json, is_lively, print_json, trouble_shown
 
 if TYPE_CHECKING:
-    from symaware_cli.recording.merging import Merged
-    from symaware_cli.recording.process_log import ProcessLog
+    from symaware_cli.distributed.merging import Merged
+    from symaware_cli.distributed.process_log import ProcessLog
 
 
 def merge(
@@ -34,8 +34,8 @@ def merge(
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         with trouble_shown(as_json):
-            from symaware_cli.recording.merging import merge as write
-            from symaware_cli.recording.process_log import missing_in_words, open_process_logs
+            from symaware_cli.distributed.merging import merge as write
+            from symaware_cli.distributed.process_log import missing_in_words, open_process_logs
 
             parts = open_process_logs(paths)
             start = min((part.log.start_time or 0 for part in parts), default=0)

@@ -158,7 +158,7 @@ def _tell(event: Event) -> None:
 @contextmanager
 def _refusals_shown(as_json: bool) -> Iterator[None]:
     """Say why this process cannot take its place among others."""
-    from symaware_cli.network.transport.transport import TransportError
+    from symaware_cli.distributed.transport import TransportError
     from symaware_cli.scenario.place import DistributionError
 
     try:

@@ -24,9 +24,9 @@ from symaware_cli.core import (
     WorldError,
     nanoseconds,
 )
+from symaware_cli.distributed.transport import Transport
 from symaware_cli.models.conformity import faults_of
 from symaware_cli.network.topology.topology import Topology
-from symaware_cli.network.transport.transport import Transport
 from symaware_cli.runtime.failure import RunError
 from symaware_cli.runtime.faults import Fault
 from symaware_cli.runtime.options import RunOptions

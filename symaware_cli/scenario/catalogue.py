@@ -14,8 +14,8 @@ from typing import Any
 from pydantic import BaseModel
 
 from symaware_cli.core import Component, Environment, GroupComponent, Model
+from symaware_cli.distributed.transport import Transport
 from symaware_cli.network.topology.topology import Topology
-from symaware_cli.network.transport.transport import Transport
 from symaware_cli.runtime.failure import describe
 from symaware_cli.scenario.problem import nearest, quoted
 

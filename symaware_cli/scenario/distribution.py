@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from symaware_cli.network.transport.address import is_loopback, parse_address
-from symaware_cli.network.transport.transport import Transport
-from symaware_cli.runtime.distributed.host import Host
-from symaware_cli.runtime.distributed.member import Member
-from symaware_cli.runtime.distributed.participant import Identity, Participant
+from symaware_cli.distributed.address import is_loopback, parse_address
+from symaware_cli.distributed.host import Host
+from symaware_cli.distributed.member import Member
+from symaware_cli.distributed.participant import Identity, Participant
+from symaware_cli.distributed.transport import Transport
 from symaware_cli.runtime.scope import further_parts
 from symaware_cli.scenario.build import Built
 from symaware_cli.scenario.catalogue import Catalogue

@@ -21,9 +21,9 @@ from symaware_cli.scenario.files import RESOLVED
 from symaware_cli.scenario.versions import versions
 
 if TYPE_CHECKING:
+    from symaware_cli.distributed.participant import Participant
     from symaware_cli.recording.recorder import Recorder
     from symaware_cli.recording.writer import LogWriter
-    from symaware_cli.runtime.distributed.participant import Participant
     from symaware_cli.scenario.place import Place
 
 _MEDIA_TYPES = {".toml": "application/toml", ".yaml": "application/yaml", ".yml": "application/yaml"}

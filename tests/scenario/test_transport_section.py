@@ -5,7 +5,7 @@ import yaml
 from spreading import goal_seekers
 
 from symaware_cli import open_log
-from symaware_cli.network.transport.tcp import Tcp
+from symaware_cli.distributed.tcp import Tcp
 from symaware_cli.scenario.build import build
 from symaware_cli.scenario.execution import execute
 from symaware_cli.scenario.problem import ScenarioError

@@ -47,7 +47,7 @@ class SimulationState:
             StateError: It holds a text that is no Unicode.
         """
         # Imported for those who need it: the code for frames is slow to load.
-        from symaware_cli.network.transport.value import value_to_wire
+        from symaware_cli.network.value import value_to_wire
 
         try:
             data = value_to_wire({**vars(self), "entries": [list(each) for each in self.entries]}).SerializeToString()
@@ -62,9 +62,8 @@ class SimulationState:
         Raises:
             StateError: These bytes are no state.
         """
-        from symaware_cli.network.transport import transport_pb2 as wire
-        from symaware_cli.network.transport.frame import FrameError
-        from symaware_cli.network.transport.value import parsed, value_from_wire
+        from symaware_cli.network import transport_pb2 as wire
+        from symaware_cli.network.value import FrameError, parsed, value_from_wire
 
         if not data.startswith(_MAGIC):
             raise StateError("these bytes are not the state of a simulation")

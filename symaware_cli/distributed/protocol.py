@@ -16,14 +16,14 @@ import os
 import struct
 from collections import deque
 
-from symaware_cli.network.transport.authentication import (
+from symaware_cli.distributed.authentication import (
     OVERHEAD,
     AuthenticationError,
     Signer,
     Verifier,
     connection_keys,
 )
-from symaware_cli.network.transport.transport import Rejection
+from symaware_cli.distributed.transport import Rejection
 
 #: The version of this protocol; both ends must speak the same.
 VERSION = 1

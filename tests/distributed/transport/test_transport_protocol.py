@@ -6,7 +6,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from symaware_cli.network.transport.protocol import FAREWELL, FRAME, PING, PONG, PREAMBLE, ConnectionEnded, PeerProtocol
+from symaware_cli.distributed.protocol import FAREWELL, FRAME, PING, PONG, PREAMBLE, ConnectionEnded, PeerProtocol
 
 KEY = b"a key that both know"
 

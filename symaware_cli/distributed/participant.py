@@ -12,9 +12,9 @@ import numpy as np
 
 from symaware_cli.core import Event, Level
 from symaware_cli.core.message import Indices
-from symaware_cli.network.transport.codec import encode
-from symaware_cli.network.transport.frame import Frame, Notice
-from symaware_cli.network.transport.transport import Port, PortEvent
+from symaware_cli.distributed.codec import encode
+from symaware_cli.distributed.frame import Frame, Notice
+from symaware_cli.distributed.transport import Port, PortEvent
 from symaware_cli.runtime.failure import RunError
 
 if TYPE_CHECKING:

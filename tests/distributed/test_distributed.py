@@ -16,9 +16,9 @@ from spreading import Spread, alone, differences, events, goal_seekers, written
 from symaware_doubles import Progress
 
 from symaware_cli import MessageBatch, __version__, open_log
-from symaware_cli.network.transport.codec import decode, encode
-from symaware_cli.network.transport.frame import Hello, Post, Report, Welcome
-from symaware_cli.network.transport.tcp import Tcp
+from symaware_cli.distributed.codec import decode, encode
+from symaware_cli.distributed.frame import Hello, Post, Report, Welcome
+from symaware_cli.distributed.tcp import Tcp
 from symaware_cli.scenario.build import build
 
 STEP = 50_000_000

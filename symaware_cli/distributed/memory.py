@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from symaware_cli.network.transport.transport import Port, Transport, TransportError
+from symaware_cli.distributed.transport import Port, Transport, TransportError
 
 
 class Memory(Transport):

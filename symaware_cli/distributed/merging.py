@@ -10,11 +10,11 @@ from hashlib import blake2b
 from pathlib import Path
 from typing import Any
 
+from symaware_cli.distributed.process_log import ProcessLog, missing_agents, missing_in_words
 from symaware_cli.recording.error import LogError, OutputError
 from symaware_cli.recording.index import ChannelInfo
 from symaware_cli.recording.message import LogMessage
 from symaware_cli.recording.output import whole_file
-from symaware_cli.recording.process_log import ProcessLog, missing_agents, missing_in_words
 from symaware_cli.recording.recovery import Damage
 from symaware_cli.recording.schema import MANIFEST, MESSAGES, RECOVERY, TIMING, json_values
 from symaware_cli.recording.writer import LogWriter

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from symaware_cli.network.transport.authentication import (
+from symaware_cli.distributed.authentication import (
     OVERHEAD,
     AuthenticationError,
     ReplayWindow,

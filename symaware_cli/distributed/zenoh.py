@@ -14,10 +14,10 @@ import socket
 from collections import deque
 from typing import Any
 
-from symaware_cli.network.transport.address import address_of, numeric
-from symaware_cli.network.transport.connection import Connection
-from symaware_cli.network.transport.transport import Port, Transport, TransportError, TransportParameters
-from symaware_cli.network.transport.zenoh_port import ZenohConnection, ZenohPort
+from symaware_cli.distributed.address import address_of, numeric
+from symaware_cli.distributed.connection import Connection
+from symaware_cli.distributed.transport import Port, Transport, TransportError, TransportParameters
+from symaware_cli.distributed.zenoh_port import ZenohConnection, ZenohPort
 
 #: Under which all key expressions stand: with the version of how they are used.
 _ROOT = "symaware/1"

@@ -14,8 +14,7 @@ from google.protobuf.message import DecodeError, Message
 from numpy.typing import NDArray
 
 from symaware_cli.core import PARTS, AwarenessVector, TimeSeries
-from symaware_cli.network.transport import transport_pb2 as wire
-from symaware_cli.network.transport.frame import FrameError
+from symaware_cli.network import transport_pb2 as wire
 
 #: So deep may mappings and lists stand in each other.
 DEPTH = 16
@@ -44,6 +43,10 @@ _TYPES = {
     wire.Array.FLOAT64: np.dtype("<f8"),
 }
 _CODES = {dtype: code for code, dtype in _TYPES.items()}
+
+
+class FrameError(ValueError):
+    """These bytes are no frame, or no value of one."""
 
 
 def parsed(kind: type[Any], data: bytes) -> Any:

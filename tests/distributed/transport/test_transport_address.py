@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from symaware_cli.network.transport.address import address_of, is_loopback, parse_address
-from symaware_cli.network.transport.transport import TransportError
+from symaware_cli.distributed.address import address_of, is_loopback, parse_address
+from symaware_cli.distributed.transport import TransportError
 
 
 @pytest.mark.parametrize(

@@ -14,10 +14,9 @@ from numpy.typing import NDArray
 from symaware_cli.awareness.column import Array, Column
 from symaware_cli.core import AgentGroup, Delivery, Level
 from symaware_cli.core.message import Indices
-from symaware_cli.network.transport.codec import decode
-from symaware_cli.network.transport.frame import (
+from symaware_cli.distributed.codec import decode
+from symaware_cli.distributed.frame import (
     End,
-    FrameError,
     Hello,
     Notice,
     Post,
@@ -26,8 +25,9 @@ from symaware_cli.network.transport.frame import (
     Step,
     Welcome,
 )
-from symaware_cli.network.transport.transport import Port, PortEvent
-from symaware_cli.runtime.distributed.participant import Identity, Participant, listed, rows_of
+from symaware_cli.distributed.participant import Identity, Participant, listed, rows_of
+from symaware_cli.distributed.transport import Port, PortEvent
+from symaware_cli.network.value import FrameError
 from symaware_cli.runtime.failure import RunError
 from symaware_cli.runtime.membership import safe_input
 

@@ -9,7 +9,7 @@ import hashlib
 import hmac
 import struct
 
-from symaware_cli.network.transport.transport import Rejection
+from symaware_cli.distributed.transport import Rejection
 
 #: How many bytes a signature adds: a counter and an HMAC-SHA256 (RFC 2104).
 OVERHEAD = 8 + 32

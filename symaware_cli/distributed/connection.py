@@ -8,8 +8,8 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from typing import ClassVar, Protocol
 
-from symaware_cli.network.transport.protocol import FAREWELL, FRAME, PING, PONG, ConnectionEnded, PeerProtocol
-from symaware_cli.network.transport.transport import PortEvent, Rejection, TransportParameters
+from symaware_cli.distributed.protocol import FAREWELL, FRAME, PING, PONG, ConnectionEnded, PeerProtocol
+from symaware_cli.distributed.transport import PortEvent, Rejection, TransportParameters
 
 #: So many bytes are handed on at once, if there are as many.
 _BATCH = 2**18

@@ -21,6 +21,8 @@ from parts import contents, split, write_part
 from sample_log import MANIFEST, STEP, write_sample
 
 from fuzzing.log_verbs import called
+from symaware_cli.distributed.merging import merge
+from symaware_cli.distributed.process_log import open_process_logs
 from symaware_cli.exporting.conversion import export_tables
 from symaware_cli.exporting.text import CSV
 from symaware_cli.recording import symaware_v1_pb2 as v1
@@ -28,8 +30,6 @@ from symaware_cli.recording import wire
 from symaware_cli.recording.digest import digest
 from symaware_cli.recording.error import LogError, OutputError
 from symaware_cli.recording.index import FRAME
-from symaware_cli.recording.merging import merge
-from symaware_cli.recording.process_log import open_process_logs
 from symaware_cli.recording.reader import open_log
 from symaware_cli.recording.writer import LogWriter
 

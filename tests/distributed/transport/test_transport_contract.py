@@ -16,10 +16,10 @@ import pytest
 from ports import free_port
 from transporting import COUNT, ECHO, KEY, descriptors, echo, eventually, expect, number, tasks, threads
 
-from symaware_cli.network.transport.memory import Memory
-from symaware_cli.network.transport.tcp import Tcp
-from symaware_cli.network.transport.transport import Port, PortEvent, Transport, TransportError
-from symaware_cli.network.transport.zenoh import Zenoh
+from symaware_cli.distributed.memory import Memory
+from symaware_cli.distributed.tcp import Tcp
+from symaware_cli.distributed.transport import Port, PortEvent, Transport, TransportError
+from symaware_cli.distributed.zenoh import Zenoh
 
 Open = Callable[..., Port]
 
@@ -498,7 +498,7 @@ def test_a_transport_whose_library_is_not_there_says_what_to_install() -> None:
         "import sys\n"
         "sys.modules['zenoh'] = None\n"
         "from symaware_cli import TransportError\n"
-        "from symaware_cli.network.transport.zenoh import Zenoh\n"
+        "from symaware_cli.distributed.zenoh import Zenoh\n"
         "try:\n    Zenoh().listen('127.0.0.1', 0)\nexcept TransportError as error:\n    print(error)\n"
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
@@ -507,7 +507,7 @@ def test_a_transport_whose_library_is_not_there_says_what_to_install() -> None:
 
 def test_who_comes_as_the_port_closes_does_not_hold_it_up(stack: ExitStack, monkeypatch: pytest.MonkeyPatch) -> None:
     for limit in ("tcp.PARTING", "port._CLOSING"):
-        monkeypatch.setattr(f"symaware_cli.network.transport.{limit}", 60.0)
+        monkeypatch.setattr(f"symaware_cli.distributed.{limit}", 60.0)
     host = Tcp(Tcp.Parameters()).listen("127.0.0.1", 0)
     host.later(time.sleep, 0.5)  # so that it is closing when it hears of who came
     stack.enter_context(socket.create_connection(("127.0.0.1", number(host))))

@@ -9,11 +9,11 @@ from collections.abc import Sequence
 from contextlib import suppress
 from typing import cast
 
-from symaware_cli.network.transport.address import address_of, numeric
-from symaware_cli.network.transport.connection import PARTING, Connection
-from symaware_cli.network.transport.port import LoopPort
-from symaware_cli.network.transport.protocol import PREAMBLE, ConnectionEnded, may_begin
-from symaware_cli.network.transport.transport import Port, Transport, TransportError
+from symaware_cli.distributed.address import address_of, numeric
+from symaware_cli.distributed.connection import PARTING, Connection
+from symaware_cli.distributed.port import LoopPort
+from symaware_cli.distributed.protocol import PREAMBLE, ConnectionEnded, may_begin
+from symaware_cli.distributed.transport import Port, Transport, TransportError
 
 #: How long the number is that says how long a record is [bytes].
 _LENGTH = 4

@@ -18,10 +18,6 @@ Array = NDArray[np.float64]
 CROWDED = "the host takes no more than"
 
 
-class FrameError(ValueError):
-    """These bytes are no frame."""
-
-
 @dataclass(frozen=True, slots=True)
 class Hello:
     """A member asks to take part.

@@ -10,12 +10,11 @@ from dataclasses import replace
 from typing import Any, NoReturn
 
 from symaware_cli.core import Contact, Delivery, Event, Level, MessageBatch
-from symaware_cli.network.transport.codec import decode, encode
-from symaware_cli.network.transport.frame import (
+from symaware_cli.distributed.codec import decode, encode
+from symaware_cli.distributed.frame import (
     CROWDED,
     End,
     Frame,
-    FrameError,
     Hello,
     Notice,
     Post,
@@ -24,10 +23,10 @@ from symaware_cli.network.transport.frame import (
     Step,
     Welcome,
 )
-from symaware_cli.network.transport.transport import Port
-from symaware_cli.network.transport.value import entries_to_wire
+from symaware_cli.distributed.participant import Identity, Participant, rows_of
+from symaware_cli.distributed.transport import Port
+from symaware_cli.network.value import FrameError, entries_to_wire
 from symaware_cli.recording.text import plain
-from symaware_cli.runtime.distributed.participant import Identity, Participant, rows_of
 from symaware_cli.runtime.failure import RunError
 from symaware_cli.runtime.interruption import Interrupted
 

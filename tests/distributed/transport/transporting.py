@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from symaware_cli.network.transport.transport import Port, PortEvent, Transport
+from symaware_cli.distributed.transport import Port, PortEvent, Transport
 
 KEY = b"a key that both ends know"
 

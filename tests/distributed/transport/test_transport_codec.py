@@ -13,11 +13,9 @@ from hypothesis.extra import numpy as arrays
 
 from symaware_cli.core import AwarenessVector, Contact, Delivery, MessageBatch, TimeSeries
 from symaware_cli.core.message import objects
-from symaware_cli.network.transport import transport_pb2 as wire
-from symaware_cli.network.transport.codec import decode, encode
-from symaware_cli.network.transport.frame import (
+from symaware_cli.distributed.codec import decode, encode
+from symaware_cli.distributed.frame import (
     End,
-    FrameError,
     Hello,
     Notice,
     Post,
@@ -26,7 +24,8 @@ from symaware_cli.network.transport.frame import (
     Step,
     Welcome,
 )
-from symaware_cli.network.transport.value import DEPTH
+from symaware_cli.network import transport_pb2 as wire
+from symaware_cli.network.value import DEPTH, FrameError
 
 # --- what can be sent -------------------------------------------------------------------------------------------------
 
@@ -362,9 +361,9 @@ def test_what_does_not_fit_is_refused(bad: Any) -> None:
 
 _GREEDY = """
 import resource, sys
-from symaware_cli.network.transport import transport_pb2 as wire
-from symaware_cli.network.transport.codec import decode
-from symaware_cli.network.transport.frame import FrameError
+from symaware_cli.network import transport_pb2 as wire
+from symaware_cli.distributed.codec import decode
+from symaware_cli.network.value import FrameError
 
 def peak():
     return 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss

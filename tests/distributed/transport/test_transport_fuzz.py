@@ -12,10 +12,10 @@ from typing import Any
 import pytest
 from transporting import KEY, descriptors, echo, eventually, expect, number, resident
 
-from symaware_cli.network.transport.protocol import FRAME, PREAMBLE, PROOF, PeerProtocol
-from symaware_cli.network.transport.tcp import Tcp
-from symaware_cli.network.transport.transport import Port, Transport
-from symaware_cli.network.transport.zenoh import Zenoh
+from symaware_cli.distributed.protocol import FRAME, PREAMBLE, PROOF, PeerProtocol
+from symaware_cli.distributed.tcp import Tcp
+from symaware_cli.distributed.transport import Port, Transport
+from symaware_cli.distributed.zenoh import Zenoh
 
 #: What a stranger says, record by record; the first one is the preamble.
 Attack = Callable[[random.Random, bytes | None], list[bytes]]

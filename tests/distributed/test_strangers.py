@@ -16,7 +16,7 @@ from simulating import COMMAND
 from spreading import PATIENCE, Spread, goal_seekers, written
 
 from symaware_cli import __version__, open_log
-from symaware_cli.network.transport import transport_pb2
+from symaware_cli.network import transport_pb2
 
 HERE = Path(__file__).resolve().parent.parent
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ipaddress
 
-from symaware_cli.network.transport.transport import TransportError
+from symaware_cli.distributed.transport import TransportError
 
 _LOCAL = "127.0.0.1"
 

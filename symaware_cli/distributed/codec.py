@@ -11,11 +11,9 @@ from numpy.typing import NDArray
 
 from symaware_cli.core import Contact, Delivery, MessageBatch
 from symaware_cli.core.message import Indices, objects
-from symaware_cli.network.transport import transport_pb2 as wire
-from symaware_cli.network.transport.frame import (
+from symaware_cli.distributed.frame import (
     End,
     Frame,
-    FrameError,
     Hello,
     Notice,
     Post,
@@ -24,7 +22,9 @@ from symaware_cli.network.transport.frame import (
     Step,
     Welcome,
 )
-from symaware_cli.network.transport.value import (
+from symaware_cli.network import transport_pb2 as wire
+from symaware_cli.network.value import (
+    FrameError,
     array_from_wire,
     array_to_wire,
     entries_from_wire,

@@ -16,11 +16,11 @@ from contextlib import suppress
 from queue import SimpleQueue
 from typing import Any
 
-from symaware_cli.network.transport.address import address_of
-from symaware_cli.network.transport.connection import FRAMES, PARTING, Connection
-from symaware_cli.network.transport.port import LoopPort
-from symaware_cli.network.transport.protocol import ConnectionEnded
-from symaware_cli.network.transport.transport import TransportError, TransportParameters
+from symaware_cli.distributed.address import address_of
+from symaware_cli.distributed.connection import FRAMES, PARTING, Connection
+from symaware_cli.distributed.port import LoopPort
+from symaware_cli.distributed.protocol import ConnectionEnded
+from symaware_cli.distributed.transport import TransportError, TransportParameters
 
 #: What is sent to a number whose connection is over.
 _CLOSED = b""

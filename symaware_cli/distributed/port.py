@@ -15,10 +15,10 @@ from queue import Empty, SimpleQueue
 from types import MappingProxyType
 from typing import Any, get_args
 
-from symaware_cli.network.transport.connection import PARTING, Connection
-from symaware_cli.network.transport.frame import CROWDED
-from symaware_cli.network.transport.protocol import ConnectionEnded, PeerProtocol
-from symaware_cli.network.transport.transport import Port, PortEvent, Rejection, TransportError, TransportParameters
+from symaware_cli.distributed.connection import PARTING, Connection
+from symaware_cli.distributed.frame import CROWDED
+from symaware_cli.distributed.protocol import ConnectionEnded, PeerProtocol
+from symaware_cli.distributed.transport import Port, PortEvent, Rejection, TransportError, TransportParameters
 
 #: The time before a member tries to connect again, at first [s].
 _FIRST_PAUSE = 0.05

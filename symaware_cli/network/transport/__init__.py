@@ -1,1 +1,0 @@
-"""Transports: what carries frames between the processes of one run."""
