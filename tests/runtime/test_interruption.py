@@ -117,19 +117,19 @@ class Signals(Component):
     """Sends itself signals, as somebody at the keyboard would, and catches what it is told to."""
 
     caught: tuple = ()
-    signals = 1
+    count = 1
 
     def _compute(self):
         return None
 
     def _update(self, value):
-        for _ in range(self.signals):
+        for _ in range(self.count):
             with contextlib.suppress(*self.caught):
                 signal.raise_signal(signal.SIGINT)
 
 
 def test_a_signal_that_comes_twice_at_once_is_one(tmp_path):
-    kind = type("Signals", (Signals,), {"signals": 2, "caught": (Interrupted,)})
+    kind = type("Signals", (Signals,), {"count": 2, "caught": (Interrupted,)})
     summary = execute(simulation({"robot": Team({"signal": kind})}), 5, tmp_path / "run.mcap")
     assert summary.status == "interrupted"
     assert open_log(tmp_path / "run.mcap").outcome["status"] == "interrupted"
