@@ -2,61 +2,28 @@
 
 import csv
 import json
-import os
-import re
-import subprocess
-import sys
-from pathlib import Path
 
 import pytest
+from documented_plugins import command, install
 
 from symaware_cli import open_log
-
-DOCUMENT = Path(__file__).parents[1] / "docs" / "plugins.md"
-
-
-def shown(language: str, beginning: str) -> str:
-    """The block of the document that begins so."""
-    found = re.findall(rf"(?ms)^```{language}\n({re.escape(beginning)}.*?)^```$", DOCUMENT.read_text(encoding="utf-8"))
-    assert len(found) == 1
-    return found[0]
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
+    points = {"mine.attend": "my_attention:Attend", "mine.notice": "my_attention:Notice"}
     folder = tmp_path_factory.mktemp("attention")
-    about = folder / "site" / "my_attention-1.0.dist-info"
-    about.mkdir(parents=True)
-    about.with_name("my_attention.py").write_text(shown("python", '"""Attention'), encoding="utf-8")
-    about.joinpath("METADATA").write_text("Metadata-Version: 2.1\nName: my-attention\nVersion: 1.0\n", encoding="utf-8")
-    points = "[symaware.components]\nmine.attend = my_attention:Attend\nmine.notice = my_attention:Notice\n"
-    about.joinpath("entry_points.txt").write_text(points, encoding="utf-8")
-    (folder / "attention.yaml").write_text(shown("yaml", "# attention.yaml"), encoding="utf-8")
-    return folder
+    return install(folder, {"my_attention": '"""Attention'}, points, "attention.yaml")
 
 
 @pytest.fixture(scope="module")
 def symaware(folder):
-    """Run a command, with the plugin or without it."""
-
-    def run(*arguments, plugin=True):
-        environment = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
-        if plugin:
-            environment["PYTHONPATH"] = str(folder / "site")
-        line = [sys.executable, "-m", "symaware_cli", *map(str, arguments)]
-        done = subprocess.run(
-            line, cwd=folder, env=environment, capture_output=True, text=True, timeout=300, check=False
-        )
-        assert "Traceback" not in done.stderr, done.stderr
-        return done
-
-    return run
+    return command(folder)
 
 
 @pytest.fixture(scope="module")
 def log(folder, symaware):
-    done = symaware("run", "attention.yaml", "--quiet")
-    assert done.returncode == 0, done.stderr
+    symaware("run", "attention.yaml", "--quiet")
     return folder / "attention.mcap"
 
 
@@ -104,22 +71,19 @@ def test_a_condition_and_an_end_look_at_it(folder, symaware):
 
 
 def test_a_name_that_is_nearly_that_of_the_part_is_found_out(symaware):
-    done = symaware("validate", "attention.yaml", "--set", "agents.robot.components.steer.condition=attenton[0] < 1")
-    assert done.returncode == 2
+    done = symaware(
+        "validate", "attention.yaml", "--set", "agents.robot.components.steer.condition=attenton[0] < 1", status=2
+    )
     assert "did you mean `attention`?" in done.stderr
 
 
 def test_whoever_has_the_log_alone_inspects_exports_plots_and_replays_it(log, folder, symaware):
     shown = symaware("inspect", log, "--series", "robot.0:attention:ahead", plugin=False)
     assert "ahead [1]" in shown.stdout
-    exported = symaware(
-        "export", log, "--format", "csv", "--fields", "attention", "--output", folder / "tables", plugin=False
-    )
-    assert exported.returncode == 0, exported.stderr
+    symaware("export", log, "--format", "csv", "--fields", "attention", "--output", folder / "tables", plugin=False)
     with open(folder / "tables" / "attention" / "robot.csv", encoding="utf-8") as file:
         assert next(csv.reader(file)) == ["time", "agent", "ahead", "left", "behind", "right"]
-    foxglove = symaware("export", log, "--format", "foxglove", "--output", folder / "fox.mcap", plugin=False)
-    assert foxglove.returncode == 0, foxglove.stderr
+    symaware("export", log, "--format", "foxglove", "--output", folder / "fox.mcap", plugin=False)
     plotted = symaware("plot", log, "--output", folder / "attention.png", "--json", plugin=False)
     panels = {panel["panel"]: panel for panel in json.loads(plotted.stdout)["panels"]}
     assert set(panels["attention of robot.2"]["shares"]) == {"ahead", "left", "behind", "right"}
@@ -127,8 +91,7 @@ def test_whoever_has_the_log_alone_inspects_exports_plots_and_replays_it(log, fo
     assert [panel["panel"] for panel in json.loads(alone.stdout)["panels"]] == [
         f"attention of robot.{row}" for row in range(3)
     ]
-    replayed = symaware("replay", log, "--save", folder / "attention.rrd", plugin=False)
-    assert replayed.returncode == 0, replayed.stderr
+    symaware("replay", log, "--save", folder / "attention.rrd", plugin=False)
 
 
 def test_the_replay_has_bars_beside_the_agents_and_curves_in_their_tabs(log, folder, symaware):
@@ -145,8 +108,7 @@ def test_it_can_be_left_out_of_the_log(folder, symaware):
         *("run", "attention.yaml", "--quiet", "--output", folder / "less.mcap", "--set", "recording.omit=[attention]"),
     )
     assert "/agents/robot/attention" not in open_log(folder / "less.mcap").channels
-    done = symaware("validate", "attention.yaml", "--set", "recording.omit=[atention]")
-    assert done.returncode == 2
+    done = symaware("validate", "attention.yaml", "--set", "recording.omit=[atention]", status=2)
     assert "did you mean `attention`?" in done.stderr
 
 

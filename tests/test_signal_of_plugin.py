@@ -2,59 +2,25 @@
 
 import csv
 import json
-import os
-import re
-import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
+from documented_plugins import command, install
 
 from symaware_cli import open_log
 
-DOCUMENT = Path(__file__).parents[1] / "docs" / "plugins.md"
 MODULES = {"my_effort": '"""Effort', "my_radar": '"""Radar'}
-
-
-def shown(language: str, beginning: str) -> str:
-    """The block of the document that begins so."""
-    found = re.findall(rf"(?ms)^```{language}\n({re.escape(beginning)}.*?)^```$", DOCUMENT.read_text(encoding="utf-8"))
-    assert len(found) == 1
-    return found[0]
+POINTS = {"mine.gauge": "my_effort:Gauge", "mine.radar": "my_radar:Radar", "mine.warn": "my_radar:Warn"}
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("signals")
-    about = folder / "site" / "my_signals-1.0.dist-info"
-    about.mkdir(parents=True)
-    for module, beginning in MODULES.items():
-        about.with_name(f"{module}.py").write_text(shown("python", beginning), encoding="utf-8")
-    about.joinpath("METADATA").write_text("Metadata-Version: 2.1\nName: my-signals\nVersion: 1.0\n", encoding="utf-8")
-    points = ["mine.gauge = my_effort:Gauge", "mine.radar = my_radar:Radar", "mine.warn = my_radar:Warn"]
-    about.joinpath("entry_points.txt").write_text("\n".join(["[symaware.components]", *points, ""]), encoding="utf-8")
-    (folder / "radar.yaml").write_text(shown("yaml", "# radar.yaml"), encoding="utf-8")
-    return folder
+    return install(tmp_path_factory.mktemp("signals"), MODULES, POINTS, "radar.yaml")
 
 
 @pytest.fixture(scope="module")
 def symaware(folder):
-    """Run a command, with the plugin or without it."""
-
-    def run(*arguments, plugin=True, status=0):
-        environment = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
-        if plugin:
-            environment["PYTHONPATH"] = str(folder / "site")
-        line = [sys.executable, "-m", "symaware_cli", *map(str, arguments)]
-        done = subprocess.run(
-            line, cwd=folder, env=environment, capture_output=True, text=True, timeout=300, check=False
-        )
-        assert "Traceback" not in done.stderr, done.stderr
-        assert done.returncode == status, done.stderr
-        return done
-
-    return run
+    return command(folder)
 
 
 @pytest.fixture(scope="module")
