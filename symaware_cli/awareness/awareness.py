@@ -272,7 +272,9 @@ class SelfAwareness(AwarenessVector):
         return self._awareness._column(name).row(self._row)
 
     def __setitem__(self, name: str, value: ArrayLike | TimeSeries) -> None:
-        self._awareness._column(name).set_row(self._row, value)  # type: ignore[arg-type]
+        # Looked up here: agents in Python write so many times a step.
+        column = self._awareness.columns.get(name) or self._awareness._column(name)
+        column.set_row(self._row, value)  # type: ignore[arg-type]
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._awareness.parts)

@@ -212,11 +212,15 @@ class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
 
     def _changed(self, *parts: str) -> None:
         """This agent holds something else by itself."""
-        awareness = self._awareness
-        if "state" in parts:
-            awareness.holders.add(self._row)
+        awareness, row = self._awareness, self._row
+        changed = awareness.others_changed
         for part in parts:
-            awareness.others_changed.setdefault(part, set()).add(self._row)
+            if part == "state":
+                awareness.holders.add(row)
+            if part in changed:
+                changed[part].add(row)
+            else:
+                changed[part] = {row}
         self._version = None
 
     # What the group's components tell

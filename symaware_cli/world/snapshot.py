@@ -103,7 +103,7 @@ class Snapshot:
         Raises:
             KeyError: There is no such agent, or it is not there.
         """
-        if id not in self:
+        if self.present is not None and id not in self:
             raise KeyError(id)
         group, row = self.roster.place(id)
         state: Array = self.states[group][row]
