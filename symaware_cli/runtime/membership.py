@@ -13,7 +13,6 @@ from symaware_cli.awareness.column import Array, Column, SeriesColumn
 from symaware_cli.awareness.table_column import TableColumn
 from symaware_cli.core import AgentGroup, Event, Level, Model, TimeSeries
 from symaware_cli.runtime.event_router import EventRouter
-from symaware_cli.runtime.expression import EvaluationError, Expression, Lookup
 from symaware_cli.runtime.failure import RunError, describe
 from symaware_cli.runtime.presence import Moment, Span
 from symaware_cli.runtime.scope import AgentScope, WorldScope
@@ -21,6 +20,7 @@ from symaware_cli.runtime.simulation import Simulation
 from symaware_cli.runtime.summary import Observer
 from symaware_cli.runtime.timing import Coast, Trigger
 from symaware_cli.runtime.trigger import concerned
+from symaware_cli.specification.expression import EvaluationError, Expression, Lookup
 from symaware_cli.world.arrays import is_finite
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
-from symaware_cli.runtime.expression import Expression
+from symaware_cli.specification.expression import Expression
 
 if TYPE_CHECKING:
     from symaware_cli.runtime.faults import Fault

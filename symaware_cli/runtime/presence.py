@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from symaware_cli.runtime.expression import Expression
 from symaware_cli.runtime.timing import Trigger
+from symaware_cli.specification.expression import Expression
 
 #: An instant in nanoseconds, a condition, or an event.
 Moment = int | Expression | Trigger

@@ -12,7 +12,6 @@ from symaware_cli.runtime.awaiting import Awaiter
 from symaware_cli.runtime.coroutine import CoroutineTurns, is_coroutine
 from symaware_cli.runtime.delayed import DelayedTurns
 from symaware_cli.runtime.event_router import EventRouter
-from symaware_cli.runtime.expression import EvaluationError
 from symaware_cli.runtime.failure import describe
 from symaware_cli.runtime.guard import Guard, Isolate
 from symaware_cli.runtime.interruption import Interrupted, Interruption
@@ -25,6 +24,7 @@ from symaware_cli.runtime.trigger import concerned
 from symaware_cli.runtime.turn import in_turn
 from symaware_cli.runtime.turns_in_progress import TurnsInProgress
 from symaware_cli.runtime.workers import Workers
+from symaware_cli.specification.expression import EvaluationError
 from symaware_cli.world.chance import key_of
 
 

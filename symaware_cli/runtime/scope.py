@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.core import PARTS, AgentGroup, TimeSeries, seconds
-from symaware_cli.runtime.expression import FUNCTIONS
+from symaware_cli.specification.expression import FUNCTIONS
 
 if TYPE_CHECKING:
     from symaware_cli.runtime.simulation import Simulation

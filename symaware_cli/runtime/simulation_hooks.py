@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from symaware_cli.awareness.column import Array, Column
 from symaware_cli.core import AgentGroup
-from symaware_cli.runtime.expression import EvaluationError, Expression
 from symaware_cli.runtime.failure import RunError
 from symaware_cli.runtime.interruption import Interruption
 from symaware_cli.runtime.kernel import Kernel
@@ -23,6 +22,7 @@ from symaware_cli.runtime.scope import WorldScope
 from symaware_cli.runtime.shared import Sharing
 from symaware_cli.runtime.simulation import Simulation
 from symaware_cli.runtime.summary import Observer
+from symaware_cli.specification.expression import EvaluationError, Expression
 
 if TYPE_CHECKING:
     from symaware_cli.recording.recorder import Recorder

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from symaware_cli.core import nanoseconds
-from symaware_cli.runtime.expression import Expression
+from symaware_cli.specification.expression import Expression
 from symaware_cli.world.chance import uniform
 
 Overrun = Literal["skip", "queue", "fail"]

@@ -9,10 +9,10 @@ from symaware_cli.awareness.signal import MEASUREMENT
 from symaware_cli.core import PARTS, AgentGroup, Part, Quantity, Signal
 from symaware_cli.core.component import BaseComponent
 from symaware_cli.recording.names import FIELDS, KINDS, TABLES
-from symaware_cli.runtime.expression import FUNCTIONS
 from symaware_cli.runtime.scope import AGENT_NAMES
 from symaware_cli.scenario.problem import dotted, nearest, quoted
 from symaware_cli.scenario.source import Path
+from symaware_cli.specification.expression import FUNCTIONS
 
 #: What logs, tables, expressions and messages call something else.
 _TAKEN = frozenset({*TABLES, *FIELDS, *KINDS, *AGENT_NAMES, *FUNCTIONS, "applied", "id"})

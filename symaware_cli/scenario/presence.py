@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from symaware_cli.core import AgentGroup, Environment, nanoseconds
-from symaware_cli.runtime.expression import EvaluationError, Expression
 from symaware_cli.runtime.presence import Moment, Span
 from symaware_cli.runtime.scope import WORLD_NAMES, AgentScope, further_parts
 from symaware_cli.runtime.simulation import ComponentEntry
@@ -16,6 +15,7 @@ from symaware_cli.scenario.document import Agents, Presence, Trigger
 from symaware_cli.scenario.problem import quoted
 from symaware_cli.scenario.source import Path
 from symaware_cli.scenario.timing import TimingCheck, trigger_of
+from symaware_cli.specification.expression import EvaluationError, Expression
 
 
 class PresenceBuilder:

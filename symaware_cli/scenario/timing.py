@@ -12,7 +12,6 @@ from typing import Any
 from symaware_cli.core import AgentGroup, CommunicationReceiver, Component, Environment, nanoseconds
 from symaware_cli.core.component import BaseComponent
 from symaware_cli.core.event import RECURRING, TURNS
-from symaware_cli.runtime.expression import Expression, ExpressionError
 from symaware_cli.runtime.scope import WORLD_NAMES, AgentScope, further_parts
 from symaware_cli.runtime.simulation import ComponentEntry
 from symaware_cli.runtime.timing import Duration, Timing, Trigger
@@ -20,6 +19,7 @@ from symaware_cli.scenario.compose import Composition
 from symaware_cli.scenario.document import ComponentUse, Drawn, Run
 from symaware_cli.scenario.problem import Problem, dotted, nearest, quoted
 from symaware_cli.scenario.source import Path
+from symaware_cli.specification.expression import Expression, ExpressionError
 
 #: What is told of whomever a fault of the scenario happens to.
 FAULT_EVENTS = frozenset({"fault", "fault-over"})

@@ -20,7 +20,7 @@ from symaware_cli import (
     open_log,
 )
 from symaware_cli.recording.digest import digest
-from symaware_cli.runtime.expression import Expression
+from symaware_cli.specification.expression import Expression
 from symaware_cli.runtime.faults import Agents, Fault, Stop
 from symaware_cli.runtime.options import RunOptions
 from symaware_cli.runtime.timing import Duration, Timing, Trigger

@@ -10,7 +10,7 @@ import yaml
 from simulating import COMMAND, Team, execute, simulate, simulation
 
 from symaware_cli import Component, open_log
-from symaware_cli.runtime.expression import Expression
+from symaware_cli.specification.expression import Expression
 from symaware_cli.runtime.options import RunOptions
 from symaware_cli.runtime.scope import WORLD_NAMES
 from symaware_cli.scenario.build import build

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from symaware_cli.runtime.expression import FUNCTIONS, EvaluationError, Expression, ExpressionError
+from symaware_cli.specification.expression import FUNCTIONS, EvaluationError, Expression, ExpressionError
 
 VALUES = {
     "x": 2.0,
@@ -74,6 +74,9 @@ def test_what_a_number_is(text, expected):
         ("infinite > 1e300", True),
         ("True and not False", True),
         ("risk\n  > 0.2", True),
+        ("risk > 0.2 implies ready", True),
+        ("ready implies x < 0 implies false", True),
+        ("(ready implies x < 0) implies false", True),
     ],
 )
 def test_what_holds(text, expected):
@@ -93,28 +96,34 @@ def test_the_right_half_is_not_looked_at_where_the_left_one_decides():
         ("x + norm", "`norm` is a function: write norm(...)", "norm"),
         ("norm(1, 2)", "norm(...) takes 1 argument, not 2", "norm(1, 2)"),
         ("min()", "min(...) takes at least 1 argument, not 0", "min()"),
-        ("position.real", "`position.real` is not among what an expression may hold", "position.real"),
-        ("x is 2", "of comparisons there are <, <=, >, >=, == and !=", "x is 2"),
-        ("x in goal", "of comparisons there are <, <=, >, >=, == and !=", "x in goal"),
-        ("[i for i in goal]", "`[i for i in goal]` is not among what an expression may hold", "[i for i in goal]"),
+        ("position.real", "'.' has no meaning in an expression", "."),
+        ("x is 2", "of comparisons there are <, <=, >, >=, == and !=", "is"),
+        ("x in goal", "of comparisons there are <, <=, >, >=, == and !=", "in"),
+        ("[x for i in goal]", "the bracket lacks its `]`", "for"),
         ("goal[x]", "an element is named by a number or a text", "x"),
         ("1e999 > x", "the number is too large", "1e999"),
-        ("x >", "this is no expression", None),
-        ("(x", "this is no expression", None),
+        ("x >", "the expression breaks off here", ">"),
+        ("(x", "the bracket lacks its `)`", "x"),
+        ("x > 1)", "`)` cannot stand here", ")"),
         ("", "the expression is empty", ""),
-        ("x = 3", "this is no expression", None),
-        ("x ; 3", "this is no expression", None),
+        ("x = 3", "write `==` to compare, instead of `=`", "="),
+        ("x -> ready", "write `implies` instead of `->`", "->"),
+        ("x && ready", "write `and` instead of `&&`", "&&"),
+        ("!ready", "write `not` instead of `!`", "!"),
+        ("x ; 3", "';' has no meaning in an expression", ";"),
         ("ä > 1 and riks", "there is no `ä` here", "ä"),
         ("x > 1 and 'ä' == riks", "there is no `riks` here", "riks"),
+        ("name == 'north", "the text in quotes does not end", "'north"),
         ("x" * 501, "an expression has at most 500 characters, not 501", None),
-        ("min(*goal)", "min(...) takes plain arguments", "min(*goal)"),
-        ("x << 3", "`x << 3` is not among what an expression may hold", "x << 3"),
-        ("~x", "`~x` is not among what an expression may hold", "~x"),
-        ("x if ready else 1", "`x if ready else 1` is not among what an expression may hold", "x if ready else 1"),
-        ("f'{x}'", "`f'{x}'` is not among what an expression may hold", "f'{x}'"),
-        ("b'x' == x", "`b'x'` is not among what an expression may hold", "b'x'"),
-        ("1j > x", "`1j` is not among what an expression may hold", "1j"),
-        ("x\0", "this is no expression", None),
+        ("min(*goal)", "`*` cannot stand here: a value is missing before it", "*"),
+        ("x << 3", "`<` cannot stand here: a value is missing before it", "<"),
+        ("~x", "'~' has no meaning in an expression", "~"),
+        ("x if ready else 1", "write `a implies b`", "if"),
+        ("f'{x}'", "there is no `f` here", "f"),
+        ("1j > x", "`j` cannot stand here: an operator is missing before it", "j"),
+        ("x\0", "'\\x00' has no meaning in an expression", "\0"),
+        ("always x > 1", "`always` belongs in a specification: a condition is about one instant", "always x > 1"),
+        ("(" * 40 + "x" + ")" * 40, "the expression is nested too deeply", None),
     ],
 )
 def test_what_is_no_expression_is_told_at_its_place(text, problem, marked):

@@ -1,0 +1,1 @@
+"""Expressions and formulas about a run, and the monitors that evaluate them."""

@@ -1,0 +1,377 @@
+"""From the text of an expression to its tree: one grammar for conditions and specifications.
+
+It is an operator-precedence parser; `PRECEDENCE` is the table. Work and memory are bounded by the length of the text.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection, Mapping
+from typing import Literal, cast
+
+from symaware_cli.specification.node import (
+    FUTURE,
+    PAST,
+    Arithmetic,
+    Call,
+    Comparison,
+    Constant,
+    Element,
+    Junction,
+    Name,
+    Node,
+    Not,
+    Sign,
+    Span,
+    Temporal,
+    Vector,
+)
+from symaware_cli.specification.token import ExpressionError, Token, tokens
+
+#: The most characters that an expression may have.
+LONGEST = 2_000
+#: How deep brackets may be nested, such that no tree exceeds what Python can walk.
+_DEEPEST = 30
+
+#: Binary operators by how tightly they bind: those of a later row bind more tightly.
+PRECEDENCE: tuple[tuple[str, ...], ...] = (
+    ("implies",),
+    ("or",),
+    ("and",),
+    ("until", "since"),
+    ("not", "always", "eventually", "next", "historically", "once"),  # before their operand
+    ("<", "<=", ">", ">=", "==", "!="),
+    ("+", "-"),
+    ("*", "/", "%"),
+    ("sign",),  # - and + before their operand
+    ("**",),
+)
+_LEVEL: Mapping[str, int] = {operator: level for level, row in enumerate(PRECEDENCE) for operator in row}
+_COMPARISONS = PRECEDENCE[_LEVEL["<"]]
+_TEMPORAL = frozenset((*FUTURE, *PAST))
+#: Words that are no names.
+RESERVED = frozenset((*_TEMPORAL, "implies", "and", "or", "not", "true", "false", "True", "False", "None"))
+#: Words of Python that mean nothing here.
+_FOREIGN: Mapping[str, str] = {
+    "is": "of comparisons there are <, <=, >, >=, == and !=",
+    "in": "of comparisons there are <, <=, >, >=, == and !=",
+    "if": "there is no `if` in an expression; write `a implies b`",
+    "for": "there are no loops in an expression",
+    "lambda": "functions cannot be defined in an expression",
+}
+_CONSTANTS: Mapping[str, bool | None] = {"true": True, "True": True, "false": False, "False": False, "None": None}
+
+
+def parse(
+    text: str,
+    names: Collection[str],
+    functions: Mapping[str, int | None],
+    definitions: Mapping[str, Node] | None = None,
+    longest: int = LONGEST,
+) -> Node:
+    """Parse an expression.
+
+    Args:
+        text: As written.
+        names: What it may refer to.
+        functions: What it may call, each with the number of its arguments; None for any number but 0.
+        definitions: Named parts of it, each of which stands for its tree.
+        longest: How many characters it may have.
+
+    Raises:
+        ExpressionError: It is not a valid expression; the error knows where.
+    """
+    if len(text) > longest:
+        raise ExpressionError(f"an expression has at most {longest} characters, not {len(text)}", (0, len(text)))
+    if not text.strip():
+        raise ExpressionError("the expression is empty", (0, len(text)))
+    return _Parser(text, names, functions, definitions or {}).parse()
+
+
+class _Parser:
+    def __init__(
+        self,
+        text: str,
+        names: Collection[str],
+        functions: Mapping[str, int | None],
+        definitions: Mapping[str, Node],
+    ) -> None:
+        self._text = text
+        self._names = names
+        self._functions = functions
+        self._definitions = definitions
+        # One token ahead, so that what is wrong first is reported first.
+        self._tokens = tokens(text)
+        self._next = next(self._tokens)
+        self._depth = 0
+
+    def parse(self) -> Node:
+        node = self._expression(0)
+        token = self._next
+        if token.kind != "end":
+            raise self._unexpected(token)
+        return node
+
+    # Tokens
+
+    def _take(self) -> Token:
+        token = self._next
+        if token.kind != "end":
+            self._next = next(self._tokens)
+        return token
+
+    def _is(self, *texts: str) -> bool:
+        return self._next.kind in ("word", "operator") and self._next.text in texts
+
+    def _expect(self, text: str, what: str) -> Token:
+        if not self._is(text):
+            raise ExpressionError(f"{what} lacks its `{text}`", self._spot(self._next))
+        return self._take()
+
+    def _spot(self, token: Token) -> Span:
+        """Where a token stands; of the end, the last character."""
+        start, end = token.span
+        return (start, end) if end > start else (max(0, start - 1), start)
+
+    def _unexpected(self, token: Token) -> ExpressionError:
+        span = self._spot(token)
+        if token.kind == "end":
+            return ExpressionError("the expression breaks off here", span)
+        if token.kind == "word" and token.text in _FOREIGN:
+            return ExpressionError(_FOREIGN[token.text], span)
+        return ExpressionError(f"`{token.text}` cannot stand here: an operator is missing before it", span)
+
+    # Expressions
+
+    def _expression(self, level: int) -> Node:
+        """Parse what binds at least as tightly as a level of `PRECEDENCE`."""
+        self._depth += 1
+        if self._depth > _DEEPEST * len(PRECEDENCE):
+            raise ExpressionError("the expression is nested too deeply", self._spot(self._next))
+        try:
+            return _LEVELS[level](self, level)
+        finally:
+            self._depth -= 1
+
+    def _binary(self, level: int) -> tuple[Node, Token] | Node:
+        left = self._expression(level + 1)
+        return (left, self._take()) if self._is(*PRECEDENCE[level]) else left
+
+    def _implication(self, level: int) -> Node:
+        found = self._binary(level)
+        if isinstance(found, Node):
+            return found
+        left, right = found[0], self._expression(level)  # from the right
+        return Junction(_joined(left, right), "implies", (left, right))
+
+    def _junction(self, level: int) -> Node:
+        operator = cast("Literal['and', 'or']", PRECEDENCE[level][0])
+        operands = [self._expression(level + 1)]
+        while self._is(operator):
+            self._take()
+            operands.append(self._expression(level + 1))
+        if len(operands) == 1:
+            return operands[0]
+        return Junction(_joined(operands[0], operands[-1]), operator, tuple(operands))
+
+    def _until(self, level: int) -> Node:
+        found = self._binary(level)
+        if isinstance(found, Node):
+            return found
+        left, token = found
+        window = self._window(token)
+        right = self._expression(level)  # from the right
+        return Temporal(_joined(left, right), token.text, window, (left, right))
+
+    def _prefix(self, level: int) -> Node:
+        if not self._is(*PRECEDENCE[level]):
+            return self._expression(level + 1)
+        token = self._take()
+        window = None
+        if token.text != "not":
+            window = self._window(token)
+            if window is not None and token.text == "next":
+                raise ExpressionError("`next` has no window: it is about the next step", token.span)
+        operand = self._expression(level)
+        span = (token.span[0], operand.span[1])
+        return Not(span, operand) if token.text == "not" else Temporal(span, token.text, window, (operand,))
+
+    def _comparison(self, level: int) -> Node:
+        operands, operators = [self._expression(level + 1)], []
+        while self._is(*_COMPARISONS):
+            operators.append(self._take().text)
+            operands.append(self._expression(level + 1))
+        if not operators:
+            return operands[0]
+        return Comparison(_joined(operands[0], operands[-1]), tuple(operators), tuple(operands))
+
+    def _arithmetic(self, level: int) -> Node:
+        left = self._expression(level + 1)
+        while self._is(*PRECEDENCE[level]):
+            operator = cast("Literal['+', '-', '*', '/', '%']", self._take().text)
+            right = self._expression(level + 1)
+            left = Arithmetic(_joined(left, right), operator, left, right)
+        return left
+
+    def _signed(self, level: int) -> Node:
+        if not self._is("-", "+"):
+            return self._expression(level + 1)
+        token = self._take()
+        operand = self._expression(level)
+        sign = cast("Literal['+', '-']", token.text)
+        return Sign((token.span[0], operand.span[1]), sign, operand)
+
+    def _power(self, level: int) -> Node:
+        left = self._operand()
+        if not self._is("**"):
+            return left
+        self._take()
+        right = self._expression(level - 1)  # from the right, and it may have a sign
+        return Arithmetic(_joined(left, right), "**", left, right)
+
+    # Operands
+
+    def _operand(self) -> Node:
+        node = self._atom()
+        while self._is("["):
+            self._take()
+            key = self._key()
+            end = self._expect("]", "the index")
+            node = Element((node.span[0], end.span[1]), node, key)
+        return node
+
+    def _atom(self) -> Node:
+        token = self._take()
+        if token.kind == "number":
+            return Constant(token.span, _number(token))
+        if token.kind == "text":
+            return Constant(token.span, token.text[1:-1])
+        if token.kind == "word":
+            return self._word(token)
+        if token.text in ("(", "["):
+            return self._brackets(token)
+        if token.kind == "end":
+            raise self._unexpected(token)
+        raise ExpressionError(f"`{token.text}` cannot stand here: a value is missing before it", token.span)
+
+    def _word(self, token: Token) -> Node:
+        name = token.text
+        if name in _CONSTANTS:
+            return Constant(token.span, _CONSTANTS[name])
+        if name in RESERVED:
+            raise ExpressionError(f"`{name}` cannot stand here: a value is missing before it", token.span)
+        if name in _FOREIGN:
+            raise ExpressionError(_FOREIGN[name], token.span)
+        if self._is("("):
+            return self._call(token)
+        if name in self._definitions:
+            return self._definitions[name]
+        if name in self._names:
+            return Name(token.span, name)
+        if name in self._functions:
+            raise ExpressionError(f"`{name}` is a function: write {name}(...)", token.span)
+        raise ExpressionError(f"there is no `{name}` here", token.span, name, {*self._names, *self._definitions})
+
+    def _brackets(self, token: Token) -> Node:
+        closing = ")" if token.text == "(" else "]"
+        items = self._items(closing)
+        end = self._expect(closing, "the bracket")
+        span = (token.span[0], end.span[1])
+        if closing == ")" and len(items) == 1:
+            return items[0]
+        if not items:
+            raise ExpressionError("the brackets are empty", span)
+        return Vector(span, tuple(items))
+
+    def _items(self, closing: str) -> list[Node]:
+        items: list[Node] = []
+        while not self._is(closing):
+            items.append(self._expression(0))
+            if not self._is(","):
+                break
+            self._take()
+        return items
+
+    def _call(self, token: Token) -> Node:
+        name = token.text
+        if name not in self._functions:
+            raise ExpressionError(f"there is no function `{name}`", token.span, name, self._functions)
+        self._take()
+        arguments = self._items(")")
+        span = (token.span[0], self._expect(")", f"{name}(...)").span[1])
+        count = self._functions[name]
+        if len(arguments) != count if count is not None else not arguments:
+            wanted = "at least 1 argument" if count is None else f"{count} argument{'s' if count > 1 else ''}"
+            raise ExpressionError(f"{name}(...) takes {wanted}, not {len(arguments)}", span)
+        return Call(span, name, tuple(arguments))
+
+    def _key(self) -> int | str:
+        sign = -1 if self._is("-") else 1
+        if sign < 0:
+            self._take()
+        token = self._take()
+        if token.kind == "text" and sign > 0:
+            return token.text[1:-1]
+        if token.kind == "number" and token.text.isdecimal():
+            return sign * int(token.text)
+        said = 'an element is named by a number or a text, such as state[0] or knowledge["goal"]'
+        raise ExpressionError(said, self._spot(token))
+
+    # Windows
+
+    def _window(self, operator: Token) -> tuple[float, float] | None:
+        """The window after a temporal operator, if there is one: ``[0, 5]`` or ``[2, inf]``."""
+        if not self._is("["):
+            return None
+        start = self._take().span[0]
+        said = f"a window is two times in seconds: {operator.text}[0, 5] or {operator.text}[2, inf]"
+        bounds = []
+        for separator in (",", "]"):
+            token = self._take()
+            if token.kind == "number":
+                bounds.append(_number(token))
+            elif token.text == "inf" and separator == "]":
+                bounds.append(math.inf)
+            elif token.text == "-":
+                raise ExpressionError(
+                    "a window begins at 0 at the earliest; the past has operators of its own: once, "
+                    "historically, since",
+                    self._spot(token),
+                )
+            else:
+                raise ExpressionError(said, self._spot(token))
+            if not self._is(separator):
+                raise ExpressionError(said, self._spot(self._next))
+            end = self._take().span[1]
+        if bounds[0] > bounds[1]:
+            raise ExpressionError("the window ends before it begins", (start, end))
+        return bounds[0], bounds[1]
+
+
+#: The method for each row of `PRECEDENCE`.
+_LEVELS: tuple[Callable[[_Parser, int], Node], ...] = (
+    _Parser._implication,
+    _Parser._junction,
+    _Parser._junction,
+    _Parser._until,
+    _Parser._prefix,
+    _Parser._comparison,
+    _Parser._arithmetic,
+    _Parser._arithmetic,
+    _Parser._signed,
+    _Parser._power,
+)
+
+
+def _joined(first: Node, last: Node) -> Span:
+    return first.span[0], last.span[1]
+
+
+def _number(token: Token) -> float:
+    try:
+        number = float(token.text)
+    except ValueError:
+        raise ExpressionError(f"`{token.text}` is not a number", token.span) from None
+    if not math.isfinite(number):
+        raise ExpressionError("the number is too large", token.span)
+    return number
