@@ -20,7 +20,7 @@ wanted = [
     *project["dependencies"],
     *(each for name, group in extras.items() if name not in ("all", "dev") for each in group),
 ]
-allowed = dict(re.match(r"([\w-]+)>=([\d.]+)", each).groups() for each in wanted)
+allowed = dict(re.findall(r"^([\w-]+)>=([\d.]+)", each)[0] for each in wanted)
 named = dict(line.split("==") for line in Path(__file__).with_suffix(".txt").read_text().split())
 wrong = [
     f"{name}: pyproject.toml allows {version}, oldest.txt names {named.get(name, 'none')}"

@@ -10,9 +10,10 @@ import argparse
 import json
 import os
 import subprocess
-import sys
 import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any, NoReturn
 
 from symaware_cli.core import AgentGroup, Component, Entity
 from symaware_cli.environments.kinematic import KinematicEnvironment
@@ -20,7 +21,10 @@ from symaware_cli.models.integrator import SingleIntegrator
 from symaware_cli.runtime.options import RunOptions
 from symaware_cli.runtime.run import run
 from symaware_cli.runtime.simulation import ComponentEntry, Simulation
+from symaware_cli.runtime.summary import Summary
 from symaware_cli.runtime.timing import Timing
+
+Measured = tuple[float, list[int], Summary]
 
 HERE = Path(__file__).parent
 SIMPY = HERE / ".peers" / "new" / ("Scripts" if os.name == "nt" else "bin") / "python"
@@ -31,25 +35,26 @@ class Trivial(Component):
     """Counts its turns."""
 
     count = 0
+    offset: float
 
-    def _compute(self):
+    def _compute(self) -> None:
         self.count += 1
 
-    def _update(self, value):
+    def _update(self, value: None) -> None:
         pass
 
 
 class Sleeper(Trivial):
     """Sleeps from turn to turn, within one turn that lasts for the whole run."""
 
-    async def _async_compute(self):
+    async def _async_compute(self) -> NoReturn:
         await self.sleep(self.offset)
         while True:
             self.count += 1
             await self.sleep(0.01)
 
 
-def simulation(kind, count, timing, time_step):
+def simulation(kind: type[Trivial], count: int, timing: Timing, time_step: float) -> Simulation:
     group = AgentGroup(
         "a",
         [f"a.{row}" for row in range(count)],
@@ -72,17 +77,23 @@ def simulation(kind, count, timing, time_step):
     )
 
 
-def measured(kind, count, timing, duration, time_step=0.1, **options):
+def counts(ready: Simulation) -> list[int]:
+    return [each.count for each in ready.entries[0].components if isinstance(each, Trivial)]
+
+
+def measured(
+    kind: type[Trivial], count: int, timing: Timing, duration: float, time_step: float = 0.1, pace: float | None = None
+) -> Measured:
     """CPU time of a run, how many turns were taken, and how well the pace was kept."""
     ready = simulation(kind, count, timing, time_step)
     started = time.process_time()
-    summary = run(ready, round(duration / time_step), options=RunOptions(mode="asynchronous", **options))
+    summary = run(ready, round(duration / time_step), options=RunOptions(mode="asynchronous", pace=pace))
     cpu = time.process_time() - started
     assert summary.status == "finished", summary.failure
-    return cpu, [component.count for component in ready.entries[0].components], summary
+    return cpu, counts(ready), summary
 
 
-def cases(count, duration):
+def cases(count: int, duration: float) -> Iterator[tuple[str, Callable[[], Measured]]]:
     """Every case by name: CPU time and turns."""
     together = Timing(period=10 * MILLISECOND)
     apart = Timing(period=10 * MILLISECOND, jitter=9 * MILLISECOND)
@@ -92,14 +103,14 @@ def cases(count, duration):
     yield "synchronous, for comparison", lambda: synchronous(count, duration)
 
 
-def synchronous(count, duration):
+def synchronous(count: int, duration: float) -> Measured:
     ready = simulation(Trivial, count, Timing(), 0.01)
     started = time.process_time()
     summary = run(ready, round(duration / 0.01))
-    return time.process_time() - started, [each.count for each in ready.entries[0].components], summary
+    return time.process_time() - started, counts(ready), summary
 
 
-def simpy(count, turns):
+def simpy(count: int, turns: int) -> Any:
     """The same as SimPy does it; None where it is not installed."""
     if not SIMPY.exists():
         return None
@@ -108,20 +119,20 @@ def simpy(count, turns):
     return json.loads(done.stdout) if done.returncode == 0 else None
 
 
-def main():
+def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--agents", type=int, default=1000)
     parser.add_argument("--duration", type=float, default=10.0)
     arguments = parser.parse_args()
-    best = {}
+    best: dict[str, float] = {}
     for _ in range(arguments.rounds):
         for name, case in cases(arguments.agents, arguments.duration):
-            cpu, counts, _ = case()
+            cpu, turns, _ = case()
             expected = round(arguments.duration * 100)
             # What sleeps is at its last instant but one when the run ends, at the most.
-            assert set(counts) <= {expected - 1, expected}, (name, min(counts), max(counts))
-            best[name] = min(best.get(name, 1e9), 1e6 * cpu / sum(counts))
+            assert set(turns) <= {expected - 1, expected}, (name, min(turns), max(turns))
+            best[name] = min(best.get(name, 1e9), 1e6 * cpu / sum(turns))
         peer = simpy(arguments.agents, round(arguments.duration * 100))
         if peer is not None:
             best["SimPy's timeout event"] = min(
@@ -131,12 +142,13 @@ def main():
     for name, cost in best.items():
         print(f"  {name:<32} {cost:6.2f} us   {1e6 / cost:12,.0f} turns per CPU-second")
     timing = Timing(period=10 * MILLISECOND, jitter=9 * MILLISECOND)
-    cpu, counts, summary = measured(Trivial, 100, timing, 5.0, pace=1.0)
+    cpu, turns, summary = measured(Trivial, 100, timing, 5.0, pace=1.0)
     kept = summary.pace
-    rate, late = min(counts) / summary.wall_time, f"{kept.late:,} of {kept.instants:,} instants late"
+    assert kept is not None
+    rate, late = min(turns) / summary.wall_time, f"{kept.late:,} of {kept.instants:,} instants late"
     print(f"100 agents at 100 Hz, paced for 5 s: {rate:.2f} Hz kept, in {summary.wall_time:.3f} s")
     print(f"  {late}, by {1e3 * kept.worst:.2f} ms at most; {cpu:.2f} s of CPU time")
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

@@ -125,7 +125,8 @@ def main() -> None:
     if asked.fresh:
         fresh(asked.fresh[0], asked.further, asked.fresh[1])
         return
-    draw, drawn = random.Random(asked.seed), defaultdict(set)
+    draw = random.Random(asked.seed)
+    drawn: defaultdict[Path, set[int]] = defaultdict(set)
     steps = scenarios()
     order = draw.sample([*steps], len(steps))
     for path in islice(cycle(order), asked.pairs):
@@ -136,8 +137,8 @@ def main() -> None:
         "|---|---|---|---|---|",
     ]
     for path in sorted(drawn):
-        instants = sorted(drawn[path])
-        for instant, row in zip(instants, compared(path, instants, asked.further), strict=True):
+        chosen = sorted(drawn[path])
+        for instant, row in zip(chosen, compared(path, chosen, asked.further), strict=True):
             said = f"{row} | | |" if row.startswith("refused") else f"{row} |"
             lines.append(f"| {path.relative_to(ROOT)} | {instant} | {said}")
             print(lines[-1], file=sys.stderr, flush=True)

@@ -15,6 +15,7 @@ import time
 from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import casadi
 import numpy as np
@@ -62,7 +63,12 @@ def plain_program(horizon: int, scenarios: int) -> Callable[..., dict[str, casad
         "f": cost,
         "g": casadi.vertcat(*constraints),
     }
-    options = {"ipopt.mu_init": 1e-4, "ipopt.mu_target": 1e-4, "ipopt.print_level": 0, "ipopt.sb": "yes"}
+    options: dict[str, Any] = {
+        "ipopt.mu_init": 1e-4,
+        "ipopt.mu_target": 1e-4,
+        "ipopt.print_level": 0,
+        "ipopt.sb": "yes",
+    }
     solve = casadi.nlpsol("plain", "ipopt", program, {**options, "print_time": False})
     free = np.full(3 * (horizon + 1), np.inf)
     low, high = np.append(-free, np.tile([6.0, -0.1], horizon)), np.append(free, np.tile([9.0, 0.1], horizon))
@@ -134,7 +140,8 @@ def main() -> None:
     print("| N | program | mean | median | worst | plain by this, mean | minimum separation |")
     print("|---|---|---:|---:|---:|---:|---:|")
     for horizon in arguments.horizons:
-        best, separations = {}, {}
+        best: dict[str, Array] = {}
+        separations: dict[str, float] = {}
         for _ in range(arguments.rounds):
             for case, fly in cases.items():
                 taken, separations[case] = fly(horizon)

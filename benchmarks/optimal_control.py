@@ -11,14 +11,18 @@ import itertools
 import json
 import time
 from pathlib import Path
+from typing import Any
 
 import casadi
 import numpy as np
+from numpy.typing import NDArray
 
 from symaware_cli.models.aircraft import DubinsAircraft
-from symaware_cli.optimal_control import OptimalControlProblem, Solver
+from symaware_cli.optimal_control import OptimalControlProblem, Plan, Solver
 from symaware_cli.scenario.build import build
 from symaware_cli.scenario.execution import execute
+
+Array = NDArray[np.float64]
 
 HORIZON, BRANCHES, ROBUST, STEPS = 30, 3, 3, 82
 KEEP_SQUARE, SMOOTHING = 2000.0, 5.5e6
@@ -30,7 +34,7 @@ INTRUDER_SPEED, INTRUDER_TURN = 10.0, 0.07
 TURNS = np.array([INTRUDER_TURN] * 7 + [0.24 * INTRUDER_TURN] + [0.0] * 66 + [-INTRUDER_TURN] * 8 + [0.0] * 40)
 
 
-def flown(pose, turns):
+def flown(pose: Array, turns: Array) -> Array:
     """The poses of the intruder, (m, K + 1, 3), under turn rates (m, K)."""
     poses = np.empty((len(turns), turns.shape[1] + 1, 3))
     poses[:, 0] = pose
@@ -41,7 +45,7 @@ def flown(pose, turns):
     return poses
 
 
-def scenarios(pose, step):
+def scenarios(pose: Array, step: int) -> Array:
     """Where the intruder may be at each stage, (N + 1, 2, 28): every turn at first, then its intent; and its intent."""
     intent = TURNS[step : step + HORIZON]
     turns = np.tile(intent, (BRANCHES**ROBUST + 1, 1))
@@ -52,7 +56,7 @@ def scenarios(pose, step):
 class Ours:
     """The program as an `OptimalControlProblem`."""
 
-    def __init__(self, name):
+    def __init__(self, name: str) -> None:
         model = DubinsAircraft(DubinsAircraft.Parameters(min_speed=SLOWEST, max_speed=FASTEST, max_turn_rate=TURN))
         problem = OptimalControlProblem(model, steps=HORIZON, time_step=1.0, integrator="euler")
         x, u = problem.state, problem.control_input
@@ -64,9 +68,9 @@ class Ours:
         problem.add_constraint(square, lower=KEEP_SQUARE, scale=KEEP_SQUARE, stages=range(1, HORIZON))
         problem.add_constraint(square[-1], lower=KEEP_SQUARE, scale=KEEP_SQUARE, stages=[HORIZON])
         self._solver = Solver(problem, (name,), barrier=1e-5, cost_scale=1e-4, iterations=500)
-        self._plan = None
+        self._plan: Plan | None = None
 
-    def solve(self, state, intruder):
+    def solve(self, state: Array, intruder: Array) -> tuple[Array, bool]:
         """The control input to apply, and whether it is that of a solution."""
         guess = self._plan.shifted() if self._plan else self._solver.rollout(state, [FASTEST, 0.0])
         solution = self._solver.solve(state, {"intruder": intruder}, guess=guess)
@@ -77,7 +81,7 @@ class Ours:
 class Plain:
     """The program as `Opti` has it in tutorials."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         opti = self._opti = casadi.Opti()
         x, u = self._x, self._u = opti.variable(3, HORIZON + 1), opti.variable(2, HORIZON)
         self._start = opti.parameter(3)
@@ -97,11 +101,11 @@ class Plain:
             for scenario in range(count) if k < HORIZON else (count - 1,):
                 opti.subject_to(casadi.sumsqr(x[:2, k] - self._intruder[k][:, scenario]) >= KEEP_SQUARE)
         opti.minimize(cost)
-        options = {"print_level": 0, "sb": "yes", "mu_init": 1e-4, "mu_target": 1e-4}
+        options: dict[str, Any] = {"print_level": 0, "sb": "yes", "mu_init": 1e-4, "mu_target": 1e-4}
         opti.solver("ipopt", {"print_time": False, "expand": True}, options)
-        self._plan = None
+        self._plan: tuple[Array, Array] | None = None
 
-    def solve(self, state, intruder):
+    def solve(self, state: Array, intruder: Array) -> tuple[Array, bool]:
         """The control input to apply, and whether it is that of a solution."""
         opti = self._opti
         opti.set_value(self._start, state)
@@ -116,17 +120,19 @@ class Plain:
             opti.set_initial(self._x, np.concatenate([states[:, 1:], states[:, -1:]], axis=1))
             opti.set_initial(self._u, np.concatenate([inputs[:, 1:], inputs[:, -1:]], axis=1))
         solution = opti.solve_limited()
-        self._plan = solution.value(self._x), solution.value(self._u)
-        return self._plan[1][:, 0], bool(solution.stats()["success"])
+        states, inputs = np.asarray(solution.value(self._x)), np.asarray(solution.value(self._u))
+        self._plan = states, inputs
+        return inputs[:, 0], bool(solution.stats()["success"])
 
 
-def fly(name):
+def fly(name: str) -> dict[str, float]:
     """Fly the whole way: the CPU time of each step [s], and of building the solver."""
     began = time.process_time()
     program = Plain() if name == "plain" else Ours(name)
     built = time.process_time() - began
     own, intruder = np.zeros(3), INTRUDER
-    times, unsolved, nearest = [], 0, np.inf
+    times: list[float] = []
+    unsolved, nearest = 0, np.inf
     for step in range(STEPS):
         expected = scenarios(intruder, step)
         began = time.process_time()
@@ -136,11 +142,16 @@ def fly(name):
         own = own + np.array([control_input[0] * np.cos(own[2]), control_input[0] * np.sin(own[2]), control_input[1]])
         intruder = flown(intruder, TURNS[None, step : step + 1])[0, 1]
         nearest = min(nearest, float(np.hypot(*(own - intruder)[:2])))
-    figures = {"mean": np.mean(times), "median": np.median(times), "worst": max(times), "whole": sum(times)}
+    figures = {
+        "mean": float(np.mean(times)),
+        "median": float(np.median(times)),
+        "worst": max(times),
+        "whole": sum(times),
+    }
     return {**figures, "build": built, "unsolved": unsolved, "nearest": nearest}
 
 
-def run_scenario():
+def run_scenario() -> dict[str, float]:
     """Run the scenario: CPU time of the run [s], and how many plans were made."""
     built = build(Path(__file__).parents[1] / "scenarios" / "mpc.yaml")
     began = time.process_time()
@@ -149,7 +160,7 @@ def run_scenario():
     return {"whole": time.process_time() - began, "plans": summary.agents * summary.steps // 4}
 
 
-def main():
+def main() -> None:
     """Measure the case that the command line names."""
     parser = argparse.ArgumentParser()
     parser.add_argument("case", choices=["fatrop", "ipopt", "plain", "scenario"])

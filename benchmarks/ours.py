@@ -10,8 +10,9 @@ import resource
 import tempfile
 import time
 from pathlib import Path
+from typing import Any
 
-from symaware_cli.scenario.build import build
+from symaware_cli.scenario.build import Built, build
 from symaware_cli.scenario.execution import execute
 
 _COMPONENTS = {
@@ -129,22 +130,23 @@ def main() -> None:
     )
 
 
-def _profile(built, log) -> None:
+def _profile(built: Built, log: Path | None) -> None:
     """Print the share of each module in the time of the run."""
     import cProfile
     import pstats
-    from collections import Counter
+    from collections import defaultdict
 
     profile = cProfile.Profile()
     profile.runcall(execute, built, log)
-    shares = Counter()
-    for (file, _, name), (_, _, own, _, _) in pstats.Stats(profile).stats.items():
+    shares: dict[str, float] = defaultdict(float)
+    figures: Any = vars(pstats.Stats(profile))["stats"]
+    for (file, _, name), (_, _, own, _, _) in figures.items():
         part = file.partition("symaware_cli/")[2] or ("NumPy, SciPy and zstd" if file in ("~", "") else "other Python")
         if file not in ("~", "") and ("numpy" in file or "scipy" in file):
             part = "NumPy, SciPy and zstd"
         shares[part if part else name] += own
     total = sum(shares.values())
-    print(json.dumps({part: time / total for part, time in shares.most_common(12)}))
+    print(json.dumps({part: time / total for part, time in sorted(shares.items(), key=lambda share: -share[1])[:12]}))
 
 
 if __name__ == "__main__":

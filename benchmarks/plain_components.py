@@ -1,42 +1,47 @@
 """Components of single agents in plain Python, as the author of a paper would write them."""
 
 import math
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from symaware_cli import Controller, PerceptionSystem, TimeSeries
+from symaware_cli import Controller, PerceptionSystem, Snapshot, TimeSeries
+
+Array = NDArray[np.float64]
 
 
 class Perception(PerceptionSystem):
     """Perceives everybody, as one snapshot that all share."""
 
-    def _compute(self):
+    def _compute(self) -> Snapshot:
         return self.environment.snapshot()
 
 
 class DictionaryPerception(PerceptionSystem):
     """Perceives everybody by id: the paper's way. The mapping is backed by the world's arrays."""
 
-    def _compute(self):
+    def _compute(self) -> Mapping[str, Array]:
         return self.environment.snapshot().states_by_id
 
 
 class OwnDictionaryPerception(PerceptionSystem):
     """Perceives everybody, as a dictionary that each agent fills anew."""
 
-    def _compute(self):
+    def _compute(self) -> dict[str, Array]:
         return dict(self.environment.snapshot().states_by_id)
 
 
 class ToGoal(Controller):
     """Heads for the goal."""
 
-    def _compute(self):
+    def _compute(self) -> tuple[Array, TimeSeries]:
         state = self._agent.self_state
         goal = self._agent.self_knowledge["goal"]
         return goal - state, TimeSeries()
 
-    def _update(self, value):
+    def _update(self, value: tuple[Any, ...]) -> None:
         control_input, intent = value
         self._agent.model.control_input = control_input
         self._agent.self_awareness.intent = intent
@@ -45,7 +50,7 @@ class ToGoal(Controller):
 class AwareToGoal(ToGoal):
     """Reads what it believes of every other agent, and heads for its goal."""
 
-    def _compute(self):
+    def _compute(self) -> tuple[Array, TimeSeries]:
         own = self._agent.id
         others = [vector.state for other, vector in self._agent.awareness_database.items() if other != own]
         assert others
@@ -55,7 +60,7 @@ class AwareToGoal(ToGoal):
 class Dash(Controller):
     """Steers a unicycle to its goal, at full speed as far as it looks there: what IR-SIM's ``dash`` does."""
 
-    def _compute(self):
+    def _compute(self) -> tuple[Array, TimeSeries]:
         x, y, heading = self._agent.self_state.tolist()
         goal_x, goal_y = self._agent.self_knowledge["goal"].tolist()
         error = math.remainder(math.atan2(goal_y - y, goal_x - x) - heading, math.tau)
@@ -63,7 +68,7 @@ class Dash(Controller):
         turn = min(max(error / 0.05, -1.0), 1.0)
         return np.array([speed, turn]), TimeSeries()
 
-    def _update(self, value):
+    def _update(self, value: tuple[Any, ...]) -> None:
         control_input, intent = value
         self._agent.model.control_input = control_input
         self._agent.self_awareness.intent = intent

@@ -124,7 +124,7 @@ def _drawn(rr: Any, run_view: RunView, group_view: GroupView, field: str, conten
                 else:
                     yield row, rr.LineStrips3D([group_view.positions(values)], colors=group_view.colours[row])
         case wire.Awareness() if not content.world:
-            beliefs = Reading(run_view, 2).read([(0, content)], len(group_view.agents), range(len(group_view.agents)))
+            beliefs = Reading(2).read([(0, content)], len(group_view.agents), range(len(group_view.agents)))
             for row in range(len(group_view.agents)):
                 yield row, rr.Points3D(beliefs.places[beliefs.observer == row])
 

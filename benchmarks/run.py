@@ -117,19 +117,19 @@ def cases(peers: bool, original: str | None, drones: str | None, folder: Path) -
     found["hello"] = Case([str(program), "run", str(hello), "-o", str(folder / "hello.mcap")], whole=True)
     found["drones 10"] = Case([*ours, "drones", "10", "300"])
     if peers:
-        for name, script, arguments in (
+        for name, peer, arguments in (
             ("IR-SIM 10", "irsim_dash.py", ["10", "200"]),
             ("IR-SIM 100", "irsim_dash.py", ["100", "30"]),
             ("MPE2 10", "mpe2_spread.py", ["10", "200"]),
             ("VMAS 10", "vmas_navigation.py", ["10", "50"]),
         ):
-            found[name] = Case([_python(PEERS), str(HERE / "peers" / script), *arguments])
+            found[name] = Case([_python(PEERS), str(HERE / "peers" / peer), *arguments])
         found["IR-SIM hello"] = Case([_python(PEERS), str(HERE / "peers" / "irsim_dash.py"), "4", "240"], whole=True)
     if original:
         script = str(HERE / "peers" / "original_symaware.py")
-        for agents, steps in (("10", "1000"), ("100", "100"), ("1000", "10")):
-            found[f"original {agents}"] = Case([original, script, agents, steps])
-            found[f"original aware {agents}"] = Case([original, script, agents, steps, "--aware"])
+        for count, turns in (("10", "1000"), ("100", "100"), ("1000", "10")):
+            found[f"original {count}"] = Case([original, script, count, turns])
+            found[f"original aware {count}"] = Case([original, script, count, turns, "--aware"])
     if drones:
         found["gym-drones 10"] = Case([drones, str(HERE / "peers" / "gym_drones.py"), "10", "300"])
     return found
@@ -147,7 +147,8 @@ def measure(case: Case) -> dict[str, float]:
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
         cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
         return {"cpu": cpu, "agent_steps": 4 * 240}
-    return json.loads(done.stdout.strip().splitlines()[-1])
+    figures: dict[str, float] = json.loads(done.stdout.strip().splitlines()[-1])
+    return figures
 
 
 def replays() -> dict[str, Case]:

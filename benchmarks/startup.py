@@ -55,7 +55,7 @@ def main() -> None:
         }
         for line in commands.values():
             cpu_time(line)
-        times = {name: [] for name in commands}
+        times: dict[str, list[float]] = {name: [] for name in commands}
         for _ in range(rounds):
             for name, line in commands.items():
                 times[name].append(cpu_time(line))

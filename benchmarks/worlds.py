@@ -22,9 +22,12 @@ import os
 import statistics
 import tempfile
 import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
+from typing import Any
 
 import symaware_cli  # noqa: F401 (before NumPy: it decides which of its kernels are used)
 
@@ -34,6 +37,7 @@ import pybullet
 import pybullet_data
 import pymunk
 import yaml
+from numpy.typing import ArrayLike, NDArray
 from pymunk import batch
 
 from symaware_cli import open_log
@@ -46,6 +50,9 @@ from symaware_cli.models.quadrotor import Quadrotor
 from symaware_cli.models.racecar import TRACK, WHEEL_RADIUS, WHEELBASE, Racecar, hinge_angles
 from symaware_cli.scenario.build import build
 from symaware_cli.scenario.execution import execute
+
+Array = NDArray[np.float64]
+Measured = tuple[float, Array | None]
 
 TIME_STEP, SUBSTEPS = 0.05, 10
 RADIUS = 0.3
@@ -66,7 +73,7 @@ WHOLE = 4000
 PEER_DRONES = 3000
 
 
-def places(count, crowded):
+def places(count: int, crowded: bool) -> tuple[Array, Array]:
     """Positions on a square grid, and velocities: outwards, or all towards the middle."""
     side = math.ceil(math.sqrt(count))
     spacing = 0.7 if crowded else 5.0
@@ -76,7 +83,9 @@ def places(count, crowded):
     return grid, -0.3 * direction if crowded else 0.1 * direction
 
 
-def stepped(environment, group, control_input, steps):
+def stepped(
+    environment: PymunkEnvironment | PyBulletEnvironment, group: AgentGroup, control_input: ArrayLike | None, steps: int
+) -> float:
     """CPU time of some steps of a world of ours: states and velocities of all, and contacts."""
     if control_input is not None:
         group.control_input = control_input
@@ -89,7 +98,9 @@ def stepped(environment, group, control_input, steps):
     return time.process_time() - started
 
 
-def our_circles(kind, count, crowded, driven, steps):
+def our_circles(
+    kind: type[PymunkEnvironment | PyBulletEnvironment], count: int, crowded: bool, driven: bool, steps: int
+) -> Measured:
     """Circles that follow a velocity, or that fly freely; with them somebody far away, since a run has an agent."""
     grid, velocity = places(count, crowded)
     space = {} if kind is PymunkEnvironment else {"ground": None, "gravity": (0, 0, 0)}
@@ -107,14 +118,14 @@ def our_circles(kind, count, crowded, driven, steps):
     return used, ends
 
 
-def bare_pymunk(count, crowded, driven, steps, contacts):
+def bare_pymunk(count: int, crowded: bool, driven: bool, steps: int, contacts: bool) -> Measured:
     """Pymunk by itself; who is driven is pushed by one force a body and physics step."""
     grid, velocity = places(count, crowded)
     space, bodies, step = pymunk.Space(), [], TIME_STEP / SUBSTEPS
     space.collision_slop = 5e-4
     if not driven:
         nobody = pymunk.Body(1.0, float("inf"))
-        nobody.position = tuple(FAR_AWAY)
+        nobody.position = FAR_AWAY[0], FAR_AWAY[1]
         space.add(nobody)
     for position, own in zip(grid.tolist(), velocity.tolist(), strict=True):
         body = pymunk.Body(1.0, float("inf") if driven else pymunk.moment_for_circle(1.0, 0.0, RADIUS))
@@ -123,14 +134,14 @@ def bare_pymunk(count, crowded, driven, steps, contacts):
         shape.friction = 0.5
         space.add(body, shape)
         bodies.append(body)
-    news = []
+    news: list[tuple[Any, ...]] = []
 
-    def meet(arbiter, space, data):
+    def meet(arbiter: pymunk.Arbiter, space: pymunk.Space, data: Any) -> None:
         if arbiter.is_first_contact:
             found = arbiter.contact_point_set
             news.append((*arbiter.shapes, found.points[0].point_a, arbiter.total_impulse))
 
-    def part(arbiter, space, data):
+    def part(arbiter: pymunk.Arbiter, space: pymunk.Space, data: Any) -> None:
         news.append(arbiter.shapes)
 
     if contacts:
@@ -153,7 +164,9 @@ def bare_pymunk(count, crowded, driven, steps, contacts):
     return time.process_time() - started, None if driven else read[1:, :2]
 
 
-def taken_contacts(client, touching, news, step):
+def taken_contacts(
+    client: int, touching: Mapping[tuple[int, int], Any], news: list[tuple[Any, ...]], step: float
+) -> dict[tuple[int, int], Any]:
     """Ask PyBullet who touches, note who began or ended with point and impulse, and return who touches."""
     found = {each[1:3]: each for each in pybullet.getContactPoints(physicsClientId=client) if each[8] <= 0}
     news += [(*pair, each[5], each[9] * step) for pair, each in found.items() if pair not in touching]
@@ -161,7 +174,7 @@ def taken_contacts(client, touching, news, step):
     return found
 
 
-def bare_pybullet(count, crowded, driven, steps, contacts):
+def bare_pybullet(count: int, crowded: bool, driven: bool, steps: int, contacts: bool) -> Measured:
     """PyBullet by itself, likewise."""
     grid, velocity = places(count, crowded)
     client, step = pybullet.connect(pybullet.DIRECT), TIME_STEP / SUBSTEPS
@@ -188,7 +201,8 @@ def bare_pybullet(count, crowded, driven, steps, contacts):
         bodies.append(body)
     pybullet.performCollisionDetection(client)  # as ours, which looks for overlaps at the start
     wanted = [(*own, 0.0) for own in velocity.tolist()]
-    touching, news = {}, []
+    touching: dict[tuple[int, int], Any] = {}
+    news: list[tuple[Any, ...]] = []
     started = time.process_time()
     for _ in range(steps):
         news.clear()
@@ -201,7 +215,7 @@ def bare_pybullet(count, crowded, driven, steps, contacts):
             pybullet.stepSimulation(client)
             if contacts:
                 touching = taken_contacts(client, touching, news, step)
-        read = []
+        read: list[Any] = []
         for body in bodies:
             read += (*pybullet.getBasePositionAndOrientation(body, client), *pybullet.getBaseVelocity(body, client))
     used = time.process_time() - started
@@ -209,7 +223,7 @@ def bare_pybullet(count, crowded, driven, steps, contacts):
     return used, None if driven else np.array([position[:2] for position in read[::4]])
 
 
-def our_cars(count, steps):
+def our_cars(count: int, steps: int) -> Measured:
     """Racecars on wheels, and where they end."""
     environment = PyBulletEnvironment(PyBulletEnvironment.Parameters(time_step=TIME_STEP, substeps=SUBSTEPS))
     states = [[0.0, 2.0 * row, 0.0, 0.0, 0.0] for row in range(count)]
@@ -219,7 +233,7 @@ def our_cars(count, steps):
         return stepped(environment, cars, [[1.0, 0.1]] * count, steps), environment.state(cars)[:, :2]
 
 
-def bare_cars(count, steps, contacts):
+def bare_cars(count: int, steps: int, contacts: bool) -> Measured:
     """The same wheels, motors and hinges, on PyBullet by itself."""
     client, step = pybullet.connect(pybullet.DIRECT), TIME_STEP / SUBSTEPS
     pybullet.setTimeStep(step, client)
@@ -254,7 +268,8 @@ def bare_cars(count, steps, contacts):
     pybullet.performCollisionDetection(client)
     aside = 0.5 * TRACK * math.tan(0.1) / WHEELBASE
     wheels = [(1.0 - aside) / WHEEL_RADIUS, (1.0 + aside) / WHEEL_RADIUS]
-    touching, news = {}, []
+    touching: dict[tuple[int, int], Any] = {}
+    news: list[tuple[Any, ...]] = []
     started = time.process_time()
     for _ in range(steps):
         for car in cars:
@@ -278,7 +293,7 @@ def bare_cars(count, steps, contacts):
             pybullet.stepSimulation(client)
             if contacts:
                 touching = taken_contacts(client, touching, news, step)
-        read = []
+        read: list[Any] = []
         for car in cars:
             read += (*pybullet.getBasePositionAndOrientation(car, client), *pybullet.getBaseVelocity(car, client))
             pybullet.getJointState(car, 4, client)
@@ -287,7 +302,7 @@ def bare_cars(count, steps, contacts):
     return used, np.array([position[:2] for position in read[::4]])
 
 
-def our_drones(count, steps):
+def our_drones(count: int, steps: int) -> float:
     """Quadrotors that follow velocities, at 48 Hz over physics at 240 Hz; agent-steps per CPU-second."""
     model = Quadrotor()
     states = np.zeros((count, 12))
@@ -305,10 +320,10 @@ def our_drones(count, steps):
         return count * steps / (time.process_time() - started)
 
 
-def car_memory(visuals):
+def car_memory(visuals: bool) -> float:
     """Megabytes that each racecar takes beyond the first, in this process; to be asked once in one."""
 
-    def resident(count):
+    def resident(count: int) -> float:
         environment = PyBulletEnvironment(PyBulletEnvironment.Parameters(visuals=visuals))
         states = [[0.0, 2.0 * row, 0.0, 0.0, 0.0] for row in range(count)]
         cars = AgentGroup("car", [f"car{row}" for row in range(count)], Racecar(), Entity(), states)
@@ -317,18 +332,18 @@ def car_memory(visuals):
         worlds.append(environment)
         return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 2**20
 
-    worlds = []
+    worlds: list[PyBulletEnvironment] = []
     before, one, many = resident(1), resident(1), resident(21)
     return (many - one - (one - before)) / 20
 
 
-def car_memory_apart(visuals):
+def car_memory_apart(visuals: bool) -> float:
     """The same in a process of its own, which nothing was in before."""
     with ProcessPoolExecutor(1, get_context("spawn")) as process:
         return process.submit(car_memory, visuals).result()
 
 
-def circles():
+def circles() -> Iterator[tuple[str, Callable[[], Measured], Callable[[bool], Measured]]]:
     """Name, ours, bare with and without contacts, of which each returns CPU time and where free bodies end."""
     for engine, kind, bare, count in (
         ("pymunk circles", PymunkEnvironment, bare_pymunk, 100),
@@ -340,12 +355,12 @@ def circles():
                 chosen = (count, crowded, driven, 50 if crowded or driven else 400)
                 yield (
                     name,
-                    lambda k=kind, c=chosen: our_circles(k, *c),
-                    lambda contacts, b=bare, c=chosen: b(*c, contacts),
+                    partial(our_circles, kind, *chosen),
+                    partial(bare, *chosen),
                 )
 
 
-def whole_run(engine, count, agents, recorded, folder):
+def whole_run(engine: str, count: int, agents: int, recorded: bool, folder: Path) -> Measured:
     """CPU time of a run, from its file to the end of its log, and where the bodies end if it was recorded."""
     grid, velocity = places(count, False)
     space = {} if engine == "pymunk" else {"ground": None, "gravity": [0, 0, 0]}
@@ -353,7 +368,7 @@ def whole_run(engine, count, agents, recorded, folder):
         f"b{n:03}": {"shape": CIRCLE, "mass": 1.0, "position": grid[n].tolist(), "velocity": velocity[n].tolist()}
         for n in range(count)
     }
-    scenario = {
+    scenario: dict[str, Any] = {
         "symaware": 1,
         "name": "bodies",
         "run": {"duration": WHOLE * TIME_STEP},
@@ -380,48 +395,51 @@ def whole_run(engine, count, agents, recorded, folder):
     return used, ends
 
 
-def timed(run):
+def timed(run: Callable[[], Measured]) -> Measured:
     """CPU time of all that a bare loop does, its setup, too, and where the bodies end."""
     started = time.process_time()
     _, ends = run()
     return time.process_time() - started, ends
 
 
-def whole_runs(rounds):
+def whole_runs(rounds: int) -> Iterator[tuple[str, float, list[float]]]:
     """Yield what is compared, the target, and the ratios of the bare engine to whole runs of ours."""
     for engine, count, bare in (("pymunk", 100, bare_pymunk), ("pybullet", 50, bare_pybullet)):
         for agents in (0, 1):
             for recorded, target in ((False, 0.7), (True, 0.4)):
-                ratios = []
+                ratios: list[float] = []
                 with tempfile.TemporaryDirectory() as folder:
                     for _ in range(rounds):
                         own, ends = whole_run(engine, count, agents, recorded, Path(folder))
-                        theirs, expected = timed(lambda b=bare, c=count: b(c, False, False, WHOLE, False))
-                        if ends is not None and not np.array_equal(ends, expected):
+                        theirs, expected = timed(partial(bare, count, False, False, WHOLE, False))
+                        if ends is not None and (expected is None or not np.array_equal(ends, expected)):
                             raise SystemExit("the bare engine does not do the same as ours: nothing can be compared")
                         ratios.append(theirs / own)
                 bodies = f"whole run of {count} {engine} {'circles' if engine == 'pymunk' else 'spheres'}"
                 yield f"{bodies}{' and an agent' * agents}{', recorded' * recorded}", target, ratios
 
 
-def compared(ours, bare, rounds):
+def compared(
+    ours: Callable[[], Measured], bare: Callable[[bool], Measured], rounds: int
+) -> tuple[list[float], list[float]]:
     """Return the ratios of what the bare engine takes, without and with contacts, to what ours takes, by round."""
-    without, asking = [], []
+    without: list[float] = []
+    asking: list[float] = []
     for _ in range(rounds):
         (own, expected), *theirs = ours(), bare(False), bare(True)
         for (used, ends), ratios in zip(theirs, (without, asking), strict=True):
-            if ends is not None and not np.array_equal(ends, expected):
+            if ends is not None and (expected is None or not np.array_equal(ends, expected)):
                 raise SystemExit("the bare engine does not do the same as ours: nothing can be compared")
             ratios.append(used / own)
     return without, asking
 
 
-def spread(ratios):
+def spread(ratios: Sequence[float]) -> str:
     """The median of ratios, with the least and the greatest."""
     return f"{statistics.median(ratios):.2f} x ({min(ratios):.2f} to {max(ratios):.2f})"
 
 
-def row(name, figures):
+def row(name: str, figures: Mapping[str, Any]) -> str:
     """A row of the table."""
     if "ratios" not in figures:
         bound = f"< {figures['limit']:g}" if "limit" in figures else f">= {figures['target']:,g}"
@@ -430,7 +448,7 @@ def row(name, figures):
     return f"| {name} | {spread(figures['ratios'])} | >= {figures['target']:g} x | {asking} |"
 
 
-def measured(rounds):
+def measured(rounds: int) -> Iterator[tuple[str, dict[str, Any]]]:
     """Yield the name and the figures of everything there is to measure."""
     for name, target, ratios in whole_runs(rounds):
         yield name, {"ratios": ratios, "target": target}
@@ -446,7 +464,7 @@ def measured(rounds):
         yield name, {"figure": car_memory_apart(visuals), "limit": 5}
 
 
-def main():
+def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rounds", type=int, default=5)

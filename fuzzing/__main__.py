@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 
 from fuzzing.campaign import pursue, replay
@@ -74,7 +75,7 @@ def _sum_up(name: str, state: State) -> None:
         print(f"  {entry['count']:5} x {key}\n          {', '.join(entry['files'])}")
 
 
-def _counts(tally: dict[str, int]) -> str:
+def _counts(tally: Mapping[str, int]) -> str:
     return ", ".join(f"{count:,} {name}" for name, count in sorted(tally.items(), key=lambda item: -item[1]))
 
 

@@ -160,7 +160,7 @@ def _packed(records: bytes, compression: str) -> bytes:
     if compression == "zstd":
         return zstandard.ZstdCompressor(level=1).compress(records)
     if compression == "lz4":
-        import lz4.frame  # type: ignore[import-untyped]
+        import lz4.frame
 
         return bytes(lz4.frame.compress(records))
     return records

@@ -24,6 +24,7 @@ import tempfile
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 PACKAGE = Path("symaware_cli")
 FOLDERS = ("awareness", "core", "world", "runtime", "network", "recording")
@@ -31,7 +32,7 @@ WIDER = ("tests/api", "tests/components", "tests/environments", "tests/scenario"
 TIME_LIMIT = 1200.0
 """Longest time for the tests of one mutant [s]; a mutant that hangs them counts as killed."""
 
-_SWAPPED = {
+_SWAPPED: dict[type[ast.AST], Any] = {
     ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Gt: ast.GtE, ast.GtE: ast.Gt, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq,
     ast.Is: ast.IsNot, ast.IsNot: ast.Is, ast.In: ast.NotIn, ast.NotIn: ast.In,
     ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Add, ast.Div: ast.Mult, ast.FloorDiv: ast.Mult,
@@ -77,6 +78,8 @@ def mutants(path: Path) -> list[Mutant]:
 
     found = []
     for node, after in _changes(ast.parse(source)):
+        assert node.end_lineno is not None
+        assert node.end_col_offset is not None
         start, end = place(node.lineno, node.col_offset), place(node.end_lineno, node.end_col_offset)
         found.append(Mutant(str(path), node.lineno, start, end, source[start:end], after))
     return sorted(found, key=lambda mutant: (mutant.start, mutant.end, mutant.after))

@@ -60,7 +60,8 @@ def _content(wire: int, content: bytes, chance: Random) -> bytes:
 
 def _fields(data: bytes) -> list[tuple[int, int, bytes]]:
     """Number, wire type and content of each field, as far as they can be told."""
-    fields, place = [], 0
+    fields: list[tuple[int, int, bytes]] = []
+    place = 0
     try:
         while place < len(data):
             tag, place = _read(data, place)

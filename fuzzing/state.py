@@ -89,4 +89,4 @@ class State:
             path.with_suffix(".txt").write_text(f"{key}\n\n{result.found.text}")
             entry["files"].append(str(path))
         self.save()
-        return entry["count"] == 1
+        return bool(entry["count"] == 1)

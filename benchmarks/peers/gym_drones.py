@@ -32,7 +32,7 @@ velocity = np.array([0.3, 0.1, 0.05])
 action = np.zeros((count, 4))
 
 
-def steps(first, number):
+def steps(first: int, number: int) -> None:
     """Make some steps: the physics, then a turn of each controller."""
     for step in range(first, first + number):
         seen, *_ = world.step(action)

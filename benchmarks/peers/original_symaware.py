@@ -9,8 +9,10 @@ import json
 import math
 import time
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from symaware.base import (
     Agent,
     AwarenessVector,
@@ -22,25 +24,27 @@ from symaware.base import (
     TimeSeries,
 )
 
+Array = NDArray[np.float64]
+
 STEP = 0.05
 
 
 class PointMass(DynamicalModel):
     """A velocity that is followed at once."""
 
-    def __init__(self, agent, state):
+    def __init__(self, agent: int, state: Array) -> None:
         super().__init__(agent, np.zeros(2))
         self.state = state
 
-    def initialise(self):
+    def initialise(self) -> None:
         """Nothing to do."""
 
-    def step(self):
+    def step(self) -> None:
         """Move for one time step."""
         self.state = self.state + STEP * self._control_input
 
     @property
-    def subinputs_dict(self):
+    def subinputs_dict(self) -> dict[str, Array]:
         """The input by its parts."""
         return {"velocity": self._control_input}
 
@@ -49,27 +53,27 @@ class PointMass(DynamicalModel):
 class Body(Entity):
     """A body that moves as its model does."""
 
-    def initialise(self):
+    def initialise(self) -> None:
         """Nothing to do."""
 
 
 class Plane(Environment):
     """An empty plane."""
 
-    def _add_entity(self, entity):
+    def _add_entity(self, entity: Entity) -> None:
         entity.initialise()
 
-    def get_entity_state(self, entity):
+    def get_entity_state(self, entity: Entity) -> Any:
         """The state of the body's model."""
         return entity.model.state
 
-    def initialise(self):
+    def initialise(self) -> None:
         """Nothing to do."""
 
-    def stop(self):
+    def stop(self) -> None:
         """Nothing to do."""
 
-    def step(self):
+    def step(self) -> None:
         """Move everybody."""
         for entity in self.entities:
             entity.step()
@@ -78,14 +82,14 @@ class Plane(Environment):
 class ToGoal(Controller):
     """Heads for the goal."""
 
-    def _compute(self):
+    def _compute(self) -> tuple[Array, TimeSeries]:
         return self._agent.knowledge_database[self._agent_id]["goal"] - self._agent.self_state, TimeSeries()
 
 
 class AwareToGoal(ToGoal):
     """Reads what it believes of every other agent, and heads for its goal."""
 
-    def _compute(self):
+    def _compute(self) -> tuple[Array, TimeSeries]:
         own = self._agent_id
         others = [vector.state for other, vector in self._agent.awareness_database.items() if other != own]
         assert others
@@ -111,7 +115,7 @@ for number in range(AGENTS):
     agents.append(agent)
 
 
-def steps(count):
+def steps(count: int) -> None:
     """Make some steps."""
     for _ in range(count):
         world.step()

@@ -4,17 +4,18 @@ import json
 import random
 import sys
 import time
+from collections.abc import Iterator
 
 import simpy
 
 
-def main():
+def main() -> None:
     processes, turns = int(sys.argv[1]), int(sys.argv[2])
     environment = simpy.Environment()
     chance = random.Random(1)
     counts = [0] * processes
 
-    def process(number, offset):
+    def process(number: int, offset: float) -> Iterator[simpy.Event]:
         yield environment.timeout(offset)
         for _ in range(turns):
             counts[number] += 1

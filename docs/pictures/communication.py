@@ -70,8 +70,8 @@ topology: {topology[:-1]}, channel: {{loss: {loss}}}}}
     values = values[kept]
     adjacency = np.zeros((count, count))
     roster = log.manifest["roster"]
-    for entry in log.communications(end=1):
-        adjacency[roster.index(entry.sender), roster.index(entry.receiver)] = 1.0
+    for told in log.communications(end=1):
+        adjacency[roster.index(told.sender), roster.index(told.receiver)] = 1.0
     eigenvalues = np.linalg.eigvalsh(np.diag(adjacency.sum(axis=1)) - adjacency)
     error = np.linalg.norm(values - values[0].mean(), axis=1)
     return error / error[0], float(max(1 - gain * eigenvalues[1], gain * eigenvalues[-1] - 1))

@@ -92,28 +92,23 @@ def _interrupted(*names: str) -> Any:
     return misbehave
 
 
+#: What a component can raise.
+ERRORS: list[BaseException | type[BaseException]] = [
+    *(ValueError("no"), ValueError(), ValueError("\ud800 \x00 \x1b[31m"), ValueError("x" * 1_000_000)),
+    *(KeyError("a"), OSError(28, "No space left on device"), UnprintableError(), Unkind("no"), MemoryError()),
+    *(KeyboardInterrupt(), SystemExit(0), SystemExit("text"), GeneratorExit(), StopIteration(3)),
+    *(StopAsyncIteration(), asyncio.CancelledError(), BrokenPipeError(), AssertionError, RecursionError()),
+    *(ExceptionGroup("many", [ValueError("a"), KeyError("b")]), BaseExceptionGroup("all", [Unkind()])),
+    *(EOFError(), ImportError("gone"), SyntaxError("bad"), UnicodeDecodeError("utf-8", b"x", 0, 1, "y")),
+]
+
 #: What a component can do wrong, by name.
 ACTS: dict[str, Any] = {
     **{
         f"raise-{type(error).__name__ if isinstance(error, BaseException) else error.__name__}-{number}": _raising(
             error
         )
-        for number, error in enumerate(
-            [
-                *(ValueError("no"), ValueError(), ValueError("\ud800 \x00 \x1b[31m"), ValueError("x" * 1_000_000)),
-                *(
-                    KeyError("a"),
-                    OSError(28, "No space left on device"),
-                    UnprintableError(),
-                    Unkind("no"),
-                    MemoryError(),
-                ),
-                *(KeyboardInterrupt(), SystemExit(0), SystemExit("text"), GeneratorExit(), StopIteration(3)),
-                *(StopAsyncIteration(), asyncio.CancelledError(), BrokenPipeError(), AssertionError, RecursionError()),
-                *(ExceptionGroup("many", [ValueError("a"), KeyError("b")]), BaseExceptionGroup("all", [Unkind()])),
-                *(EOFError(), ImportError("gone"), SyntaxError("bad"), UnicodeDecodeError("utf-8", b"x", 0, 1, "y")),
-            ]
-        )
+        for number, error in enumerate(ERRORS)
     },
     "recurse": lambda component: _deep(),
     "sleep": lambda component: time.sleep(600),
@@ -134,7 +129,7 @@ ACTS: dict[str, Any] = {
     "default-signals": lambda component: [signal.signal(each, signal.SIG_DFL) for each in (2, 15)],
     "close-files": _close_everything,
     "close-output": lambda component: [sys.stdout.close(), sys.stderr.close()],
-    "no-output": lambda component: [setattr(sys, "stdout", None), setattr(sys, "stderr", None)],
+    "no-output": lambda component: vars(sys).update(stdout=None, stderr=None),
     "print": lambda component: print("{not json", flush=True),
     "print-native": lambda component: os.write(1, b"{not json\n"),
     "elsewhere": lambda component: os.chdir("/"),
@@ -171,7 +166,7 @@ ACTS: dict[str, Any] = {
     "emit-in-a-circle": lambda component: (
         component.subscribe("odd", lambda event: component.emit("odd")) and component.emit("odd")
     ),
-    "send-nobody": lambda component: component._surroundings.exchange.send(Message(_agent(component).id, "nobody")),
+    "send-nobody": lambda component: component._surroundings.exchange.send(Message(_agent(component).id, "nobody", {})),
     "send-odd": lambda component: component._surroundings.exchange.send("hello"),
     "no-attributes": lambda component: component.__dict__.clear(),
 }
@@ -244,7 +239,7 @@ class _Faulty:
         return VALUES[wanted.value]() if wanted.value and self.turns == wanted.turn else sound
 
 
-class FaultyController(_Faulty, Controller):
+class FaultyController(_Faulty, Controller):  # type: ignore[misc] # whose parameters are those of _Faulty
     """A controller of one agent."""
 
     def _compute(self) -> Any:
@@ -255,7 +250,7 @@ class FaultyController(_Faulty, Controller):
         super()._update(value)
 
 
-class FaultyComponent(_Faulty, Component):
+class FaultyComponent(_Faulty, Component):  # type: ignore[misc]
     """A component of one agent that waits within its turns, where it may."""
 
     def _compute(self) -> Any:
@@ -270,7 +265,7 @@ class FaultyComponent(_Faulty, Component):
         self._agent.model.control_input = value
 
 
-class FaultyGroup(_Faulty, GroupComponent):
+class FaultyGroup(_Faulty, GroupComponent):  # type: ignore[misc]
     """A component of a whole group."""
 
     def _compute(self) -> Any:

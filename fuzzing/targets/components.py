@@ -83,7 +83,8 @@ class Components(Target):
         if wrong.get("act") in ("sleep", "busy", "native") and where not in ("compute", "update"):
             where = "initialise"  # before the run begins, only Ctrl-C ends what takes too long
         parameters = {**wrong, "where": where, "turn": chance.choice([1, 1, 2, 4])}
-        mode, timing = chance.choice(["synchronous", "asynchronous"]), {}
+        mode = chance.choice(["synchronous", "asynchronous"])
+        timing: dict[str, object] = {}
         if chance.random() < 0.3:
             timing["on_failure"] = chance.choice(["stop", "restart", "retire", "coast"])
         if chance.random() < 0.2:

@@ -93,6 +93,7 @@ def _sound() -> list[bytes]:
     from symaware_cli.distributed.codec import encode
     from symaware_cli.distributed.frame import (
         End,
+        Frame,
         Hello,
         Notice,
         Post,
@@ -116,7 +117,7 @@ def _sound() -> list[bytes]:
     world = {"state/robot": np.zeros((3, 2)), "input/robot": np.zeros((3, 2))}
     contact = Contact("robot.0", "robot.1", (0.0, 1.0), 0.1, True, 2.0)
     inputs = {"robot": (np.array([0]), np.ones((1, 2)))}
-    frames = [
+    frames: list[Frame] = [
         Hello("stranger", bytes(32), "0.1.0", ("robot.0", "robot.1")),
         Welcome(0, 0, 0.0, float("nan")),
         Refusal("no", final=False),
@@ -355,12 +356,12 @@ class _Stranger:
 
     def _introduce(self) -> bool:
         """Become known to the host; False if it does not let us."""
-        from symaware_cli.distributed.protocol import PREAMBLE, Over
+        from symaware_cli.distributed.protocol import PREAMBLE, ConnectionEnded
 
         talk, data = self._talk, b""
         self._socket.sendall(talk.preamble)
         end = time.monotonic() + 2.0
-        with contextlib.suppress(Over, TimeoutError):
+        with contextlib.suppress(ConnectionEnded, TimeoutError):
             while not talk.open and time.monotonic() < end:
                 part = self._socket.recv(65536)
                 if not part:

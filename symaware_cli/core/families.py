@@ -145,10 +145,13 @@ class CommunicationReceiver(Component):
 
 
 class Controller(Component):
-    """Chooses the control input; `_compute` returns it, shape (nu,), with the intent behind it."""
+    """Chooses the control input; `_compute` returns it, shape (nu,), with the intent behind it, a `TimeSeries`.
+
+    A class with an `_update` of its own may hand it more.
+    """
 
     @abstractmethod
-    def _compute(self) -> tuple[ArrayLike, TimeSeries]:
+    def _compute(self) -> tuple[Any, ...]:
         """Choose the control input and state the intent."""
 
     def misfit(self, value: Any) -> str | None:
@@ -168,7 +171,7 @@ class Controller(Component):
             return f"`_compute` returned a control input of shape {control_input.shape}: {expected}"
         return None
 
-    def _update(self, value: tuple[ArrayLike, TimeSeries]) -> None:
+    def _update(self, value: tuple[Any, ...]) -> None:
         control_input, intent = value
         self._agent.model.control_input = control_input
         self._agent.self_awareness.intent = intent

@@ -42,7 +42,7 @@ def quiet() -> Iterator[list[str]]:
 
 
 with quiet():
-    import pybullet as engine  # type: ignore[import-not-found]
+    import pybullet as engine
 
 __all__ = ["MOST_SHOWN", "Client", "engine", "quiet"]
 

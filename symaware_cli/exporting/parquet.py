@@ -10,7 +10,7 @@ from symaware_cli.exporting.table import Column, Form, Images, Names, Table, Val
 from symaware_cli.recording.error import LogError
 
 if TYPE_CHECKING:
-    import pyarrow  # type: ignore[import-untyped]
+    import pyarrow
 
 
 class ParquetSheet:

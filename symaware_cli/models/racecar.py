@@ -145,7 +145,7 @@ class RacecarVehicle(Vehicle):
 
     def description(self) -> Path:
         """The file in pybullet_data."""
-        import pybullet_data  # type: ignore[import-untyped]
+        import pybullet_data
 
         return Path(pybullet_data.getDataPath(), "racecar", "racecar.urdf")
 

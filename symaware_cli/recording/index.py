@@ -376,7 +376,7 @@ def unpack(content: bytes, header: Header) -> bytes:
                 raise Unsound("a chunk has an impossible size")
             data = zstandard.ZstdDecompressor().decompress(packed, max_output_size=size) if packed else b""
         elif compression == b"lz4":
-            import lz4.frame  # type: ignore[import-untyped] # only other people's logs need it
+            import lz4.frame  # only other people's logs need it
 
             data = lz4.frame.LZ4FrameDecompressor().decompress(packed, max_length=size)
         elif compression == b"":

@@ -105,7 +105,7 @@ class RerunOutput:
             counts: (k,) how many of the m lines belong to each instant.
             colours: (m, 3).
         """
-        import pyarrow  # type: ignore[import-untyped]
+        import pyarrow
 
         kind = self._rr.components.LineStrip3DBatch._ARROW_DATATYPE
         offsets = pyarrow.array(np.concatenate([[0], np.cumsum(lengths)]).astype(np.int32))

@@ -220,7 +220,7 @@ def _settled(client: ViewerClient) -> bytes:
 
 def _executable() -> Path:
     """The viewer itself: the command ``rerun`` is a wrapper, whose child would survive it."""
-    import rerun_cli  # type: ignore[import-untyped]
+    import rerun_cli
 
     name = "rerun.exe" if sys.platform == "win32" else "rerun"
     return Path(rerun_cli.__file__).with_name(name)

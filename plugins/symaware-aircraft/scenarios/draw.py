@@ -9,6 +9,7 @@ Everything in the picture is read from the logs. Needs matplotlib.
 import argparse
 import json
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -97,7 +98,7 @@ def draw_plane(axes: Axes, story: Story) -> None:
         (f"in {len(story.fan)} scenarios", np.add(story.path[14], (40, -103)), OTHER, "left"),
         ("separation to keep", np.add(intruder[:2], (-SEPARATION - 8, 18)), ALARM, "right"),
     ):
-        axes.text(*place, text, color=colour, fontsize=8.5, ha=side, va="center")
+        axes.text(place[0], place[1], text, color=colour, fontsize=8.5, ha=side, va="center")
     axes.set(xlim=(-140, 690), ylim=(-25, 600), xlabel="x [m]", ylabel="y [m]", aspect="equal")
     apart, time = np.hypot(*(own - intruder)[:2]), story.times[k]
     axes.set_title(f"the closest approach: {apart:.2f} m at {time:g} s", loc="left")
@@ -131,7 +132,7 @@ def draw_risk(axes: Axes, story: Story) -> None:
 
 def draw(log: Path, careless: Path, picture: Path) -> None:
     """Draw the logs of the two scenarios."""
-    style = {
+    style: Any = {
         "font.family": "DejaVu Sans",
         "font.size": 9,
         "text.color": INK,

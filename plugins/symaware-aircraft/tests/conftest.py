@@ -11,13 +11,12 @@ import pytest
 from hypothesis import HealthCheck, settings
 from numpy.typing import NDArray
 
-from symaware_cli import open_log
+from symaware_cli import Log, open_log
+from symaware_cli.recording.journal import LoggedEvent
 
 # How long an example takes says more about the machine than about the code.
 settings.register_profile("aircraft", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("aircraft")
-
-SCENARIOS = Path(__file__).parent.parent / "scenarios"
 
 
 class Flight(NamedTuple):
@@ -29,28 +28,44 @@ class Flight(NamedTuple):
         intruder: Those of the intruder, or of intruder.0.
     """
 
-    log: object
+    log: Log
     own: NDArray[np.float64]
     intruder: NDArray[np.float64]
 
     @property
     def separation(self) -> NDArray[np.float64]:
         """The distance at every step [m]; shape (steps + 1,)."""
-        return np.hypot(*(self.own - self.intruder)[:, :2].T)
+        apart: NDArray[np.float64] = np.hypot(*(self.own - self.intruder)[:, :2].T)
+        return apart
 
-    def events(self, name: str) -> list[object]:
+    def events(self, name: str) -> list[LoggedEvent]:
         """The events of a name."""
         return [event for event in self.log.events() if event.name == name]
 
 
-def command(*arguments: object) -> subprocess.CompletedProcess[str]:
-    """Run a verb of the command line."""
-    line = [sys.executable, "-P", "-m", "symaware_cli", *map(str, arguments)]
-    return subprocess.run(line, capture_output=True, text=True, timeout=300, check=False)
+Fly = Callable[..., Flight]
+Command = Callable[..., subprocess.CompletedProcess[str]]
 
 
 @pytest.fixture(scope="session")
-def fly(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Flight]:
+def scenarios() -> Path:
+    """The folder of the package's scenarios."""
+    return Path(__file__).parent.parent / "scenarios"
+
+
+@pytest.fixture(scope="session")
+def command() -> Command:
+    """Run a verb of the command line."""
+
+    def command(*arguments: object) -> subprocess.CompletedProcess[str]:
+        line = [sys.executable, "-P", "-m", "symaware_cli", *map(str, arguments)]
+        return subprocess.run(line, capture_output=True, text=True, timeout=300, check=False)
+
+    return command
+
+
+@pytest.fixture(scope="session")
+def fly(tmp_path_factory: pytest.TempPathFactory, scenarios: Path, command: Command) -> Fly:
     """Run a scenario of the package, once for the same values."""
     flown: dict[tuple[object, ...], Flight] = {}
 
@@ -59,7 +74,7 @@ def fly(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Flight]:
         if key not in flown:
             path = tmp_path_factory.mktemp("flight") / "flight.mcap"
             sets = [word for override in overrides for word in ("--set", override)]
-            done = command("run", SCENARIOS / scenario, "--quiet", "--output", path, "--seed", seed, *sets)
+            done = command("run", scenarios / scenario, "--quiet", "--output", path, "--seed", seed, *sets)
             assert done.returncode == 0, done.stderr
             log = open_log(path)
             name = "intruder" if "intruder" in log.manifest["roster"] else "intruder.0"

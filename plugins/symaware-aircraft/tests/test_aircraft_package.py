@@ -1,16 +1,21 @@
 """The package lives on the public API, and is found like any plugin."""
 
+from __future__ import annotations
+
 import ast
 import json
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from conftest import command
+if TYPE_CHECKING:
+    from tests.conftest import Command
+
 
 SOURCES = sorted((Path(__file__).parent.parent / "src").rglob("*.py"))
 NAMES = {"aircraft.dubins", "aircraft.intent", "aircraft.scenario-tree-mpc", "aircraft.tell-waypoint"}
 
 
-def test_only_the_public_api_is_used():
+def test_only_the_public_api_is_used() -> None:
     assert SOURCES
     for file in SOURCES:
         for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
@@ -20,7 +25,7 @@ def test_only_the_public_api_is_used():
             assert used <= {"symaware_cli", "symaware_cli.optimal_control"}, f"{file.name}: {used}"
 
 
-def test_the_list_and_the_schema_of_editors_know_the_components():
+def test_the_list_and_the_schema_of_editors_know_the_components(command: Command) -> None:
     listed = json.loads(command("list", "components", "--json").stdout)
     assert {entry["name"] for entry in listed if entry["package"] == "symaware-aircraft"} == NAMES
     schema = json.loads(command("schema").stdout)

@@ -1,14 +1,22 @@
 """Intents are what others told, from the step after they told it; else straight flight."""
 
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
 import numpy as np
-from conftest import SCENARIOS, command
+from numpy.typing import NDArray
 
 from symaware_cli import open_log
 
-AVOIDANCE = SCENARIOS / "intent-avoidance.yaml"
+if TYPE_CHECKING:
+    from tests.conftest import Command, Flight, Fly
+
+AVOIDANCE = "intent-avoidance.yaml"
 
 
-def predicted(flight, scenario):
+def predicted(flight: Flight, scenario: int) -> dict[int, NDArray[np.float64]]:
     """Where a scenario of the fan has the intruder, by the second at which it was predicted."""
     found = {}
     for message in flight.log.messages("/agents/ownship/uncertainty"):
@@ -17,7 +25,7 @@ def predicted(flight, scenario):
     return found
 
 
-def test_a_waypoint_that_is_told_is_known_in_the_next_step(fly):
+def test_a_waypoint_that_is_told_is_known_in_the_next_step(fly: Fly) -> None:
     flight = fly("intent-avoidance.yaml")
     intents = predicted(flight, 27)
     # Before it is told, straight flight is assumed; then the prediction is what will come true.
@@ -26,19 +34,19 @@ def test_a_waypoint_that_is_told_is_known_in_the_next_step(fly):
         np.testing.assert_allclose(intents[k], flight.intruder[k : k + 31, :2], atol=1e-9)
 
 
-def test_what_was_told_becomes_knowledge_that_is_recorded(fly):
+def test_what_was_told_becomes_knowledge_that_is_recorded(fly: Fly) -> None:
     flight = fly("intent-avoidance.yaml")
     messages = list(flight.log.messages("/agents/ownship/knowledge"))
     assert messages[-1].time == 10**9
     assert '"waypoints": {"intruder": [600.0, 450.0, 0.0]}' in messages[-1].decode().values[0]
 
 
-def test_a_filed_flight_plan_is_known_from_the_start(fly):
+def test_a_filed_flight_plan_is_known_from_the_start(fly: Fly) -> None:
     flight = fly("with-intent.yaml")
     np.testing.assert_allclose(predicted(flight, 0)[0], flight.intruder[:31, :2], atol=1e-6)
 
 
-def test_without_intent_everybody_is_thought_to_fly_straight_on(fly):
+def test_without_intent_everybody_is_thought_to_fly_straight_on(fly: Fly) -> None:
     flight = fly("without-intent.yaml")
     intents = predicted(flight, 0)
     for k in (0, 5, 20):
@@ -48,30 +56,32 @@ def test_without_intent_everybody_is_thought_to_fly_straight_on(fly):
         np.testing.assert_allclose(intents[k], straight, atol=1e-9)
 
 
-def test_the_waypoint_is_told_again_now_and_then(fly):
+def test_the_waypoint_is_told_again_now_and_then(fly: Fly) -> None:
     told = [each.time // 10**9 for each in fly("intent-avoidance.yaml").log.communications() if each.stage == "SENT"]
     assert told == list(range(0, 82, 10))
 
 
-def test_waypoints_that_are_no_poses_are_refused_before_the_run():
+def test_waypoints_that_are_no_poses_are_refused_before_the_run(command: Command, scenarios: Path) -> None:
     for value, said in (
         ("[600, 450, 0]", "mapping from ids"),
         ("{intruder: [600, 450]}", "the waypoint of `intruder`"),
     ):
-        done = command("validate", AVOIDANCE, "--set", f"agents.ownship.knowledge.waypoints={value}")
+        done = command("validate", scenarios / AVOIDANCE, "--set", f"agents.ownship.knowledge.waypoints={value}")
         assert done.returncode == 2
         assert said in done.stderr
 
 
-def test_a_waypoint_to_fly_to_must_be_a_pose():
-    done = command("validate", AVOIDANCE, "--set", "agents.intruder.knowledge.waypoint=[600, 450]")
+def test_a_waypoint_to_fly_to_must_be_a_pose(command: Command, scenarios: Path) -> None:
+    done = command("validate", scenarios / AVOIDANCE, "--set", "agents.intruder.knowledge.waypoint=[600, 450]")
     assert done.returncode == 2
     assert done.stderr.count("`waypoint` must be x [m], y [m] and heading [rad]") == 2
 
 
-def test_someone_of_whom_only_the_motion_is_perceived_is_taken_to_head_where_it_goes(tmp_path):
+def test_someone_of_whom_only_the_motion_is_perceived_is_taken_to_head_where_it_goes(
+    tmp_path: Path, command: Command, scenarios: Path
+) -> None:
     done = command(
-        *("run", AVOIDANCE, "--output", tmp_path / "log.mcap", "--set", "run.duration=5"),
+        *("run", scenarios / AVOIDANCE, "--output", tmp_path / "log.mcap", "--set", "run.duration=5"),
         *("--set", "agents.ownship.components.sense={use: perception.range, with: {range: 5000}}"),
     )
     assert done.returncode == 0, done.stderr

@@ -4,10 +4,18 @@ The golden numbers and the two recorded trajectories in data/ are of the publish
 avoidance case study (the robust and the single-scenario MPC, N = 30, nominal intruder).
 """
 
+from __future__ import annotations
+
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from tests.conftest import Fly
 
 CONTROLLER = "agents.ownship.components.steer.with"
 INTRUDER = "agents.intruder.components.fly.with"
@@ -15,17 +23,17 @@ INTRUDER = "agents.intruder.components.fly.with"
 SEPARATION = 44.7213
 
 
-def recorded(name):
+def recorded(name: str) -> NDArray[np.float64]:
     """A recorded trajectory: k, the poses of the ownship and the intruder, and the control input of the ownship."""
     path = Path(__file__).parent / "data" / f"intent_avoidance_{name}.csv"
     return np.loadtxt(path, delimiter=",", skiprows=1)
 
 
-def test_the_intruder_flies_as_recorded(fly):
+def test_the_intruder_flies_as_recorded(fly: Fly) -> None:
     np.testing.assert_allclose(fly("intent-avoidance.yaml").intruder, recorded("scenario_tree")[:, 4:7], atol=1e-6)
 
 
-def test_the_robust_run_follows_the_recorded_one_with_its_solver(fly):
+def test_the_robust_run_follows_the_recorded_one_with_its_solver(fly: Fly) -> None:
     flight = fly("as-recorded.yaml")
     apart = np.hypot(*(flight.own[:, :2] - recorded("scenario_tree")[:, 1:3]).T)
     assert apart.max() < 0.1
@@ -34,7 +42,7 @@ def test_the_robust_run_follows_the_recorded_one_with_its_solver(fly):
     np.testing.assert_allclose(flight.own[-1], (405.70, 508.38, 1.2549), atol=0.1)
 
 
-def test_the_run_with_a_single_scenario_follows_the_recorded_one_with_its_solver(fly):
+def test_the_run_with_a_single_scenario_follows_the_recorded_one_with_its_solver(fly: Fly) -> None:
     flight = fly("as-recorded.yaml", f"{CONTROLLER}.robust_horizon=0")
     apart = np.hypot(*(flight.own[:, :2] - recorded("single_scenario")[:, 1:3]).T)
     assert apart.max() < 0.1
@@ -44,7 +52,7 @@ def test_the_run_with_a_single_scenario_follows_the_recorded_one_with_its_solver
 
 
 @pytest.mark.parametrize("overrides", [(), (f"{CONTROLLER}.third_branch=paper",), (f"{CONTROLLER}.robust_horizon=0",)])
-def test_the_fast_solver_is_as_safe_and_gets_as_far(fly, overrides):
+def test_the_fast_solver_is_as_safe_and_gets_as_far(fly: Fly, overrides: Sequence[str]) -> None:
     # The program is not convex: fatrop finds another path than IPOPT.
     flight = fly("intent-avoidance.yaml", *overrides)
     assert SEPARATION <= flight.separation.min() < 44.73
@@ -52,11 +60,11 @@ def test_the_fast_solver_is_as_safe_and_gets_as_far(fly, overrides):
     assert to_go[0] < to_go[1] + 5.0
 
 
-def test_with_a_short_horizon_it_is_safe_too(fly):
+def test_with_a_short_horizon_it_is_safe_too(fly: Fly) -> None:
     assert fly("demo.yaml").separation.min() >= SEPARATION
 
 
-def test_without_the_separation_they_all_but_meet(fly):
+def test_without_the_separation_they_all_but_meet(fly: Fly) -> None:
     assert list(fly("no-avoidance.yaml").log.contacts())
     assert not list(fly("intent-avoidance.yaml").log.contacts())
     separation = fly("no-avoidance.yaml").separation
@@ -64,7 +72,7 @@ def test_without_the_separation_they_all_but_meet(fly):
     assert separation.argmin() == 40
 
 
-def test_who_knows_that_the_intruder_turns_need_not_deviate(fly):
+def test_who_knows_that_the_intruder_turns_need_not_deviate(fly: Fly) -> None:
     knowing, assuming = fly("with-intent.yaml"), fly("without-intent.yaml")
     assert np.abs(knowing.own[:, 0]).max() < 0.01
     assert knowing.separation.min() >= SEPARATION
@@ -85,14 +93,16 @@ def test_who_knows_that_the_intruder_turns_need_not_deviate(fly):
     ],
     ids=" ".join,
 )
-def test_who_meets_somebody_head_on_finds_a_way_around_from_one_of_its_guesses(fly, overrides):
+def test_who_meets_somebody_head_on_finds_a_way_around_from_one_of_its_guesses(
+    fly: Fly, overrides: Sequence[str]
+) -> None:
     flight = fly("without-intent.yaml", *overrides)
     assert flight.separation.min() >= SEPARATION
     assert flight.events("fell-back") == flight.events("too-close") == []
     assert np.hypot(*flight.own[-1, :2]) < 1.0
 
 
-def test_under_turn_noise_a_single_scenario_fails_where_the_tree_does_not(fly):
+def test_under_turn_noise_a_single_scenario_fails_where_the_tree_does_not(fly: Fly) -> None:
     single = fly("noisy.yaml", f"{CONTROLLER}.robust_horizon=0", seed=1)
     assert single.separation.min() < 44.0
     assert single.events("fell-back")
@@ -102,19 +112,19 @@ def test_under_turn_noise_a_single_scenario_fails_where_the_tree_does_not(fly):
 @pytest.mark.slow
 @pytest.mark.parametrize("realisation", range(1, 21))
 @pytest.mark.parametrize("scenario", ["intent-avoidance.yaml", "as-recorded.yaml"])
-def test_every_realisation_keeps_the_separation(fly, scenario, realisation):
+def test_every_realisation_keeps_the_separation(fly: Fly, scenario: str, realisation: int) -> None:
     bias = 1e-4 * (realisation - 10)
     separation = fly(scenario, f"{INTRUDER}.turn_bias={bias:.4f}").separation.min()
     assert SEPARATION <= separation < 44.7256
 
 
 @pytest.mark.slow
-def test_under_turn_noise_the_tree_keeps_the_separation_for_every_seed(fly):
+def test_under_turn_noise_the_tree_keeps_the_separation_for_every_seed(fly: Fly) -> None:
     separations = [fly("noisy.yaml", seed=seed).separation.min() for seed in range(50)]
     assert min(separations) >= SEPARATION
 
 
-def test_four_intruders_are_all_kept_clear_of(fly):
+def test_four_intruders_are_all_kept_clear_of(fly: Fly) -> None:
     flight = fly("four-intruders.yaml")
     threats = fly("four-intruders.yaml", f"{CONTROLLER}.avoid=false")
     for number in range(4):

@@ -7,13 +7,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from symaware_aircraft import ScenarioTree, rollout
+from symaware_aircraft.tree import ThirdBranch
 
 LIMIT = 0.07
 intents = st.lists(st.floats(-LIMIT, LIMIT), min_size=6, max_size=6)
 
 
 @given(intents)
-def test_every_sequence_of_branches_is_there_once_and_then_the_intent_goes_on(intended):
+def test_every_sequence_of_branches_is_there_once_and_then_the_intent_goes_on(intended: list[float]) -> None:
     rates = ScenarioTree(6, 3, LIMIT, "paper").turn_rates(intended)
     assert rates.shape == (27, 6)
     branches = [(LIMIT, -LIMIT, intended[k]) for k in range(3)]
@@ -22,7 +23,7 @@ def test_every_sequence_of_branches_is_there_once_and_then_the_intent_goes_on(in
 
 
 @given(intents)
-def test_a_scenario_picks_its_branches_by_the_digits_of_its_number(intended):
+def test_a_scenario_picks_its_branches_by_the_digits_of_its_number(intended: list[float]) -> None:
     rates = ScenarioTree(6, 3, LIMIT, "paper").turn_rates(intended)
     for j, row in enumerate(rates.tolist()):
         for i in range(3):
@@ -30,7 +31,7 @@ def test_a_scenario_picks_its_branches_by_the_digits_of_its_number(intended):
 
 
 @given(intents)
-def test_the_recorded_variant_goes_straight_and_keeps_the_intent_as_the_last_scenario(intended):
+def test_the_recorded_variant_goes_straight_and_keeps_the_intent_as_the_last_scenario(intended: list[float]) -> None:
     tree = ScenarioTree(6, 3, LIMIT, "recorded")
     rates = tree.turn_rates(intended)
     assert tree.count == 28
@@ -39,7 +40,7 @@ def test_the_recorded_variant_goes_straight_and_keeps_the_intent_as_the_last_sce
     assert (rates[:, 3:] == intended[3:]).all()
 
 
-def test_the_recorded_variant_leaves_all_but_the_intent_out_at_the_end():
+def test_the_recorded_variant_leaves_all_but_the_intent_out_at_the_end() -> None:
     along, at_end = ScenarioTree(6, 3, LIMIT, "recorded").counting
     assert along.all()
     assert at_end.tolist() == [False] * 27 + [True]
@@ -47,19 +48,21 @@ def test_the_recorded_variant_leaves_all_but_the_intent_out_at_the_end():
 
 
 @pytest.mark.parametrize("third_branch", ["paper", "recorded"])
-def test_without_a_robust_horizon_the_intent_is_the_only_scenario(third_branch):
+def test_without_a_robust_horizon_the_intent_is_the_only_scenario(third_branch: ThirdBranch) -> None:
     tree = ScenarioTree(4, 0, LIMIT, third_branch)
     assert tree.count == 1
     assert tree.turn_rates([0.01, 0.02, 0.03, 0.04]).tolist() == [[0.01, 0.02, 0.03, 0.04]]
     assert all(mask.all() for mask in tree.counting)
 
 
-def test_a_robust_horizon_is_no_longer_than_the_horizon():
+def test_a_robust_horizon_is_no_longer_than_the_horizon() -> None:
     assert ScenarioTree(2, 3, LIMIT, "paper").turn_rates([0.0, 0.0]).shape == (9, 2)
 
 
 @given(intents, st.tuples(st.floats(-100, 100), st.floats(-100, 100), st.floats(-4, 4)), st.floats(0.1, 2.0))
-def test_a_rollout_is_step_by_step_the_model_of_the_case_study(rates, pose, step):
+def test_a_rollout_is_step_by_step_the_model_of_the_case_study(
+    rates: list[float], pose: tuple[float, float, float], step: float
+) -> None:
     poses = rollout(pose, 10.0, [rates, rates[::-1]], step)
     assert poses.shape == (2, 7, 3)
     x, y, heading = pose
@@ -68,7 +71,7 @@ def test_a_rollout_is_step_by_step_the_model_of_the_case_study(rates, pose, step
         x, y, heading = x + step * 10 * np.cos(heading), y + step * 10 * np.sin(heading), heading + step * rate
 
 
-def test_the_nominal_intruder_ends_where_the_case_study_says():
+def test_the_nominal_intruder_ends_where_the_case_study_says() -> None:
     rates = [0.07] * 7 + [0.24 * 0.07] + [0.0] * 66 + [-0.07] * 8
     end = rollout((-120, 90, 0), 10.0, [rates], 1.0)[0, -1]
     np.testing.assert_allclose(end, (609.9, 449.9, -0.05), atol=0.06)

@@ -1,24 +1,32 @@
 """The controller plans, says how sure it is, keeps to its budget, and refuses what it cannot work with."""
 
+from __future__ import annotations
+
 import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from conftest import SCENARIOS, command
+from numpy.typing import NDArray
 
 from symaware_cli.testing import assert_repeatable
 
-AVOIDANCE = SCENARIOS / "intent-avoidance.yaml"
+if TYPE_CHECKING:
+    from tests.conftest import Command, Flight, Fly
+
+AVOIDANCE = "intent-avoidance.yaml"
 CONTROLLER = "agents.ownship.components.steer.with"
 
 
-def series(flight, kind):
+def series(flight: Flight, kind: str) -> dict[int, NDArray[np.float64]]:
     """The values of a series of the ownship, by the second at which it was set."""
     messages = flight.log.messages(f"/agents/ownship/{kind}")
     return {message.time // 10**9: np.asarray(message.decode().values) for message in messages}
 
 
-def test_the_intent_is_the_plan_and_the_next_state_is_its_second(fly):
+def test_the_intent_is_the_plan_and_the_next_state_is_its_second(fly: Fly) -> None:
     flight = fly("intent-avoidance.yaml")
     plans = series(flight, "intent")
     assert {plan.shape for plan in plans.values()} == {(31, 3)}
@@ -27,7 +35,7 @@ def test_the_intent_is_the_plan_and_the_next_state_is_its_second(fly):
         np.testing.assert_allclose(plan[1], flight.own[k + 1], atol=1e-6)
 
 
-def test_the_uncertainty_is_a_named_position_for_each_scenario_at_the_times_of_the_plan(fly):
+def test_the_uncertainty_is_a_named_position_for_each_scenario_at_the_times_of_the_plan(fly: Fly) -> None:
     flight = fly("intent-avoidance.yaml")
     metadata = flight.log.channels["/agents/ownship/uncertainty"].metadata
     names = [f"{axis}.{j}" for j in range(28) for axis in "xy"]
@@ -37,7 +45,7 @@ def test_the_uncertainty_is_a_named_position_for_each_scenario_at_the_times_of_t
         np.testing.assert_allclose(fan[0], np.tile(flight.intruder[k, :2], 28), atol=1e-9)
 
 
-def test_the_plan_keeps_the_separation_from_every_scenario_that_counts(fly):
+def test_the_plan_keeps_the_separation_from_every_scenario_that_counts(fly: Fly) -> None:
     flight = fly("intent-avoidance.yaml")
     plans, fans = series(flight, "intent"), series(flight, "uncertainty")
     for k in range(1, 82):
@@ -47,7 +55,7 @@ def test_the_plan_keeps_the_separation_from_every_scenario_that_counts(fly):
         assert separation[-1, -1] >= 44.7213
 
 
-def test_the_risk_is_the_share_of_scenarios_within_the_margin(fly):
+def test_the_risk_is_the_share_of_scenarios_within_the_margin(fly: Fly) -> None:
     flight = fly("intent-avoidance.yaml")
     plans, fans, risks = (series(flight, kind) for kind in ("intent", "uncertainty", "risk"))
     shares = {}
@@ -59,11 +67,11 @@ def test_the_risk_is_the_share_of_scenarios_within_the_margin(fly):
     assert max(shares.values()) > 0.5
 
 
-def test_who_does_not_avoid_still_knows_the_risk(fly):
+def test_who_does_not_avoid_still_knows_the_risk(fly: Fly) -> None:
     assert series(fly("no-avoidance.yaml"), "risk")[38] == [[1.0]]
 
 
-def test_a_budget_that_is_too_small_falls_back_to_the_shifted_plan_and_says_so(fly):
+def test_a_budget_that_is_too_small_falls_back_to_the_shifted_plan_and_says_so(fly: Fly) -> None:
     flight = fly("intent-avoidance.yaml", f"{CONTROLLER}.iterations=12", "run.duration=20")
     fallen = {event.time // 10**9: event for event in flight.events("fell-back")}
     assert 0 in fallen
@@ -79,12 +87,14 @@ def test_a_budget_that_is_too_small_falls_back_to_the_shifted_plan_and_says_so(f
     assert len(fallen) < 20, "it never recovers"
 
 
-def test_a_run_without_failures_has_no_such_event(fly):
+def test_a_run_without_failures_has_no_such_event(fly: Fly) -> None:
     flight = fly("intent-avoidance.yaml")
     assert flight.events("fell-back") == flight.events("too-close") == []
 
 
-def test_steps_nearer_than_the_separation_are_events_and_the_summary_counts_them_with_the_fall_backs(fly, tmp_path):
+def test_steps_nearer_than_the_separation_are_events_and_the_summary_counts_them_with_the_fall_backs(
+    fly: Fly, command: Command, scenarios: Path
+) -> None:
     overrides = [f"{CONTROLLER}.robust_horizon=0"]
     flight = fly("noisy.yaml", *overrides, seed=5)
     close = {event.time // 10**9: event.data["distance"] for event in flight.events("too-close")}
@@ -93,19 +103,19 @@ def test_steps_nearer_than_the_separation_are_events_and_the_summary_counts_them
     assert close == pytest.approx(expected)
     assert close
     sets = [word for override in overrides for word in ("--set", override)]
-    line = ["run", SCENARIOS / "noisy.yaml", "--seed", 5, "--no-record", *sets]
+    line = ["run", scenarios / "noisy.yaml", "--seed", 5, "--no-record", *sets]
     warnings = json.loads(command(*line, "--json").stdout)["warnings"]
     assert warnings == {"fell-back": len(flight.events("fell-back")), "too-close": len(close)}
     assert f"{warnings['fell-back']} fell-back, {len(close)} too-close" in command(*line).stdout
 
 
-def test_who_need_not_keep_clear_is_never_too_close(fly):
+def test_who_need_not_keep_clear_is_never_too_close(fly: Fly) -> None:
     flight = fly("no-avoidance.yaml")
     assert flight.separation.min() < 44.0
     assert flight.events("too-close") == []
 
 
-def test_speed_and_turn_rate_stay_within_the_limits_of_the_model_and_tighter_ones(fly):
+def test_speed_and_turn_rate_stay_within_the_limits_of_the_model_and_tighter_ones(fly: Fly) -> None:
     control = fly("intent-avoidance.yaml").log.series("ownship", "control_requested").values
     assert (control >= np.array([6.0, -0.1]) - 1e-6).all()
     assert (control <= np.array([9.0, 0.1]) + 1e-6).all()
@@ -116,11 +126,11 @@ def test_speed_and_turn_rate_stay_within_the_limits_of_the_model_and_tighter_one
     assert np.abs(tighter.values[:, 1]).max() <= 0.05 + 1e-6
 
 
-def test_a_horizon_of_one_step_works(fly):
+def test_a_horizon_of_one_step_works(fly: Fly) -> None:
     fly("demo.yaml", f"{CONTROLLER}.horizon=1", "run.duration=5")
 
 
-def test_on_a_virtual_clock_and_at_a_pace_it_flies_the_same(fly):
+def test_on_a_virtual_clock_and_at_a_pace_it_flies_the_same(fly: Fly) -> None:
     flight = fly("demo.yaml")
     paced = fly("demo.yaml", "run.mode=asynchronous", "run.pace=100", "run.duration=20")
     np.testing.assert_array_equal(paced.own, flight.own[:21])
@@ -138,11 +148,13 @@ def test_on_a_virtual_clock_and_at_a_pace_it_flies_the_same(fly):
         ([f"{CONTROLLER}.third_branch=fourth"], "paper"),
     ],
 )
-def test_what_it_cannot_work_with_is_refused_before_the_run(overrides, said):
-    done = command("validate", AVOIDANCE, *(word for override in overrides for word in ("--set", override)))
+def test_what_it_cannot_work_with_is_refused_before_the_run(
+    overrides: Sequence[str], said: str, command: Command, scenarios: Path
+) -> None:
+    done = command("validate", scenarios / AVOIDANCE, *(word for override in overrides for word in ("--set", override)))
     assert done.returncode == 2
     assert said in done.stderr
 
 
-def test_the_noisy_encounter_can_be_repeated():
-    assert_repeatable(SCENARIOS / "noisy.yaml", ["run.duration=30"])
+def test_the_noisy_encounter_can_be_repeated(scenarios: Path) -> None:
+    assert_repeatable(scenarios / "noisy.yaml", ["run.duration=30"])

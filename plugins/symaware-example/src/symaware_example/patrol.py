@@ -1,5 +1,6 @@
 """A controller that goes round its waypoints."""
 
+from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
@@ -36,7 +37,7 @@ class Patrol(Controller):
         self,
         agent: Agent,
         initial_awareness_database: AwarenessDatabase,
-        initial_knowledge_database: dict[str, KnowledgeDatabase],
+        initial_knowledge_database: Mapping[str, KnowledgeDatabase],
     ) -> None:
         """Head for the first waypoint."""
         super().initialise_component(agent, initial_awareness_database, initial_knowledge_database)
