@@ -1,9 +1,9 @@
 """Formulas of signal temporal logic over instants that are evenly spaced, counted in steps.
 
-A formula is made of predicates, each of which has a *robustness* at each instant: how far it is from changing its truth,
-positive where it holds. ``docs/specifications.md`` says what each operator means. Windows are numbers of steps from the
-instant in question, both ends included; ``last`` is None where a window ends with the run (or, in the past, begins
-with it).
+A formula is made of predicates, each of which has a *robustness* at each instant: how far it is from changing its
+truth, positive where it holds. ``docs/specifications.md`` says what each operator means. Windows are numbers of steps
+from the instant in question, both ends included; ``last`` is None where a window ends with the run (or, in the past,
+begins with it).
 
 A robustness of 0 does not tell whether a predicate holds: ``x > 0`` fails at 0 where ``x >= 0`` holds. Such a value is
 written as `ZERO` where it holds and ``-ZERO`` where it does not, so that the sign is the truth, the order is the one

@@ -1,0 +1,146 @@
+"""Why a formula holds or does not: the sample that its robustness is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from symaware_cli.specification.formula import (
+    Always,
+    And,
+    Array,
+    Eventually,
+    Formula,
+    Historically,
+    Not,
+    Once,
+    Or,
+    Predicate,
+    Since,
+    Until,
+    operands,
+)
+from symaware_cli.specification.whole import bounds
+
+
+@dataclass(frozen=True, slots=True)
+class Reason:
+    """The critical sample of a formula.
+
+    Attributes:
+        predicate: The position of its predicate.
+        instant: The number of its instant.
+        robustness: The robustness of the predicate there.
+        path: The positions of operands that lead from the formula to the predicate.
+        instants: The instant of each formula on that path, from the formula itself to the predicate.
+    """
+
+    predicate: int
+    instant: int
+    robustness: float
+    path: tuple[int, ...]
+    instants: tuple[int, ...]
+
+
+def reason(formula: Formula, samples: Sequence[Array], instants: int, ended: bool) -> Reason | None:
+    """The sample that decides a formula at the first instant, or that bounds its robustness so far.
+
+    Args:
+        formula: The formula.
+        samples: Robustness of each predicate, of one row [instants, 1].
+        instants: Number of instants whose samples are known.
+        ended: Whether the declared run ends with the last of them.
+
+    Returns:
+        The earliest sample with the robustness in question: the lower bound of what holds, else the upper bound or, if
+        that is infinite, the lower bound; None where this is no sample's.
+    """
+    return _Trace(samples, instants, ended).reason(formula)
+
+
+class _Trace:
+    def __init__(self, samples: Sequence[Array], instants: int, ended: bool) -> None:
+        self.samples = samples
+        self.instants = instants
+        self.ended = ended
+
+    def reason(self, formula: Formula) -> Reason | None:
+        lower, upper = self.among(formula, 0, 1)[0]
+        side = 0 if lower > 0.0 or not (upper < 0.0 or np.isfinite(upper)) else 1
+        path: list[int] = []
+        t, instants = 0, [0]
+        while not isinstance(formula, Predicate):
+            step = self.step(formula, t, side)
+            if step is None:
+                return None
+            if isinstance(formula, Not):
+                side = 1 - side
+            position, t = step
+            formula = operands(formula)[position]
+            path.append(position)
+            instants.append(t)
+        if t >= self.instants:
+            return None
+        return Reason(formula.index, t, float(self.samples[formula.index][t, 0]), tuple(path), tuple(instants))
+
+    def step(self, formula: Formula, t: int, side: int) -> tuple[int, int] | None:
+        """The first operand, and the first instant of it, whose bound is that of the formula at an instant."""
+        value = self.among(formula, t, t + 1)[0, side]
+        match formula:
+            case Not():
+                return 0, t
+            case And() | Or():
+                equal = (
+                    (position, t)
+                    for position, each in enumerate(formula.operands)
+                    if self.among(each, t, t + 1)[0, side] == value
+                )
+                return next(equal, None)
+            case Always() | Eventually():
+                return self.first(0, formula.operand, t + formula.first, self.end(formula, t), side, value)
+            case Historically() | Once():
+                begin = 0 if formula.last is None else max(0, t - formula.last)
+                return self.first(0, formula.operand, begin, t - formula.first + 1, side, value)
+            case Until():
+                begin, end = t + formula.first, self.end(formula, t)
+                lefts, rights = (self.among(each, t, end)[:, side] for each in (formula.left, formula.right))
+                so_far = np.minimum.accumulate(np.concatenate([[np.inf], lefts[:-1]]))
+                found = np.flatnonzero(np.minimum(rights, so_far)[formula.first :] == value)
+                if not len(found):
+                    return None
+                at = begin + int(found[0])
+                return (1, at) if rights[at - t] == value else self.first(0, formula.left, t, at, side, value)
+            case Since():
+                begin, end = 0 if formula.last is None else max(0, t - formula.last), t - formula.first + 1
+                lefts, rights = (self.among(each, begin, t + 1)[:, side] for each in (formula.left, formula.right))
+                since = np.minimum.accumulate(np.concatenate([lefts[1:], [np.inf]])[::-1])[::-1]
+                found = np.flatnonzero(np.minimum(rights, since)[: max(end - begin, 0)] == value)
+                if not len(found):
+                    return None
+                at = begin + int(found[0])
+                return (
+                    (1, at) if rights[at - begin] == value else self.first(0, formula.left, at + 1, t + 1, side, value)
+                )
+        return None
+
+    def end(self, formula: Always | Eventually | Until, t: int) -> int:
+        """The instant after a window ahead; of one without an end, after all that is known of the operands."""
+        if formula.last is not None:
+            return t + formula.last + 1
+        if self.ended:
+            return max(t, self.instants)
+        known = (bounds(each, self.samples, self.instants, 1, False) for each in operands(formula))
+        return max(t + formula.first, self.instants, *(len(each.values) for each in known)) + 1
+
+    def first(
+        self, position: int, formula: Formula, begin: int, end: int, side: int, value: float
+    ) -> tuple[int, int] | None:
+        found = np.flatnonzero(self.among(formula, begin, end)[:, side] == value)
+        return (position, begin + int(found[0])) if len(found) else None
+
+    def among(self, formula: Formula, begin: int, end: int) -> Array:
+        """Bounds at successive instants [instants, 2]."""
+        known = bounds(formula, self.samples, self.instants, 1, self.ended)
+        return known.upto(max(end, 0))[begin:, :, 0]

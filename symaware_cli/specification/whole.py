@@ -1,0 +1,217 @@
+"""What is known of a formula at every instant, from all samples so far at once.
+
+The robustness of a formula at an instant is known to lie between two bounds: those that it takes where each sample that
+is not known yet is as bad, and as good, as can be (Deshmukh et al., "Robust online monitoring of signal temporal
+logic", RV 2015). Both are computed together, in arrays of the shape [instants, 2, rows].
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from symaware_cli.specification.formula import (
+    Always,
+    And,
+    Array,
+    Constant,
+    Eventually,
+    Formula,
+    Historically,
+    Not,
+    Once,
+    Or,
+    Predicate,
+    Since,
+    Until,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Bounds:
+    """The bounds of a formula at all instants.
+
+    Attributes:
+        values: Lower and upper bound at the instants from 0 on [instants, 2, rows].
+        beyond: The bounds at each instant after those [2, rows].
+    """
+
+    values: Array
+    beyond: Array
+
+    def upto(self, instants: int) -> Array:
+        """Bounds at so many instants [instants, 2, rows]."""
+        missing = instants - len(self.values)
+        if missing <= 0:
+            return self.values[:instants]
+        return np.concatenate([self.values, np.broadcast_to(self.beyond, (missing, *self.beyond.shape))])
+
+
+def bounds(formula: Formula, samples: Sequence[Array], instants: int, rows: int, ended: bool) -> Bounds:
+    """What is known of a formula.
+
+    Args:
+        formula: The formula.
+        samples: Robustness of each predicate [instants, rows].
+        instants: Number of instants whose samples are known.
+        rows: Number of rows.
+        ended: Whether the declared run ends with the last of them.
+    """
+    return _Evaluation(samples, instants, rows, ended).bounds(formula)
+
+
+def sliding(ufunc: np.ufunc, values: Array, width: int) -> Array:
+    """The least or greatest of so many successive values along the first axis, for each place where they begin.
+
+    Widths of powers of two are combined: the number of passes is the logarithm of the width.
+    """
+    covered = 1
+    while covered < width:
+        step = min(covered, width - covered)
+        values = ufunc(values[: len(values) - step], values[step:])
+        covered += step
+    return values
+
+
+class _Evaluation:
+    def __init__(self, samples: Sequence[Array], instants: int, rows: int, ended: bool) -> None:
+        self.samples = samples
+        self.instants = instants
+        self.rows = rows
+        self.ended = ended
+
+    def bounds(self, formula: Formula) -> Bounds:
+        match formula:
+            case Constant():
+                value = np.inf if formula.value else -np.inf
+                return Bounds(self._full(self.instants, value), self._full(1, value)[0])
+            case Predicate():
+                none = np.empty((0, self.rows))
+                known = self.samples[formula.index][: self.instants] if self.instants else none
+                return Bounds(np.stack([known, known], axis=1), self._unknown())
+            case Not():
+                operand = self.bounds(formula.operand)
+                return Bounds(-operand.values[:, ::-1], -operand.beyond[::-1])
+            case And() | Or():
+                ufunc: np.ufunc = np.minimum if isinstance(formula, And) else np.maximum
+                each = [self.bounds(operand) for operand in formula.operands]
+                length = max(len(operand.values) for operand in each)
+                return Bounds(
+                    ufunc.reduce([operand.upto(length) for operand in each]),
+                    ufunc.reduce([operand.beyond for operand in each]),
+                )
+            case Always() | Eventually():
+                operand = self.bounds(formula.operand)
+                ufunc, neutral, open_side = _extremum(formula)
+                if formula.last is None:
+                    return self._to_the_end(operand, formula.first, ufunc, neutral, open_side)
+                return self._ahead(operand, formula.first, formula.last, ufunc)
+            case Historically() | Once():
+                ufunc, neutral, _ = _extremum(formula)
+                return self._ago(self.bounds(formula.operand), formula.first, formula.last, ufunc, neutral)
+            case Until():
+                return self._until(formula)
+            case Since():
+                return self._since(formula)
+
+    def _full(self, instants: int, value: float) -> Array:
+        return np.full((instants, 2, self.rows), value)
+
+    def _unknown(self) -> Array:
+        return np.stack([np.full(self.rows, -np.inf), np.full(self.rows, np.inf)])
+
+    def _ahead(self, operand: Bounds, first: int, last: int, ufunc: np.ufunc) -> Bounds:
+        length = max(len(operand.values) - first, 0)
+        return Bounds(sliding(ufunc, operand.upto(length + last)[first:], last - first + 1)[:length], operand.beyond)
+
+    def _to_the_end(self, operand: Bounds, first: int, ufunc: np.ufunc, neutral: float, open_side: int) -> Bounds:
+        """A window that ends with the run, which may end now or go on for ever: each bound has the worse of both."""
+        known = operand.upto(self.instants)[first:]
+        known = ufunc.accumulate(known[::-1])[::-1]
+        if self.ended:
+            values = np.concatenate([known, self._full(self.instants - len(known), neutral)])
+            return Bounds(values, self._full(1, neutral)[0])
+        length = max(len(operand.values), self.instants)
+        values = np.concatenate([known, self._full(length - len(known), neutral)])
+        later = operand.upto(length)[first:, open_side]
+        later = np.concatenate(
+            [later, np.broadcast_to(operand.beyond[open_side], (length - len(later) + 1, self.rows))]
+        )
+        values[:, open_side] = ufunc.accumulate(later[::-1])[::-1][:length]
+        beyond = self._full(1, neutral)[0]
+        beyond[open_side] = operand.beyond[open_side]
+        return Bounds(values, beyond)
+
+    def _ago(self, operand: Bounds, first: int, last: int | None, ufunc: np.ufunc, neutral: float) -> Bounds:
+        known = len(operand.values)
+        if last is None:
+            values = np.concatenate([self._full(first, neutral), ufunc.accumulate(operand.values)])
+            beyond = ufunc(values[-1], operand.beyond) if known else operand.beyond
+            return Bounds(values, beyond)
+        length = known + last
+        before = np.concatenate([self._full(last, neutral), operand.upto(length - first)])
+        return Bounds(sliding(ufunc, before, last - first + 1), operand.beyond)
+
+    def _until(self, formula: Until) -> Bounds:
+        """Combined from windows and an until that looks on without limit.
+
+        That the one in a window is the lesser of the other and of "eventually right in the window": Donzé, Ferrère and
+        Maler, "Efficient robust monitoring for STL", CAV 2013.
+        """
+        left, right = self.bounds(formula.left), self.bounds(formula.right)
+        length = max(len(left.values), len(right.values), self.instants)
+        first, last = formula.first, formula.last
+        some = length + first
+        lefts, rights = left.upto(some), right.upto(some)
+        values = np.empty((some + 1, 2, self.rows))
+        # After all that is known: the next instant is as good as any, or there is none.
+        values[some] = right.beyond
+        if last is None and self.ended:
+            some = length = self.instants
+            values = values[: some + 1]
+            values[some] = -np.inf
+        for t in range(some - 1, -1, -1):
+            np.maximum(rights[t], np.minimum(lefts[t], values[t + 1]), out=values[t])
+        if last is None and not self.ended:
+            # The least is what it is if the run ends now.
+            values[self.instants :, 0] = -np.inf
+            for t in range(self.instants - 1, -1, -1):
+                np.maximum(rights[t, 0], np.minimum(lefts[t, 0], values[t + 1, 0]), out=values[t, 0])
+        beyond = values[-1] if first == 0 else np.minimum(values[-1], left.beyond)
+        if first:
+            shifted = np.concatenate([values[first:], np.broadcast_to(values[-1], (first, 2, self.rows))])
+            values = np.minimum(sliding(np.minimum, left.upto(length + first), first)[:length], shifted[:length])
+        values = values[:length]
+        if last is not None:
+            values = np.minimum(
+                values, sliding(np.maximum, right.upto(length + last)[first:], last - first + 1)[:length]
+            )
+            beyond = np.minimum(beyond, right.beyond)
+        return Bounds(values, beyond)
+
+    def _since(self, formula: Since) -> Bounds:
+        left, right = self.bounds(formula.left), self.bounds(formula.right)
+        first, last = formula.first, formula.last
+        known = max(len(left.values), len(right.values))
+        length = known + (first if last is None else last) + 1
+        lefts, rights = left.upto(length), right.upto(length)
+        values = np.empty((length, 2, self.rows))
+        now = self._full(1, -np.inf)[0]
+        for t in range(length):
+            now = np.maximum(rights[t], np.minimum(lefts[t], now))
+            values[t] = now
+        if first:
+            shifted = np.concatenate([self._full(first, -np.inf), values[: length - first]])
+            values = np.minimum(shifted, self._ago(left, 0, first - 1, np.minimum, np.inf).upto(length))
+        if last is not None:
+            values = np.minimum(values, self._ago(right, first, last, np.maximum, -np.inf).upto(length))
+        return Bounds(values[:-1], values[-1])
+
+
+def _extremum(formula: Always | Eventually | Historically | Once) -> tuple[np.ufunc, float, int]:
+    """What combines samples, what stands for none, and which bound gets worse with each further sample."""
+    if isinstance(formula, Always | Historically):
+        return np.minimum, np.inf, 0
+    return np.maximum, -np.inf, 1

@@ -1,0 +1,101 @@
+import numpy as np
+import pytest
+
+from symaware_cli.specification.formula import Always, Array, Eventually, Formula, Not, Or, Predicate, horizon, operands
+from symaware_cli.specification.monitor import Monitor
+from tests.specification.formulas import random_formula, random_samples
+from tests.specification.recursion import interval
+
+
+def check_reasons(monitor: Monitor, formula: Formula, samples: Array) -> None:
+    for row, verdict in enumerate(monitor.verdict):
+        reason = monitor.reason(row)
+        if reason is None:
+            bound = {1: monitor.lower[row], -1: monitor.upper[row], 0: np.inf}[int(verdict)]
+            assert np.isinf(bound)
+            continue
+        assert reason.robustness == samples[reason.predicate, reason.instant, row]
+        found = formula
+        for position in reason.path:
+            found = operands(found)[position]
+        assert found == Predicate(reason.predicate)
+        assert len(reason.instants) == len(reason.path) + 1
+        if verdict == 0:
+            assert abs(reason.robustness) in (abs(monitor.lower[row]), abs(monitor.upper[row]))
+
+
+def check(formula: Formula, samples: Array, *, ends: bool) -> None:
+    """Compare a monitor with the recursion at each instant."""
+    _, instants, rows = samples.shape
+    monitor, quick = Monitor(formula, rows), Monitor(formula, rows, interval=False)
+    signals = [samples[:, :, row].tolist() for row in range(rows)]
+    exact = np.empty((0, rows))
+    for known in range(1, instants + 1 + ends):
+        ended = known > instants
+        known = min(known, instants)
+        for each in (monitor, quick):
+            if ended:
+                each.finish()
+            else:
+                each.update(list(samples[:, known - 1]))
+        expected = np.array([interval(formula, signal, 0, known, ended) for signal in signals])
+        np.testing.assert_array_equal(monitor.lower, expected[:, 0])
+        np.testing.assert_array_equal(monitor.upper, expected[:, 1])
+        verdict = np.where(expected[:, 0] > 0, 1, np.where(expected[:, 1] < 0, -1, 0))
+        np.testing.assert_array_equal(monitor.verdict, verdict)
+        np.testing.assert_array_equal(quick.verdict, verdict)
+        check_reasons(monitor, formula, samples)
+        first, values = monitor.exact()
+        also_first, also_values = quick.exact()
+        assert first == also_first == len(exact)
+        np.testing.assert_array_equal(values, also_values)
+        exact = np.concatenate([exact, values])
+    delay = horizon(formula)
+    if delay is None:
+        assert len(exact) == (instants if ends else 0)
+    else:
+        assert len(exact) == max(instants - delay, 0)
+    for t, values in enumerate(exact):
+        for signal, value in zip(signals, values, strict=True):
+            lower, upper = interval(formula, signal, t, instants, ends)
+            assert (value == lower == upper) or (np.isnan(value) and lower < upper)
+
+
+def cases(seed: int, number: int) -> None:
+    generator = np.random.default_rng(seed)
+    for case in range(number):
+        formula = random_formula(generator, int(generator.integers(1, 5)))
+        samples = random_samples(generator, int(generator.integers(1, 13)), int(generator.integers(1, 4)))
+        try:
+            check(formula, samples, ends=bool(generator.integers(2)))
+        except BaseException as error:
+            error.add_note(f"case {case} of seed {seed}: {formula}\n{samples.tolist()}")
+            raise
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_monitors_agree_with_the_recursion_at_every_instant(seed: int) -> None:
+    cases(seed, 200)
+
+
+def test_the_reason_of_a_violation_is_the_sample_that_decided_it() -> None:
+    formula = Always(0, None, Or((Not(Predicate(0)), Eventually(0, 2, Predicate(1)))))
+    monitor = Monitor(formula, 1)
+    for asked, answered in [
+        (-1.0, -5.0),
+        (2.0, -3.0),
+        (-1.0, -4.0),
+        (-1.0, -2.5),
+        (3.0, -9.0),
+        (3.0, -9.0),
+        (3.0, -9.0),
+    ]:
+        monitor.update([np.array([asked]), np.array([answered])])
+        if monitor.instants < 4:
+            assert monitor.verdict[0] == 0
+    assert monitor.verdict[0] == -1
+    reason = monitor.reason(0)
+    assert reason is not None
+    # What was asked at 1 had not been answered at 3.
+    assert (reason.predicate, reason.instant, reason.robustness) == (0, 1, 2.0)
+    assert (reason.path, reason.instants) == ((0, 0, 0), (0, 1, 1, 1))
