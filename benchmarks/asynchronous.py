@@ -20,11 +20,11 @@ from symaware_cli.environments.kinematic import KinematicEnvironment
 from symaware_cli.models.integrator import SingleIntegrator
 from symaware_cli.runtime.options import RunOptions
 from symaware_cli.runtime.run import run
+from symaware_cli.runtime.run_summary import RunSummary
 from symaware_cli.runtime.simulation import ComponentEntry, Simulation
-from symaware_cli.runtime.summary import Summary
 from symaware_cli.runtime.timing import Timing
 
-Measured = tuple[float, list[int], Summary]
+Measured = tuple[float, list[int], RunSummary]
 
 HERE = Path(__file__).parent
 SIMPY = HERE / ".peers" / "new" / ("Scripts" if os.name == "nt" else "bin") / "python"

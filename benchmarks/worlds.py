@@ -42,7 +42,7 @@ from pymunk import batch
 
 from symaware_cli import open_log
 from symaware_cli.core import AgentGroup, Entity, Obstacle
-from symaware_cli.environments import collision
+from symaware_cli.environments import bullet_collisions as collisions
 from symaware_cli.environments.planar import PymunkEnvironment
 from symaware_cli.environments.spatial import PyBulletEnvironment
 from symaware_cli.models.integrator import SingleIntegrator
@@ -245,7 +245,7 @@ def bare_cars(count: int, steps: int, contacts: bool) -> Measured:
         ground, -1, lateralFriction=1, restitution=1, contactProcessingThreshold=0, physicsClientId=client
     )
     # To set filters, whatever they are, changes the order in which contacts are solved.
-    pybullet.setCollisionFilterGroupMask(ground, -1, collision.GROUND, collision.MEETS[collision.GROUND], client)
+    pybullet.setCollisionFilterGroupMask(ground, -1, collisions.GROUND, collisions.MEETS[collisions.GROUND], client)
     file = os.path.join(pybullet_data.getDataPath(), "racecar", "racecar.urdf")
     flags = pybullet.URDF_IGNORE_VISUAL_SHAPES | pybullet.URDF_USE_INERTIA_FROM_FILE
     height = WHEEL_RADIUS - 0.05
@@ -254,7 +254,7 @@ def bare_cars(count: int, steps: int, contacts: bool) -> Measured:
     ]
     for car in cars:
         for link in range(-1, pybullet.getNumJoints(car, client)):
-            pybullet.setCollisionFilterGroupMask(car, link, collision.FREE, collision.MEETS[collision.FREE], client)
+            pybullet.setCollisionFilterGroupMask(car, link, collisions.FREE, collisions.MEETS[collisions.FREE], client)
     for car in cars:
         for joint in range(pybullet.getNumJoints(car, client)):
             pybullet.changeDynamics(

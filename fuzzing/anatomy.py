@@ -15,8 +15,8 @@ from mcap.data_stream import RecordBuilder
 from mcap.reader import make_reader
 from mcap.records import Attachment, Channel, Chunk, DataEnd, Header, McapRecord, Metadata, MetadataIndex, Schema
 
-from symaware_cli.recording.schema import MAGIC
-from symaware_cli.recording.summary import Summary, indexed
+from symaware_cli.recording.log_schema import MAGIC
+from symaware_cli.recording.log_summary import LogSummary, indexed
 
 _MESSAGE = struct.Struct("<BQHIQQ")
 
@@ -119,7 +119,7 @@ def take_apart(log: bytes, per_chunk: int = 60) -> Anatomy:
 def put_together(anatomy: Anatomy) -> bytes:
     """Write a log whose checksums, lengths and index are right, but for what `packing` says."""
     out = bytearray(MAGIC + _serialised([anatomy.header, *anatomy.schemas, *anatomy.channels]))
-    summary = Summary(
+    summary = LogSummary(
         schemas={str(number): schema for number, schema in enumerate(anatomy.schemas)},
         channels=list(anatomy.channels),
     )

@@ -72,7 +72,7 @@ if TYPE_CHECKING:
         nanoseconds,
         seconds,
     )
-    from symaware_cli.core.state import StateError
+    from symaware_cli.core.stateful import StateError
     from symaware_cli.distributed.transport import Port, PortEvent, Transport, TransportError, TransportParameters
     from symaware_cli.environments.vehicle import Vehicle
     from symaware_cli.network.topology.topology import Topology, TopologyError, TopologyParameters
@@ -80,7 +80,7 @@ if TYPE_CHECKING:
     from symaware_cli.recording.error import LogError
     from symaware_cli.recording.reader import Log, open_log
     from symaware_cli.recording.series import Series
-    from symaware_cli.runtime.state.state import SimulationState
+    from symaware_cli.runtime.state.simulation_state import SimulationState
     from symaware_cli.scenario.place import DistributionError, Place
     from symaware_cli.scenario.problem import ScenarioError
 
@@ -175,7 +175,7 @@ _HOMES = {
     "symaware_cli.api.scenario": ("Scenario", "load"),
     "symaware_cli.api.stepping": ("SteppedSimulation",),
     "symaware_cli.components.sensor": ("Sensor", "SensorParameters"),
-    "symaware_cli.core.state": ("StateError",),
+    "symaware_cli.core.stateful": ("StateError",),
     "symaware_cli.environments.vehicle": ("Vehicle",),
     "symaware_cli.network.topology.topology": ("Topology", "TopologyError", "TopologyParameters"),
     "symaware_cli.distributed.transport": (
@@ -189,7 +189,7 @@ _HOMES = {
     "symaware_cli.recording.error": ("LogError",),
     "symaware_cli.recording.reader": ("Log", "open_log"),
     "symaware_cli.recording.series": ("Series",),
-    "symaware_cli.runtime.state.state": ("SimulationState",),
+    "symaware_cli.runtime.state.simulation_state": ("SimulationState",),
     "symaware_cli.scenario.place": ("DistributionError", "Place"),
     "symaware_cli.scenario.problem": ("ScenarioError",),
 }

@@ -10,7 +10,7 @@ import numpy as np
 
 from symaware_cli.recording import symaware_v1_pb2 as v1
 from symaware_cli.recording import wire
-from symaware_cli.recording.message import LogMessage
+from symaware_cli.recording.log_message import LogMessage
 from symaware_cli.recording.reader import Log, open_log
 from symaware_cli.recording.writer import LogWriter
 

@@ -14,8 +14,8 @@ from symaware_cli.recording.recorder import Recorder
 from symaware_cli.recording.writer import LogWriter
 from symaware_cli.runtime.options import RunOptions
 from symaware_cli.runtime.run import run
+from symaware_cli.runtime.run_summary import RunSummary
 from symaware_cli.runtime.simulation import ComponentEntry, Simulation
-from symaware_cli.runtime.summary import Summary
 from symaware_cli.runtime.timing import STEADY, Timing
 
 COMMAND = (sys.executable, "-P", "-m", "symaware_cli")
@@ -79,12 +79,12 @@ def simulate(
     log: Path | None = None,
     options: RunOptions | None = None,
     **more: object,
-) -> Summary:
+) -> RunSummary:
     """Put teams into a world and let it run, with a log if there is a path for it."""
     return execute(simulation(teams, **more), steps, log, options)
 
 
-def execute(ready: Simulation, steps: int, log: Path | None = None, options: RunOptions | None = None) -> Summary:
+def execute(ready: Simulation, steps: int, log: Path | None = None, options: RunOptions | None = None) -> RunSummary:
     """Let a simulation run, with a log if there is a path for it."""
     if log is None:
         return run(ready, steps, options=options)

@@ -4,9 +4,9 @@ from simulating import STEP, Team, simulation
 
 from symaware_cli import Component
 from symaware_cli.components.perception import SelfPerception
-from symaware_cli.network.channel.parameters import ChannelParameters
+from symaware_cli.network.channel.channel_parameters import ChannelParameters
 from symaware_cli.network.network import Network, TopologyPhase
-from symaware_cli.runtime.faults import Components, Fault
+from symaware_cli.runtime.faults import ComponentSelection, Fault
 from symaware_cli.runtime.options import RunOptions
 from symaware_cli.runtime.run import run
 
@@ -53,7 +53,7 @@ class Watch:
     def fault(self, effect, group, component, step, steps=None, rows=None):
         """Let something happen to a component just before the turns of a step, for some steps."""
         entry = next(each for each in self.simulation.entries if (each.group.name, each.name) == (group, component))
-        concerned = Components(entry, range(len(entry.group)) if rows is None else rows)
+        concerned = ComponentSelection(entry, range(len(entry.group)) if rows is None else rows)
         lasting = None if steps is None else steps * STEP
         name = f"fault {len(self.faults)}"
         self.faults.append(Fault(name, name, entry.path, effect([concerned]), step * STEP, lasting=lasting))

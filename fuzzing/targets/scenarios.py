@@ -89,7 +89,7 @@ class Scenarios(Target):
         """Read the scenarios that ship, and the schema with the parameters of all plugins."""
         import yaml
 
-        from symaware_cli.scenario.schema import scenario_schema
+        from symaware_cli.scenario.json_schema import scenario_schema
 
         root = Path(__file__).parents[2]
         places = [root / "scenarios", *sorted((root / "plugins").glob("*/scenarios"))]

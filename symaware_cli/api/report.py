@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
     from symaware_cli.runtime.pacer import Pace
-    from symaware_cli.runtime.summary import Extreme, Summary
+    from symaware_cli.runtime.run_summary import Extreme, RunSummary
 
 
 class Report(NamedTuple):
@@ -39,7 +39,7 @@ class Report(NamedTuple):
         return f"<table>{caption}<tbody>{rows}</tbody></table>"
 
 
-def summary_report(summary: Summary) -> Report:
+def summary_report(summary: RunSummary) -> Report:
     """Lay out the summary of a run."""
     agents = number(summary.agents, "agent")
     facts = [

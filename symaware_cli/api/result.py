@@ -13,11 +13,11 @@ from symaware_cli.api.report import summary_report
 
 if TYPE_CHECKING:
     from symaware_cli.api.live import LiveView
-    from symaware_cli.recording.journal import LoggedEvent
+    from symaware_cli.recording.logged_events import LoggedEvent
     from symaware_cli.recording.reader import Log
     from symaware_cli.recording.series import Series
     from symaware_cli.runtime.run import Run
-    from symaware_cli.runtime.summary import Summary
+    from symaware_cli.runtime.run_summary import RunSummary
     from symaware_cli.viewing.plotting.content import Content
     from symaware_cli.viewing.plotting.request import Request
 
@@ -31,7 +31,7 @@ class RunResult:
         viewer: The viewer that shows it; None where none was asked for.
     """
 
-    def __init__(self, summary: Summary, viewer: LiveView | None = None) -> None:
+    def __init__(self, summary: RunSummary, viewer: LiveView | None = None) -> None:
         self.summary = summary
         self.log_path = Path(summary.log) if summary.log else None
         self.viewer = viewer

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from symaware_cli.api.report import Report, number
 from symaware_cli.api.result import RunResult, result_of
-from symaware_cli.runtime.state.state import SimulationState, put, take
+from symaware_cli.runtime.state.simulation_state import SimulationState, put, take
 from symaware_cli.scenario.execution import prepared
 from symaware_cli.scenario.problem import nearest
 from symaware_cli.version import __version__

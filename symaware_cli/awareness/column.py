@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from symaware_cli.awareness.series import TimeSeries
+from symaware_cli.awareness.time_series import TimeSeries
 from symaware_cli.world.arrays import frozen, is_within, real
 
 Array = NDArray[np.float64]

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.awareness.awareness import AwarenessVector
-from symaware_cli.awareness.series import TimeSeries
 from symaware_cli.awareness.shared_beliefs import Version
+from symaware_cli.awareness.time_series import TimeSeries
 
 Array = NDArray[np.float64]
 

@@ -34,7 +34,7 @@ FILTERS = {
 STAGES = {"--messages": ("sent", "delivered", "dropped"), "--contacts": ("begin", "end")}
 
 
-class Level(enum.StrEnum):
+class MinimumLevel(enum.StrEnum):
     """How grave an event is, the gravest last."""
 
     debug = "debug"
@@ -91,7 +91,8 @@ def inspect(
         typer.Option(help="Where events happened, such as `agents.robot.*.steer`.", rich_help_panel=FILTER),
     ] = None,
     level: Annotated[
-        Level | None, typer.Option(help="The least level of events.", rich_help_panel=FILTER, case_sensitive=False)
+        MinimumLevel | None,
+        typer.Option(help="Lowest level of the events.", rich_help_panel=FILTER, case_sensitive=False),
     ] = None,
     kind: Annotated[str | None, typer.Option(help="What messages are about.", rich_help_panel=FILTER)] = None,
     stage: Annotated[
@@ -137,7 +138,7 @@ def inspect(
         log = open_log(path)
         first, last = span(start, end, as_json)
         if series is not None:
-            from symaware_cli.cli.table import show_series
+            from symaware_cli.cli.series_table import show_series
 
             if every is not None and not 0 < every < float("inf"):
                 fail(f"--every takes a time above 0, not {every:g}", WRONG_INPUT, as_json)
@@ -202,6 +203,6 @@ def _show_overview(log: Log, as_json: bool) -> None:
     if as_json:
         print_json(summary.to_json())
         return
-    from symaware_cli.cli.overview import text
+    from symaware_cli.cli.overview_text import text
 
     typer.echo(text(summary))

@@ -13,7 +13,7 @@ import typer
 from symaware_cli.cli.terminal import WRONG_INPUT, fail, print_array
 from symaware_cli.recording.entry_filter import EntryFilter
 from symaware_cli.recording.error import LogError
-from symaware_cli.recording.journal import Communication, LoggedContact, LoggedEvent
+from symaware_cli.recording.logged_events import Communication, LoggedContact, LoggedEvent
 from symaware_cli.recording.reader import Log
 from symaware_cli.scenario.problem import nearest
 

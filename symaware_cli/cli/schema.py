@@ -17,7 +17,7 @@ def schema(
     """Write the JSON schema of scenarios, for editors; it knows the parameters of every installed plugin."""
     import json
 
-    from symaware_cli.scenario.schema import scenario_schema
+    from symaware_cli.scenario.json_schema import scenario_schema
 
     content, broken = scenario_schema(built_in_only=built_in)
     text = json.dumps(content, indent=2, ensure_ascii=False) + "\n"

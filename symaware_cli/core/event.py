@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from operator import attrgetter
 from typing import Any, ClassVar
 
-from symaware_cli.core.state import StateError
+from symaware_cli.core.stateful import StateError
 
 #: What a component announces about its turns; hot paths make these only if somebody listens.
 TURNS = frozenset({"computing", "computed", "updating", "updated"})

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from symaware_cli.awareness.series import TimeSeries
+from symaware_cli.awareness.time_series import TimeSeries
 from symaware_cli.core.component import Component
 from symaware_cli.core.event import Event
 from symaware_cli.core.message import Message

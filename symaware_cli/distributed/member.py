@@ -26,7 +26,7 @@ from symaware_cli.distributed.frame import (
 from symaware_cli.distributed.participant import Identity, Participant, rows_of
 from symaware_cli.distributed.transport import Port
 from symaware_cli.network.value import FrameError, entries_to_wire
-from symaware_cli.recording.text import plain
+from symaware_cli.recording.json_text import plain
 from symaware_cli.runtime.failure import RunError
 from symaware_cli.runtime.interruption import Interrupted
 

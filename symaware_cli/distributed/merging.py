@@ -13,10 +13,10 @@ from typing import Any
 from symaware_cli.distributed.process_log import ProcessLog, missing_agents, missing_in_words
 from symaware_cli.recording.error import LogError, OutputError
 from symaware_cli.recording.index import ChannelInfo
-from symaware_cli.recording.message import LogMessage
+from symaware_cli.recording.log_message import LogMessage
+from symaware_cli.recording.log_schema import MANIFEST, MESSAGES, RECOVERY, TIMING, json_values
 from symaware_cli.recording.output import whole_file
 from symaware_cli.recording.recovery import Damage
-from symaware_cli.recording.schema import MANIFEST, MESSAGES, RECOVERY, TIMING, json_values
 from symaware_cli.recording.writer import LogWriter
 
 _PROGRESS = 256

@@ -9,8 +9,8 @@ from itertools import combinations
 from typing import Any
 
 from symaware_cli.recording.error import LogError
+from symaware_cli.recording.json_text import read_json
 from symaware_cli.recording.reader import Log, open_log
-from symaware_cli.recording.text import read_json
 
 _RESOLVED = "resolved.yaml"
 _VERSIONS = "versions.json"

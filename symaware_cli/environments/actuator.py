@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.core import EntityGroup, WorldError, nanoseconds
-from symaware_cli.environments.noise import ProcessNoise
+from symaware_cli.environments.process_noise import ProcessNoise
 from symaware_cli.world.integration import integrate
 
 Array = NDArray[np.float64]

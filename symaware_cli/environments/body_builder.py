@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from symaware_cli.core import Entity, Shape, Urdf, Wall, WorldError
 from symaware_cli.environments import asset
 from symaware_cli.environments.bullet import engine, quiet
-from symaware_cli.environments.collision import FACED, FIXED, MEETS
+from symaware_cli.environments.bullet_collisions import FACED, FIXED, MEETS
 from symaware_cli.geometry.rotation import attitude
 from symaware_cli.geometry.scenery import HeightRange
 

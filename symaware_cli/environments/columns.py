@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.core import Contact, EntityGroup, Environment, Obstacle, Snapshot
-from symaware_cli.environments.contact import ContactDetector
+from symaware_cli.environments.contact_detector import ContactDetector
 
 Array = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import Field
 
 from symaware_cli.core import Parameters, Shape
-from symaware_cli.environments import collision
+from symaware_cli.environments import bullet_collisions
 from symaware_cli.environments.bullet import engine
 
 #: [m] How far the slab reaches beyond where bodies start, and how thick it is. The larger it is, the less exact is
@@ -33,7 +33,7 @@ class Ground(Parameters):
 
 def footing(shape: Shape | None) -> int:
     """The kind of a body that nothing holds: whether it meets the plane or the slab."""
-    return collision.FREE if shape is None or shape.circle else collision.FACED
+    return bullet_collisions.FREE if shape is None or shape.circle else bullet_collisions.FACED
 
 
 def make_plane(client: int, height: float) -> int:

@@ -21,7 +21,7 @@ from symaware_cli.core import (
     WorldError,
     seconds,
 )
-from symaware_cli.core.state import StateError
+from symaware_cli.core.stateful import StateError
 from symaware_cli.environments.actuator import Actuator
 from symaware_cli.environments.columns import ColumnEnvironment, followed
 from symaware_cli.environments.contact_tracker import GROUND, ContactTracker

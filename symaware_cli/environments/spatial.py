@@ -10,18 +10,18 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from symaware_cli.core import Entity, EntityGroup, ErrorCollector, Image, Obstacle, Scenery, WorldError, seconds
-from symaware_cli.environments import collision, sensing
+from symaware_cli.environments import bullet_collisions, bullet_sensing
 from symaware_cli.environments.actuator import Actuator
 from symaware_cli.environments.appearance import appearances
 from symaware_cli.environments.body_builder import BodyBuilder, BodyPart, last, turn
 from symaware_cli.environments.body_poses import BodyPoses
 from symaware_cli.environments.bullet import MOST_SHOWN, Client, engine, quiet
-from symaware_cli.environments.collision import Collisions
+from symaware_cli.environments.bullet_collisions import Collisions
 from symaware_cli.environments.contact_tracker import GROUND
 from symaware_cli.environments.ground import Ground, footing, make_plane, make_slab
-from symaware_cli.environments.noise import process_noise
 from symaware_cli.environments.path_follower import follow
 from symaware_cli.environments.physics import BodyStates, PhysicsEnvironment
+from symaware_cli.environments.process_noise import process_noise
 from symaware_cli.environments.vehicle import Vehicle, read_bodies
 from symaware_cli.geometry.articulation import Articulation
 from symaware_cli.geometry.rotation import attitude_columns
@@ -117,7 +117,7 @@ class PyBulletEnvironment(PhysicsEnvironment):
         self._vehicles: list[tuple[Vehicle, int]] = []
         self._agents = [-1] * len(self._driven)
         #: As what each meets others, and where those stand that are not there.
-        self._kinds = [collision.NOWHERE] * len(self._driven)
+        self._kinds = [bullet_collisions.NOWHERE] * len(self._driven)
         self._entrances: dict[int, tuple[Sequence[float], Sequence[float]]] = {}
         #: The rows of those whom something can divert.
         self._row_of: dict[int, int] = {}
@@ -163,17 +163,20 @@ class PyBulletEnvironment(PhysicsEnvironment):
         if GROUND in named:
             raise WorldError(f"contacts call the ground `{GROUND}`; give this another name", *named[GROUND], GROUND)
         index = len(self.roster) + len(self.obstacles)
-        self._finish(make_plane(self._id, ground.height), index, ground, collision.GROUND)
+        self._finish(make_plane(self._id, ground.height), index, ground, bullet_collisions.GROUND)
         free = [self.obstacles[name] for name in self._free]
         # What joints of a fixed base move may reach the ground, too.
         free += [each for each in self.obstacles.values() if each.shape.urdf and not each.is_free and not each.path]
-        starts = [each.pose().position for each in free if footing(each.shape) == collision.FACED]
+        starts = [each.pose().position for each in free if footing(each.shape) == bullet_collisions.FACED]
         for actuator, number, _ in self._parts:
             # Who moves in a plane does not touch the ground.
-            if len(actuator.group.model.position) == 3 and footing(actuator.group.entity.shape) == collision.FACED:
+            if (
+                len(actuator.group.model.position) == 3
+                and footing(actuator.group.entity.shape) == bullet_collisions.FACED
+            ):
                 starts += self._states[number][:, list(actuator.group.model.position)].tolist()
         if starts:
-            self._finish(make_slab(self._id, ground.height, starts), index, ground, collision.SLAB)
+            self._finish(make_slab(self._id, ground.height, starts), index, ground, bullet_collisions.SLAB)
 
     def _add_driven(self, group: EntityGroup, state: Array, part: slice) -> None:
         model, entity = group.model, group.entity
@@ -189,7 +192,7 @@ class PyBulletEnvironment(PhysicsEnvironment):
             # What is driven stays upright: nothing tilts it.
             upright = [_IMMOVABLE, _IMMOVABLE, turning]
             engine.changeDynamics(body, -1, mass=entity.mass, localInertiaDiagonal=upright, physicsClientId=self._id)
-            kind = collision.UPRIGHT if planar else footing(entity.shape)
+            kind = bullet_collisions.UPRIGHT if planar else footing(entity.shape)
             self._finish(body, int(self._driven[row]), entity, kind, damping=0.0)
             if model.velocities:
                 self._velocity[row, : len(model.velocities)] = own[list(model.velocities)]
@@ -210,7 +213,7 @@ class PyBulletEnvironment(PhysicsEnvironment):
         body = self._agents[row]
         position, orientation = engine.getBasePositionAndOrientation(body, self._id)
         self._entrances[row] = position, orientation
-        self._builder.meet(body, collision.NOWHERE)
+        self._builder.meet(body, bullet_collisions.NOWHERE)
         # Cameras see whatever is near, whether it meets anybody or not.
         buried = position[0], position[1], position[2] - _BURIED
         engine.resetBasePositionAndOrientation(body, buried, orientation, self._id)
@@ -239,7 +242,7 @@ class PyBulletEnvironment(PhysicsEnvironment):
             if not self._loading:
                 vehicle.dress(engine, self._id, body)
         for body in bodies:
-            self._builder.meet(body, collision.FREE)
+            self._builder.meet(body, bullet_collisions.FREE)
         try:
             vehicle.attach(engine, self._id, bodies, self._states[number], self.step_time)
         except WorldError as error:
@@ -252,7 +255,13 @@ class PyBulletEnvironment(PhysicsEnvironment):
     def _add_obstacle(self, index: int, name: str, obstacle: Obstacle) -> None:
         pose = obstacle.pose()
         where = ("environment", "entities", name)
-        kind = footing(obstacle.shape) if obstacle.is_free else collision.LED if obstacle.path else collision.FIXED
+        kind = (
+            footing(obstacle.shape)
+            if obstacle.is_free
+            else bullet_collisions.LED
+            if obstacle.path
+            else bullet_collisions.FIXED
+        )
         mass = obstacle.mass if obstacle.is_free else _IMMOVABLE if obstacle.path else 0.0
         assert mass is not None
         if obstacle.shape.wall:
@@ -437,7 +446,7 @@ class PyBulletEnvironment(PhysicsEnvironment):
         starts[..., :2], towards[..., :2] = origins[:, None, :2], directions
         starts[..., 2] = self.body_positions([self.roster.ids[sender] for sender in senders.tolist()])[:, 2:] + height
         rays = np.repeat(senders, width), starts.reshape(-1, 3), towards.reshape(-1, 3)
-        return sensing.cast_rays(self._id, self._index, *rays, reach).reshape(count, width)
+        return bullet_sensing.cast_rays(self._id, self._index, *rays, reach).reshape(count, width)
 
     def in_sight(self, ones: Indices, others: Indices) -> NDArray[np.bool_]:
         """Look along lines between the middles of bodies, for the shapes of the engine."""
@@ -446,7 +455,7 @@ class PyBulletEnvironment(PhysicsEnvironment):
         # Both directions share a line.
         keys, line = np.unique(np.minimum(ones, others) * count + np.maximum(ones, others), return_inverse=True)
         starts, ends = (middles.take(each, 0) for each in np.divmod(keys, count))
-        free: NDArray[np.bool_] = sensing.is_clear(self._id, self._index, obstacles, starts, ends)[line]
+        free: NDArray[np.bool_] = bullet_sensing.is_clear(self._id, self._index, obstacles, starts, ends)[line]
         return free
 
     def body_positions(self, names: Sequence[str]) -> Array:
@@ -468,5 +477,5 @@ class PyBulletEnvironment(PhysicsEnvironment):
         """Look at a point from another, by PyBullet's renderer on the processor."""
         if not self._painted:
             self._painted = True
-            sensing.colour(self._id, self._index, len(self.roster))
-        return sensing.render(self._id, self._index, position, target, size, field_of_view)
+            bullet_sensing.colour(self._id, self._index, len(self.roster))
+        return bullet_sensing.render(self._id, self._index, position, target, size, field_of_view)

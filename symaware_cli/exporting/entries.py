@@ -9,7 +9,7 @@ from typing import Any
 
 from symaware_cli.exporting.selection import Selection
 from symaware_cli.exporting.table import Column, Table, Values, place_cells, place_columns
-from symaware_cli.recording import journal, sensing
+from symaware_cli.recording import logged_events, sensor_channels
 
 TIME = Column("time", "number", "s", "simulated time")
 """The first column of every table but those that do not depend on time."""
@@ -111,7 +111,7 @@ def event_source(selection: Selection) -> EntrySource:
     """Make the table of events."""
 
     def rows(time: int, message: Any) -> Iterable[Sequence[Any]]:
-        event = journal.event(time, message)
+        event = logged_events.event(time, message)
         if selection.has_source(event.source):
             yield time / 1e9, event.name, event.source, event.level, event.text, message.data
 
@@ -134,7 +134,7 @@ def message_source(selection: Selection, roster: Sequence[str]) -> EntrySource:
     """Make the table of messages between agents, of which a roster tells who they are."""
 
     def rows(time: int, message: Any) -> Iterable[Sequence[Any]]:
-        for entry in journal.communications(time, message, roster):
+        for entry in logged_events.communications(time, message, roster):
             if selection.has_agent(entry.sender, entry.receiver):
                 about = (entry.sender, entry.receiver, entry.kind, entry.stage)
                 says = "" if entry.payload is None else json.dumps(entry.payload, sort_keys=True)
@@ -147,7 +147,7 @@ def contact_source(selection: Selection) -> EntrySource:
     """Make the table of contacts."""
 
     def rows(time: int, message: Any) -> Iterable[Sequence[Any]]:
-        contact = journal.contact(time, message)
+        contact = logged_events.contact(time, message)
         if selection.has_agent(contact.a, contact.b):
             about = (contact.a, contact.b, contact.stage, *place_cells(contact.point))
             yield time / 1e9, *about, contact.depth, contact.impulse
@@ -181,7 +181,7 @@ def knowledge_source(path: str, ids: Sequence[str], selection: Selection) -> Ent
     place = {id: row for row, id in enumerate(ids)}
 
     def rows(time: int, message: Any) -> Iterable[Sequence[Any]]:
-        for entry in journal.knowledge(time, message, ids):
+        for entry in logged_events.knowledge(time, message, ids):
             if selection.has_agent(entry.agent):
                 for key, value in entry.values.items():
                     yield time / 1e9, place[entry.agent], key, json.dumps(value, sort_keys=True)
@@ -211,7 +211,7 @@ def image_source(path: str, sensor: str, ids: Sequence[str], selection: Selectio
     place = {id: row for row, id in enumerate(ids)}
 
     def rows(time: int, message: Any) -> Iterable[Sequence[Any]]:
-        for seen in sensing.images(time, message, sensor, ids):
+        for seen in sensor_channels.images(time, message, sensor, ids):
             if selection.has_agent(seen.agent):
                 where = (*place_cells(seen.position), *place_cells(seen.target))
                 about = (place[seen.agent], seen.measured / 1e9, seen.kind, *seen.size, _ENCODINGS.get(seen.kind, ""))

@@ -16,11 +16,11 @@ from symaware_cli.core import Part, Signal
 from symaware_cli.exporting import entries, rows
 from symaware_cli.exporting.selection import Selection
 from symaware_cli.exporting.table import Column, Table, Values
-from symaware_cli.recording import journal, wire
+from symaware_cli.recording import logged_events, wire
 from symaware_cli.recording.fields import signal_of, signal_topic
 from symaware_cli.recording.index import ChannelInfo
 from symaware_cli.recording.reader import Log
-from symaware_cli.recording.sensing import IMAGE, SCAN, sensors
+from symaware_cli.recording.sensor_channels import IMAGE, SCAN, sensors
 
 Quantities = Sequence[tuple[str, str]]
 """Name and unit of each number."""
@@ -103,7 +103,7 @@ def sources_of(log: Log, selection: Selection) -> dict[str, Source]:
     }
     if selection.has_field("messages"):
         told = entries.message_source(selection, log.manifest.get("roster", ()))
-        sources |= dict.fromkeys(journal.MESSAGES, told)
+        sources |= dict.fromkeys(logged_events.MESSAGES, told)
     return sources | dict(each for kind, each in singles.items() if selection.has_field(kind))
 
 

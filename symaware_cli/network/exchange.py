@@ -15,7 +15,7 @@ from symaware_cli.core.message import EVERYBODY, Indices, Times, copied
 from symaware_cli.network.channel.channel import ABSENT, QUEUE_FULL, TOO_OLD, Fates
 from symaware_cli.network.disturbance import Disturbance
 from symaware_cli.network.in_transit import MessagesInTransit
-from symaware_cli.network.inbox import Inboxes
+from symaware_cli.network.inboxes import Inboxes
 from symaware_cli.network.neighbours import Neighbours
 from symaware_cli.network.network import Change, Network
 from symaware_cli.network.outbox import Outbox

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from symaware_cli.core import Delivery
 from symaware_cli.core.message import Indices, Times
 from symaware_cli.network.channel.channel import NO_LINK, REASONS, Channel, Fates
+from symaware_cli.network.channel.channel_parameters import ChannelParameters
 from symaware_cli.network.channel.impairment import Impairment
 from symaware_cli.network.channel.link_queue import LinkQueue
 from symaware_cli.network.channel.link_states import LinkStates
-from symaware_cli.network.channel.parameters import ChannelParameters
 from symaware_cli.network.disturbance import Disturbance
 from symaware_cli.network.network import Network
 from symaware_cli.world.chance import key_of, message_fractions

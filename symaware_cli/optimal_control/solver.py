@@ -11,8 +11,8 @@ import casadi
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from symaware_cli.optimal_control.optimal_control_problem import OptimalControlProblem
 from symaware_cli.optimal_control.plan import Decision, Plan, Solution
-from symaware_cli.optimal_control.problem import OptimalControlProblem
 from symaware_cli.optimal_control.transcription import Program, transcribe
 
 Array = NDArray[np.float64]

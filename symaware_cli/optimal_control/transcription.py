@@ -17,7 +17,7 @@ import casadi
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.optimal_control.problem import OptimalControlProblem
+from symaware_cli.optimal_control.optimal_control_problem import OptimalControlProblem
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]

@@ -15,11 +15,11 @@ from symaware_cli.core import AgentGroup, Environment
 from symaware_cli.recording import symaware_v1_pb2 as v1
 from symaware_cli.recording import wire
 from symaware_cli.recording.fields import SIGNAL_MESSAGES, columns_metadata, signal_metadata, signal_topic
-from symaware_cli.recording.others import OthersChannel
-from symaware_cli.recording.rows import RecordedRows
-from symaware_cli.recording.sensing import SensorChannels
-from symaware_cli.recording.shared import POSE, SHARED, shared_metadata
-from symaware_cli.recording.text import as_json
+from symaware_cli.recording.json_text import as_json
+from symaware_cli.recording.others_channel import OthersChannel
+from symaware_cli.recording.recorded_rows import RecordedRows
+from symaware_cli.recording.sensor_channels import SensorChannels
+from symaware_cli.recording.shared_channel import POSE, SHARED, shared_metadata
 from symaware_cli.recording.writer import LogWriter
 from symaware_cli.world.motion import motion_quantities
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from symaware_cli.recording import png, wire
 from symaware_cli.recording.index import ChannelInfo
-from symaware_cli.recording.text import read_json
+from symaware_cli.recording.json_text import read_json
 
 _MOST_ROWS = 1 << 20
 """Where it is not known how many rows there are."""

@@ -8,8 +8,8 @@ import struct
 from dataclasses import dataclass
 from functools import cache
 
+from symaware_cli.recording.log_schema import MANIFEST, TIMING
 from symaware_cli.recording.reader import Log
-from symaware_cli.recording.schema import MANIFEST, TIMING
 
 _HEAD = struct.Struct("<QII")
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 
 from symaware_cli.recording.error import UnknownNameError
-from symaware_cli.recording.journal import Communication, LoggedContact, LoggedEvent
+from symaware_cli.recording.logged_events import Communication, LoggedContact, LoggedEvent
 from symaware_cli.recording.reader import Log
 
 LEVELS = ("DEBUG", "INFO", "WARNING", "ERROR")

@@ -16,9 +16,9 @@ from symaware_cli.environments.urdf import UrdfError
 from symaware_cli.geometry.articulation import Articulation, Link, Visual
 from symaware_cli.geometry.rotation import rotated
 from symaware_cli.recording.error import LogError
-from symaware_cli.recording.schema import GEOMETRY
+from symaware_cli.recording.json_text import read_json
+from symaware_cli.recording.log_schema import GEOMETRY
 from symaware_cli.recording.surface import MEDIA_TYPES, bounds, stl
-from symaware_cli.recording.text import read_json
 
 #: [bytes] No mesh is larger, nor all of them together; of others the log has the box around them.
 LARGEST = 16 << 20

@@ -27,7 +27,7 @@ from mcap.records import (
     Statistics,
 )
 
-from symaware_cli.recording.schema import CHUNK_SIZE, LARGEST_CHUNK, LIBRARY, MAGIC, PROFILE
+from symaware_cli.recording.log_schema import CHUNK_SIZE, LARGEST_CHUNK, LIBRARY, MAGIC, PROFILE
 
 FRAME = struct.Struct("<BQ")
 """What a record begins with: opcode and length."""
@@ -81,7 +81,7 @@ class ChannelInfo:
 
 
 @dataclass(frozen=True, slots=True)
-class Span:
+class MessageRange:
     """A part of the file that holds messages: a chunk record, or a run of records outside chunks.
 
     Attributes:
@@ -101,7 +101,7 @@ class Span:
     chunk: bool = True
 
 
-class Place(NamedTuple):
+class RecordLocation(NamedTuple):
     """Where an attachment or a metadata record stands.
 
     Attributes:
@@ -133,9 +133,9 @@ class Index:
     schemas: dict[int, Schema] = field(default_factory=dict)
     channels: dict[int, Channel] = field(default_factory=dict)
     counts: dict[int, int] = field(default_factory=dict)
-    spans: list[Span] = field(default_factory=list)
-    attachments: list[Place] = field(default_factory=list)
-    metadata: list[Place] = field(default_factory=list)
+    spans: list[MessageRange] = field(default_factory=list)
+    attachments: list[RecordLocation] = field(default_factory=list)
+    metadata: list[RecordLocation] = field(default_factory=list)
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,16 +198,16 @@ def _fill(index: Index, section: bytes, limit: int) -> bool:
                 chunks.append(parse(ChunkIndex, content))
             case Opcode.ATTACHMENT_INDEX:
                 attachment = parse(AttachmentIndex, content)
-                index.attachments.append(Place(attachment.name, attachment.offset, attachment.length))
+                index.attachments.append(RecordLocation(attachment.name, attachment.offset, attachment.length))
             case Opcode.METADATA_INDEX:
                 metadata = parse(MetadataIndex, content)
-                index.metadata.append(Place(metadata.name, metadata.offset, metadata.length))
+                index.metadata.append(RecordLocation(metadata.name, metadata.offset, metadata.length))
     if statistics is None:
         return False
     # A writer may leave the index of messages out: then anything may be in the chunk.
     anything = frozenset(index.channels)
     index.spans = [
-        Span(
+        MessageRange(
             chunk.chunk_start_offset,
             chunk.chunk_length,
             chunk.message_start_time,
@@ -232,7 +232,7 @@ def _fill(index: Index, section: bytes, limit: int) -> bool:
     )
 
 
-def _apart(places: Iterable[Span | Place], end: int) -> bool:
+def _apart(places: Iterable[MessageRange | RecordLocation], end: int) -> bool:
     """Whether no two of some places overlap, and all lie before some offset."""
     position = len(MAGIC)
     for place in sorted(places, key=lambda place: place.offset):
@@ -330,7 +330,7 @@ def read_record(file: BinaryIO, offset: int, length: int, kind: type[_Record], o
     return parse(kind, content)
 
 
-def read_span(file: BinaryIO, span: Span, header: Header) -> bytes:
+def read_span(file: BinaryIO, span: MessageRange, header: Header) -> bytes:
     """Read the records of a span, unpacked and checked.
 
     Args:

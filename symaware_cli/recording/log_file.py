@@ -9,18 +9,18 @@ from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
-from symaware_cli.recording import journal
+from symaware_cli.recording import logged_events
 from symaware_cli.recording.error import LogError, UnknownNameError
 from symaware_cli.recording.fields import SIGNAL_MESSAGES, signal_of
 from symaware_cli.recording.index import ChannelInfo
+from symaware_cli.recording.log_message import LogMessage
+from symaware_cli.recording.log_schema import FORMAT, MANIFEST, OUTCOME, PROFILE, RECOVERY, TIMING
 from symaware_cli.recording.manifest import read_manifest
 from symaware_cli.recording.mcap_file import McapFile
-from symaware_cli.recording.message import LogMessage
 from symaware_cli.recording.names import TOPICS
 from symaware_cli.recording.recovery import Damage
-from symaware_cli.recording.schema import FORMAT, MANIFEST, OUTCOME, PROFILE, RECOVERY, TIMING
-from symaware_cli.recording.sensing import IMAGE, SCAN
-from symaware_cli.recording.shared import SHARED, SharedChannel, entities_of, shared
+from symaware_cli.recording.sensor_channels import IMAGE, SCAN
+from symaware_cli.recording.shared_channel import SHARED, SharedChannel, entities_of, shared
 
 _MESSAGES = {
     "/agents//control": "Rows",
@@ -35,7 +35,7 @@ _MESSAGES = {
     "/world//control": "Rows",
     "/events": "Event",
     "/events/recurring": "Recurring",
-    **dict.fromkeys(journal.MESSAGES, "MessageColumns"),
+    **dict.fromkeys(logged_events.MESSAGES, "MessageColumns"),
     "/contacts": "Contact",
     TIMING: "Timing",
 }
@@ -247,7 +247,7 @@ class LogFile(McapFile):
 
 def _expected(info: ChannelInfo) -> str | None:
     """What message a channel must have; None where that is not known."""
-    if info.topic == journal.MESSAGES[0] and info.carries("Message"):
+    if info.topic == logged_events.MESSAGES[0] and info.carries("Message"):
         return "Message"  # as earlier versions wrote them
     if known := _MESSAGES.get(_pattern(info.topic)):
         return known

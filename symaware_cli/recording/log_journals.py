@@ -7,12 +7,21 @@ from contextlib import contextmanager
 from functools import cached_property
 from typing import Any, TypeVar
 
-from symaware_cli.recording import journal
+from symaware_cli.recording import logged_events
 from symaware_cli.recording.error import LogError
-from symaware_cli.recording.journal import Communication, LoggedContact, LoggedEvent, LoggedKnowledge
 from symaware_cli.recording.log_file import LogFile
-from symaware_cli.recording.message import LogMessage
-from symaware_cli.recording.sensing import IMAGE, SCAN, LoggedImage, LoggedReading, LoggedScan, images, scans, sensors
+from symaware_cli.recording.log_message import LogMessage
+from symaware_cli.recording.logged_events import Communication, LoggedContact, LoggedEvent, LoggedKnowledge
+from symaware_cli.recording.sensor_channels import (
+    IMAGE,
+    SCAN,
+    LoggedImage,
+    LoggedReading,
+    LoggedScan,
+    images,
+    scans,
+    sensors,
+)
 
 Sensed = TypeVar("Sensed", bound=LoggedReading)
 """An entry of what a sensor measured."""
@@ -50,20 +59,20 @@ class LogJournals(LogFile):
             start: The first simulated time, ns.
             end: The first simulated time not wanted any more, ns.
         """
-        return self._journal("/events", "Event", journal.event, start, end)
+        return self._journal("/events", "Event", logged_events.event, start, end)
 
     def communications(self, start: int | None = None, end: int | None = None) -> Iterator[Communication]:
         """Iterate over the stages of messages between agents; see `events`."""
         roster = self.manifest.get("roster", [])
-        for message in self.messages(journal.MESSAGES, start, end):
+        for message in self.messages(logged_events.MESSAGES, start, end):
             if message.channel.carries("Message") or message.channel.carries("MessageColumns"):
                 with self._readable(message):
-                    entries = journal.communications(message.time, message.decode(), roster)
+                    entries = logged_events.communications(message.time, message.decode(), roster)
                 yield from entries
 
     def contacts(self, start: int | None = None, end: int | None = None) -> Iterator[LoggedContact]:
         """Iterate over the beginnings and ends of contacts; see `events`."""
-        return self._journal("/contacts", "Contact", journal.contact, start, end)
+        return self._journal("/contacts", "Contact", logged_events.contact, start, end)
 
     def scans(self, name: str | None = None, start: int | None = None, end: int | None = None) -> Iterator[LoggedScan]:
         """Iterate over the scans of lidars, one for each agent and turn.
@@ -139,7 +148,7 @@ class LogJournals(LogFile):
             if not message.channel.carries("Knowledge"):
                 continue
             with self._fitting(topic):
-                entries = journal.knowledge(message.time, message.decode(), groups[topic])
+                entries = logged_events.knowledge(message.time, message.decode(), groups[topic])
             yield from (entry for entry in entries if agent in (None, entry.agent))
 
     def _journal(

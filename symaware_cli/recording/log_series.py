@@ -9,17 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.core import PARTS, Part, Signal
-from symaware_cli.recording.beliefs import Beliefs, beliefs
 from symaware_cli.recording.error import LogError, UnknownNameError
 from symaware_cli.recording.fields import signal_topic, signals_of
 from symaware_cli.recording.index import ChannelInfo
 from symaware_cli.recording.log_file import names_in
 from symaware_cli.recording.log_journals import LogJournals
+from symaware_cli.recording.logged_beliefs import LoggedBeliefs, beliefs
 from symaware_cli.recording.names import TOPICS
 from symaware_cli.recording.series import (
+    LoggedTable,
     Prediction,
     Series,
-    Table,
     cut,
     gaps,
     group_series,
@@ -98,7 +98,7 @@ class LogSeries(LogJournals):
         """The parts of awareness of a group that there are channels of, by name: first those of every group."""
         return {name: each for name, each in self.signals(group).items() if isinstance(each, Part)}
 
-    def tables(self, agent: str, field: str) -> Iterator[Table]:
+    def tables(self, agent: str, field: str) -> Iterator[LoggedTable]:
         """Iterate over the tables that a component handed out of an agent, whole, at each instant at which it did.
 
         Args:
@@ -113,13 +113,13 @@ class LogSeries(LogJournals):
         columns, units = (names_in(info.metadata.get(key, "")) for key in ("columns", "units"))
         return self._tables(info.topic, row, columns, units)
 
-    def _tables(self, topic: str, row: int, columns: tuple[str, ...], units: tuple[str, ...]) -> Iterator[Table]:
+    def _tables(self, topic: str, row: int, columns: tuple[str, ...], units: tuple[str, ...]) -> Iterator[LoggedTable]:
         for message in self.messages(topic):
             content = message.decode()
             place = place_of(row, content.rows)
             if place is not None:
                 # A copy, so that one row does not keep the whole message in memory.
-                yield Table(message.time, content.at(place).copy(), columns, units)
+                yield LoggedTable(message.time, content.at(place).copy(), columns, units)
 
     def _entries(self, info: ChannelInfo, name: str) -> Series:
         """The entries of the tables of an agent, one after the other."""
@@ -159,7 +159,7 @@ class LogSeries(LogJournals):
                 # Copies, so that one row does not keep the whole message in memory.
                 yield Prediction(message.time, times[: len(values)].copy(), values.copy())
 
-    def beliefs(self, agent: str, other: str) -> Beliefs:
+    def beliefs(self, agent: str, other: str) -> LoggedBeliefs:
         """Put together what an agent believed of another.
 
         That is its position and velocity, whoever perceived it. Whoever knows the whole world knows the truth of that

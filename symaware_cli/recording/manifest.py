@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from symaware_cli.core import AgentGroup, Environment
-from symaware_cli.recording.schema import FORMAT
-from symaware_cli.recording.text import read_json
+from symaware_cli.recording.json_text import read_json
+from symaware_cli.recording.log_schema import FORMAT
 
 
 def read_manifest(content: bytes) -> dict[str, Any]:

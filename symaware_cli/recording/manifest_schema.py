@@ -52,7 +52,7 @@ class _Obstacle(_Body):
     heading: Number = 0.0
 
 
-class _Group(_Entry):
+class _ManifestGroup(_Entry):
     agents: list[Name] = []
     indexed: bool = False
     model: _Model = _Model()
@@ -76,7 +76,7 @@ class Manifest(_Entry):
     mode: str | None = None
     time_step: Time | None = None
     steps: Time | None = None
-    groups: dict[Name, _Group] = {}
+    groups: dict[Name, _ManifestGroup] = {}
     entities: dict[Name, _Obstacle] = {}
     roster: list[Name] = []
     part: _Part = None  # type: ignore[assignment] # missing, but not null

@@ -15,19 +15,19 @@ from mcap.records import Attachment, McapRecord, Metadata
 from symaware_cli.recording.error import LogError, reason
 from symaware_cli.recording.index import (
     ChannelInfo,
-    Place,
+    MessageRange,
     RawMessage,
-    Span,
+    RecordLocation,
     Unsound,
     from_summary,
     read_messages,
     read_record,
     read_span,
 )
-from symaware_cli.recording.message import LogMessage
+from symaware_cli.recording.json_text import read_json
+from symaware_cli.recording.log_message import LogMessage
+from symaware_cli.recording.log_schema import FORMER, LIBRARY, PROFILE
 from symaware_cli.recording.recovery import FOREVER, Damage, scan
-from symaware_cli.recording.schema import FORMER, LIBRARY, PROFILE
-from symaware_cli.recording.text import read_json
 
 _Record = TypeVar("_Record", bound=McapRecord)
 
@@ -131,7 +131,7 @@ class McapFile:
         """
         return _opened(self.path)
 
-    def leave_out(self, span: Span) -> None:
+    def leave_out(self, span: MessageRange) -> None:
         """Forget a chunk that turned out to be damaged, and note the damage."""
         if _removed(self.index.spans, span):
             damage = self._note_damage()
@@ -218,7 +218,7 @@ class McapFile:
             yield from batch
 
     def _sorted(
-        self, file: BinaryIO, spans: list[Span], wanted: set[int], start: int, end: int
+        self, file: BinaryIO, spans: list[MessageRange], wanted: set[int], start: int, end: int
     ) -> Iterator[RawMessage]:
         """Sort messages, holding those that a span not yet read might come before."""
         held: list[RawMessage] = []
@@ -236,7 +236,9 @@ class McapFile:
                 raise LogError(f"{self.path} has too many messages in chunks that overlap in time")
         yield from sorted(held, key=_order)
 
-    def _read(self, file: BinaryIO, span: Span, wanted: Iterable[int], start: int, end: int) -> list[RawMessage]:
+    def _read(
+        self, file: BinaryIO, span: MessageRange, wanted: Iterable[int], start: int, end: int
+    ) -> list[RawMessage]:
         """Read the messages of a span; none, and a note of the damage, if it is damaged."""
         try:
             return read_messages(read_span(file, span, self.header), frozenset(wanted), start, end)
@@ -244,7 +246,9 @@ class McapFile:
             self.leave_out(span)
             return []
 
-    def _records(self, places: list[Place], name: str | None, kind: type[_Record], opcode: Opcode) -> Iterator[_Record]:
+    def _records(
+        self, places: list[RecordLocation], name: str | None, kind: type[_Record], opcode: Opcode
+    ) -> Iterator[_Record]:
         """Read attachments or metadata records (of one name, if given); forget damaged ones, and note the damage."""
         with self.opened() as file:
             for place in [place for place in places if name in (None, place.name)]:
@@ -255,7 +259,7 @@ class McapFile:
                 else:
                     yield record
 
-    def _leave_out(self, places: list[Place], place: Place) -> None:
+    def _leave_out(self, places: list[RecordLocation], place: RecordLocation) -> None:
         if _removed(places, place):
             damage = self._note_damage()
             damage.attachments_skipped += 1
@@ -267,7 +271,7 @@ class McapFile:
         return self._damage
 
 
-def _removed(places: list[Any], place: Span | Place) -> bool:
+def _removed(places: list[Any], place: MessageRange | RecordLocation) -> bool:
     """Take something out of a list in the order of the file, and say whether it was there."""
     number = bisect_left(places, place.offset, key=lambda each: each.offset)
     there = number < len(places) and places[number].offset == place.offset

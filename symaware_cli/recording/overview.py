@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from symaware_cli.recording.json_text import read_json
 from symaware_cli.recording.reader import Log
-from symaware_cli.recording.text import read_json
 
 #: An interval this much longer than the usual one of its channel is a gap.
 _GAP = 1.5

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import os
 
+from symaware_cli.recording.log_message import LogMessage
 from symaware_cli.recording.log_series import LogSeries
-from symaware_cli.recording.message import LogMessage
 from symaware_cli.recording.names import FIELDS
 
 __all__ = ["FIELDS", "Log", "LogMessage", "open_log"]

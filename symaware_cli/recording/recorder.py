@@ -14,8 +14,8 @@ from symaware_cli.network.traffic import Traffic
 from symaware_cli.recording import symaware_v1_pb2 as v1
 from symaware_cli.recording import wire
 from symaware_cli.recording.channels import EntityChannels, GroupChannels, PostureChannels
+from symaware_cli.recording.json_text import as_json
 from symaware_cli.recording.names import KINDS
-from symaware_cli.recording.text import as_json
 from symaware_cli.recording.writer import LogWriter, PaceFigures
 
 _LEVELS = {

@@ -13,8 +13,8 @@ from mcap.records import Attachment, Channel, Metadata, Schema
 from symaware_cli.recording.index import (
     FRAME,
     Index,
-    Place,
-    Span,
+    MessageRange,
+    RecordLocation,
     Unsound,
     frames,
     parse,
@@ -24,7 +24,7 @@ from symaware_cli.recording.index import (
     read_record,
     unpack,
 )
-from symaware_cli.recording.schema import MAGIC, OUTCOME
+from symaware_cli.recording.log_schema import MAGIC, OUTCOME
 
 FOREVER = 1 << 64
 """Later than any log time, ns."""
@@ -157,7 +157,9 @@ def scan(file: BinaryIO, size: int) -> tuple[Index, Damage]:
                 broken.add(len(index.spans))
             else:
                 if times:
-                    index.spans.append(Span(position, end - position, min(times), max(times), frozenset(channels)))
+                    index.spans.append(
+                        MessageRange(position, end - position, min(times), max(times), frozenset(channels))
+                    )
         elif opcode in (Opcode.MESSAGE, Opcode.SCHEMA, Opcode.CHANNEL):
             try:
                 times, channels = _note(read_at(file, position, end - position), index)
@@ -180,7 +182,7 @@ def scan(file: BinaryIO, size: int) -> tuple[Index, Damage]:
                 damage.attachments_skipped += 1
                 damage.bytes_skipped += end - position
             else:
-                places.append(Place(record.name, position, end - position))
+                places.append(RecordLocation(record.name, position, end - position))
         elif opcode in (Opcode.DATA_END, Opcode.FOOTER):
             last = opcode
         position = end
@@ -236,5 +238,5 @@ def _close(run: _Run, index: Index) -> None:
     """End a run of records outside chunks."""
     if run.times:
         channels = frozenset(run.channels)
-        index.spans.append(Span(run.offset, run.length, min(run.times), max(run.times), channels, chunk=False))
+        index.spans.append(MessageRange(run.offset, run.length, min(run.times), max(run.times), channels, chunk=False))
     run.offset, run.length, run.times, run.channels = 0, 0, [], set()

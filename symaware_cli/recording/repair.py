@@ -15,12 +15,12 @@ from typing import Any, BinaryIO
 import zstandard
 from mcap.records import Attachment, Chunk, DataEnd, Header, Metadata, MetadataIndex
 
-from symaware_cli.recording.index import FRAME, Span, Unsound, message_positions, parse, read_at, read_span
+from symaware_cli.recording.index import FRAME, MessageRange, Unsound, message_positions, parse, read_at, read_span
+from symaware_cli.recording.log_schema import MAGIC, RECOVERY, json_values
+from symaware_cli.recording.log_summary import LogSummary, indexed, serialise
 from symaware_cli.recording.output import whole_file
 from symaware_cli.recording.reader import Log
 from symaware_cli.recording.recovery import Damage
-from symaware_cli.recording.schema import MAGIC, RECOVERY, json_values
-from symaware_cli.recording.summary import Summary, indexed, serialise
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,7 +108,9 @@ def _chunks(log: Log) -> Iterator[tuple[Chunk, dict[int, list[int]]]]:
                 yield chunk, positions
 
 
-def _chunk(source: BinaryIO, span: Span, channels: Set[int], header: Header) -> tuple[Chunk, dict[int, list[int]]]:
+def _chunk(
+    source: BinaryIO, span: MessageRange, channels: Set[int], header: Header
+) -> tuple[Chunk, dict[int, list[int]]]:
     """Read a span as a chunk.
 
     Returns:
@@ -138,7 +140,7 @@ class _Copy:
     def __init__(self, file: BinaryIO, log: Log) -> None:
         index = log.index
         self.size = 0
-        self.summary = Summary(
+        self.summary = LogSummary(
             schemas={str(number): schema for number, schema in index.schemas.items()},
             channels=list(index.channels.values()),
         )

@@ -61,7 +61,7 @@ class Prediction:
 
 
 @dataclass(frozen=True, slots=True)
-class Table:
+class LoggedTable:
     """What a component handed out of an agent at one instant, in rows.
 
     Attributes:

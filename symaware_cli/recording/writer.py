@@ -18,10 +18,10 @@ from typing import Any, ClassVar
 import zstandard
 from mcap.records import Attachment, Channel, Chunk, DataEnd, Header, McapRecord, Metadata, MetadataIndex, Schema
 
-from symaware_cli.core.state import StateError
+from symaware_cli.core.stateful import StateError
 from symaware_cli.recording import symaware_v1_pb2 as v1
 from symaware_cli.recording.error import LogError, OutputError, reason
-from symaware_cli.recording.schema import (
+from symaware_cli.recording.log_schema import (
     CHUNK_SIZE,
     LARGEST_CHUNK,
     LIBRARY,
@@ -33,7 +33,7 @@ from symaware_cli.recording.schema import (
     descriptor_set,
     json_values,
 )
-from symaware_cli.recording.summary import Summary, indexed, serialise
+from symaware_cli.recording.log_summary import LogSummary, indexed, serialise
 
 _MESSAGE = struct.Struct("<BQHIQQ")  # opcode 5, length, channel, sequence, log time, publish time
 _MESSAGE_HEADER = _MESSAGE.size - 9
@@ -80,9 +80,9 @@ class LogWriter:
         # By number of the channel: time and offset of each message in the chunk, one after the other.
         self._positions: dict[int, list[int]] = {}
 
-        self._summary = Summary()
+        self._summary = LogSummary()
         #: What the log was where a state was taken, by its size and what it held: there it can go on again.
-        self._marks: dict[tuple[int, int], tuple[Summary, int]] = {}
+        self._marks: dict[tuple[int, int], tuple[LogSummary, int]] = {}
         self._checksum = 0
 
         try:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from symaware_cli.core import Event
 from symaware_cli.core.waiting import AllOf, AnyOf, EventWait, First, MessageWait, Several, Sleep, Wait
 from symaware_cli.network.exchange import MemoryExchange
-from symaware_cli.runtime.event_router import Connection, EventRouter
+from symaware_cli.runtime.event_router import EventHandler, EventRouter
 from symaware_cli.runtime.queue import Phase, Queue
 
 if TYPE_CHECKING:
@@ -160,7 +160,7 @@ class _Mail(Pending):
 
     def __init__(self, wait: MessageWait, router: EventRouter, exchange: MemoryExchange) -> None:
         self._wait, self._router, self._exchange = wait, router, exchange
-        self._connection: Connection | None = None
+        self._connection: EventHandler | None = None
         self._has_come = False
 
     def begin(self, wakeups: Wakeups) -> None:

@@ -8,12 +8,12 @@ from collections.abc import Callable
 from symaware_cli.core import Event, EventBus
 
 
-class Connection:
+class EventHandler:
     """A call on an event; `cancel` ends it, at any moment."""
 
     __slots__ = ("_among", "active", "call", "source")
 
-    def __init__(self, source: str | None, call: Callable[[Event], object], among: dict[Connection, None]) -> None:
+    def __init__(self, source: str | None, call: Callable[[Event], object], among: dict[EventHandler, None]) -> None:
         self.source = source
         self.call = call
         self.active = True
@@ -36,14 +36,14 @@ class EventRouter:
     def __init__(self, events: EventBus) -> None:
         self._events = events
         #: By the name of the event: those with an exact source, by the source, and all others.
-        self._exact: dict[str, dict[str, dict[Connection, None]]] = {}
-        self._open: dict[str, dict[Connection, None]] = {}
+        self._exact: dict[str, dict[str, dict[EventHandler, None]]] = {}
+        self._open: dict[str, dict[EventHandler, None]] = {}
 
     def __len__(self) -> int:
         exact = sum(len(each) for sources in self._exact.values() for each in sources.values())
         return exact + sum(len(each) for each in self._open.values())
 
-    def connect(self, name: str, source: str | None, call: Callable[[Event], object]) -> Connection:
+    def connect(self, name: str, source: str | None, call: Callable[[Event], object]) -> EventHandler:
         """Call ``call(event)`` on each event of a name.
 
         Args:
@@ -55,8 +55,8 @@ class EventRouter:
             self._exact[name], self._open[name] = {}, {}
             self._events.subscribe(name, self._on_event if name != "*" else self._on_any)
         if source is None or any(sign in source for sign in "*?["):
-            return Connection(source, call, self._open[name])
-        return Connection(source, call, self._exact[name].setdefault(source, {}))
+            return EventHandler(source, call, self._open[name])
+        return EventHandler(source, call, self._exact[name].setdefault(source, {}))
 
     def _on_event(self, event: Event) -> None:
         self._tell(event.name, event)

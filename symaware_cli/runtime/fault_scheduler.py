@@ -7,10 +7,10 @@ from functools import partial
 from typing import Any
 
 from symaware_cli.core import Event, Level
-from symaware_cli.runtime.event_router import Connection, EventRouter
+from symaware_cli.runtime.environment_stepper import EnvironmentStepper
+from symaware_cli.runtime.event_router import EventHandler, EventRouter
 from symaware_cli.runtime.faults import Fault, Targets
 from symaware_cli.runtime.membership import Membership
-from symaware_cli.runtime.motion import Motion
 from symaware_cli.runtime.queue import OF_FAULTS, Phase, Queue
 from symaware_cli.runtime.scheduler import TurnScheduler
 from symaware_cli.runtime.simulation import Simulation
@@ -31,7 +31,7 @@ class FaultScheduler:
         simulation: Simulation,
         schedulers: Sequence[TurnScheduler],
         membership: Membership,
-        motion: Motion,
+        motion: EnvironmentStepper,
         queue: Queue,
         router: EventRouter,
     ) -> None:
@@ -50,7 +50,7 @@ class FaultScheduler:
         self._targets = Targets(simulation, schedulers, membership, motion, self._end_named)
         self._queue = queue
         self._router = router
-        self._connections: dict[int, Connection] = {}
+        self._connections: dict[int, EventHandler] = {}
         #: What ends those that have begun needs to know, by their position.
         self._ongoing: dict[int, Any] = {}
         queue.register(OF_FAULTS, {"begin": self._begin, "end": self._end})

@@ -21,14 +21,14 @@ from symaware_cli.world.chance import GroupChance, agent_numbers
 
 if TYPE_CHECKING:
     # Whoever validates a scenario need not import what runs it.
+    from symaware_cli.runtime.environment_stepper import EnvironmentStepper
     from symaware_cli.runtime.membership import Membership
-    from symaware_cli.runtime.motion import Motion
     from symaware_cli.runtime.scheduler import TurnScheduler
 
 Array = NDArray[np.float64]
 
 
-class Agents(NamedTuple):
+class AgentSelection(NamedTuple):
     """Some agents of one group.
 
     Attributes:
@@ -40,7 +40,7 @@ class Agents(NamedTuple):
     rows: Sequence[int]
 
 
-class Components(NamedTuple):
+class ComponentSelection(NamedTuple):
     """A component of some agents.
 
     Attributes:
@@ -67,10 +67,10 @@ class Targets:
     simulation: Simulation
     schedulers: Sequence[TurnScheduler]
     membership: Membership
-    motion: Motion
+    motion: EnvironmentStepper
     ends: Callable[[str], object]
 
-    def scheduler(self, components: Components) -> TurnScheduler:
+    def scheduler(self, components: ComponentSelection) -> TurnScheduler:
         """The turns of a component."""
         return self.schedulers[self.simulation.entries.index(components.entry)]
 
@@ -99,7 +99,7 @@ class Effect(ABC):
 class Stop(Effect):
     """Agents take no part; when it is over they begin anew."""
 
-    agents: Sequence[Agents]
+    agents: Sequence[AgentSelection]
 
     def begin(self, targets: Targets, name: str) -> Any:
         """Take them out of the run."""
@@ -116,7 +116,7 @@ class Stop(Effect):
 class Restart(Effect):
     """Components give up what they are doing and begin anew."""
 
-    components: Sequence[Components]
+    components: Sequence[ComponentSelection]
 
     def begin(self, targets: Targets, name: str) -> Any:
         """Initialise them again."""
@@ -128,7 +128,7 @@ class Restart(Effect):
 class Freeze(Effect):
     """Components take no turns; what they wrote stays."""
 
-    components: Sequence[Components]
+    components: Sequence[ComponentSelection]
 
     def begin(self, targets: Targets, name: str) -> Any:
         """Hold them."""
@@ -147,7 +147,7 @@ class Freeze(Effect):
 class Slow(Effect):
     """Computations take another time; where several faults say so, the longest."""
 
-    components: Sequence[Components]
+    components: Sequence[ComponentSelection]
     latency: Duration
 
     def begin(self, targets: Targets, name: str) -> Any:
@@ -165,7 +165,7 @@ class Slow(Effect):
 class Blind(Effect):
     """Sensors see nobody; one's own state is still felt."""
 
-    components: Sequence[Components]
+    components: Sequence[ComponentSelection]
 
     def begin(self, targets: Targets, name: str) -> Any:
         """Take away what they see from now on, and what they saw."""
@@ -209,7 +209,7 @@ def _blindfold(rows: frozenset[int], group: AgentGroup, measured: Sequence[int])
 class Error(Effect):
     """Sensors measure one's own state with an error: an offset, or noise that is drawn at each turn, or both."""
 
-    components: Sequence[Components]
+    components: Sequence[ComponentSelection]
     bias: Array
     deviation: Array
 
@@ -309,7 +309,7 @@ class Restore(Effect):
 class Push(Effect):
     """The true state of agents changes all at once."""
 
-    agents: Sequence[Agents]
+    agents: Sequence[AgentSelection]
     change: Array
 
     def begin(self, targets: Targets, name: str) -> Any:

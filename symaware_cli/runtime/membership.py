@@ -14,10 +14,10 @@ from symaware_cli.awareness.table_column import TableColumn
 from symaware_cli.core import AgentGroup, Event, Level, Model, TimeSeries
 from symaware_cli.runtime.event_router import EventRouter
 from symaware_cli.runtime.failure import RunError, describe
-from symaware_cli.runtime.presence import Moment, Span
+from symaware_cli.runtime.presence import Moment, PresenceInterval
+from symaware_cli.runtime.run_summary import Observer
 from symaware_cli.runtime.scope import AgentScope, WorldScope
 from symaware_cli.runtime.simulation import Simulation
-from symaware_cli.runtime.summary import Observer
 from symaware_cli.runtime.timing import Coast, Trigger
 from symaware_cli.runtime.trigger import concerned
 from symaware_cli.specification.expression import EvaluationError, Expression, Lookup
@@ -46,7 +46,7 @@ class Membership:
         self,
         simulation: Simulation,
         schedulers: Sequence[TurnScheduler],
-        presence: Mapping[str, Sequence[Span]],
+        presence: Mapping[str, Sequence[PresenceInterval]],
         observer: Observer,
         router: EventRouter,
     ) -> None:
@@ -75,7 +75,7 @@ class Membership:
         for name in sorted(presence):
             self._listen(self._groups[name], presence[name], router)
 
-    def _listen(self, group: AgentGroup, spans: Sequence[Span], router: EventRouter) -> None:
+    def _listen(self, group: AgentGroup, spans: Sequence[PresenceInterval], router: EventRouter) -> None:
         """Take note of the events with which agents of a group enter or leave."""
         rows = {id: row for row, id in enumerate(group.ids)}
         for way, moments in (("begin", [each.begin for each in spans]), ("end", [each.end for each in spans])):
@@ -183,10 +183,10 @@ class Membership:
         try:
             (environment.admit if present else environment.dismiss)(group, rows)
         except BaseException as error:
-            self._blame(error)
+            self._raise_run_error(error)
         simulation.exchange.present = environment.present
 
-    def _blame(self, error: BaseException) -> NoReturn:
+    def _raise_run_error(self, error: BaseException) -> NoReturn:
         use, now = self._simulation.environment_use, self._simulation.clock.now
         raise RunError("environment", use, now, describe(error), error) from error
 

@@ -10,7 +10,7 @@ from symaware_cli.specification.expression import Expression
 
 if TYPE_CHECKING:
     from symaware_cli.runtime.faults import Fault
-    from symaware_cli.runtime.presence import Span
+    from symaware_cli.runtime.presence import PresenceInterval
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +35,6 @@ class RunOptions:
     turn_limit: float | None = None
     timeout: float | None = None
     faults: Sequence[Fault] = ()
-    presence: Mapping[str, Sequence[Span]] = field(default_factory=dict)
+    presence: Mapping[str, Sequence[PresenceInterval]] = field(default_factory=dict)
     workers: int | None = None
     may_exit: bool = True

@@ -12,7 +12,7 @@ Moment = int | Expression | Trigger
 
 
 @dataclass(frozen=True, slots=True)
-class Span:
+class PresenceInterval:
     """When an agent is in the world.
 
     Attributes:

@@ -60,7 +60,7 @@ class EntryDescription:
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class ComputationResult:
     """What became of one computation.
 
     Attributes:
@@ -80,7 +80,7 @@ class Outcome:
     trace: str = ""
 
     @classmethod
-    def of_failure(cls, row: int, error: BaseException) -> Outcome:
+    def of_failure(cls, row: int, error: BaseException) -> ComputationResult:
         """The outcome of a computation that raised something."""
         return cls(row, problem=describe(error), trace="".join(traceback.format_exception(error)))
 
@@ -223,7 +223,7 @@ class Replica:
         knowledge: bytes | None,
         surroundings: bytes | None,
         rows: list[tuple[int, Turn, bytes | None]],
-    ) -> list[Outcome]:
+    ) -> list[ComputationResult]:
         """Compute for some rows.
 
         Args:
@@ -255,7 +255,7 @@ class Replica:
                     if rows.any():
                         move(group, np.flatnonzero(rows).tolist())
 
-    def _compute_one(self, row: int, turn: Turn, state: bytes | None) -> Outcome:
+    def _compute_one(self, row: int, turn: Turn, state: bytes | None) -> ComputationResult:
         try:
             component = self._component(row)
             if state is not None:
@@ -267,9 +267,9 @@ class Replica:
             events = tuple((e.name, e.source, int(e.level), e.text, e.data) for e in self._fired)
             before, after = self._sent.get(row), self._transfer.component(component)
             self._sent[row] = after
-            return Outcome(row, value, None if after == before else after, events)
+            return ComputationResult(row, value, None if after == before else after, events)
         except BaseException as error:
-            return Outcome.of_failure(row, error)
+            return ComputationResult.of_failure(row, error)
 
     def _component(self, row: int) -> Any:
         """The replica of a component, which takes up its work here as it did there: what is not sent is made."""

@@ -21,6 +21,7 @@ from symaware_cli.recording.error import LogError
 from symaware_cli.runtime.attribution import attribute_livelock, attribute_subscriber_error
 from symaware_cli.runtime.awaiting import Awaiter
 from symaware_cli.runtime.coroutine import is_coroutine
+from symaware_cli.runtime.environment_stepper import EnvironmentStepper
 from symaware_cli.runtime.event_recorder import record_events
 from symaware_cli.runtime.event_router import EventRouter
 from symaware_cli.runtime.failure import RunError, describe
@@ -28,16 +29,15 @@ from symaware_cli.runtime.fault_scheduler import FaultScheduler
 from symaware_cli.runtime.interruption import Interrupted, Interruption
 from symaware_cli.runtime.kernel import Kernel
 from symaware_cli.runtime.membership import Membership
-from symaware_cli.runtime.motion import Motion
 from symaware_cli.runtime.options import RunOptions
 from symaware_cli.runtime.pacer import Pacer
 from symaware_cli.runtime.process_exit import deadline, exits_refused, leave
 from symaware_cli.runtime.queue import LivelockError, Queue
+from symaware_cli.runtime.run_summary import Observer, RunSummary, summarise
 from symaware_cli.runtime.scheduler import TurnScheduler
 from symaware_cli.runtime.shared import Shared, Sharing
 from symaware_cli.runtime.simulation import Simulation
 from symaware_cli.runtime.simulation_hooks import SimulationHooks
-from symaware_cli.runtime.summary import Observer, Summary, summarise
 from symaware_cli.runtime.workers import Workers
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ def run(
     on_progress: Callable[[int], None] | None = None,
     options: RunOptions | None = None,
     participant: Sharing | None = None,
-) -> Summary:
+) -> RunSummary:
     """Run a simulation to its end, its failure or its interruption.
 
     Whatever ends it, the log is finished first.
@@ -82,7 +82,7 @@ class Run:
         schedulers: The turns of each entry.
         membership: Which agents take part.
         recorder: Writes it down; None where nobody does.
-        status: How it ended, as `Summary` says it; None while it goes on.
+        status: How it ended, as `RunSummary` says it; None while it goes on.
         failure: Why it failed, if it did.
         signal: The signal that ended it, or came as it ended by itself; None where there was none.
     """
@@ -117,7 +117,7 @@ class Run:
         self._interruption = Interruption(
             options.timeout, options.turn_limit, self._give_up if options.may_exit else None
         )
-        self._motion = Motion(simulation, self._interruption)
+        self._motion = EnvironmentStepper(simulation, self._interruption)
         self._waited = 0.0  # for others, before the run [s]
         self._spent = 0.0  # wall time in this run's own hands [s]
         self._course = self._begin_to_end()
@@ -184,7 +184,7 @@ class Run:
         """How many steps were made."""
         return self.kernel.done
 
-    def execute(self) -> Summary:
+    def execute(self) -> RunSummary:
         """Make the run, whatever becomes of it, and finish its log.
 
         Raises:
@@ -245,7 +245,7 @@ class Run:
             self._cut_off(reason)
 
     @property
-    def summary(self) -> Summary:
+    def summary(self) -> RunSummary:
         """The figures of the run so far."""
         return summarise(
             self.simulation,

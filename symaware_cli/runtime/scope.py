@@ -13,8 +13,8 @@ from symaware_cli.core import PARTS, AgentGroup, TimeSeries, seconds
 from symaware_cli.specification.expression import FUNCTIONS
 
 if TYPE_CHECKING:
+    from symaware_cli.runtime.run_summary import Observer
     from symaware_cli.runtime.simulation import Simulation
-    from symaware_cli.runtime.summary import Observer
 
 Array = NDArray[np.float64]
 

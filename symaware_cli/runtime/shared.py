@@ -6,14 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
+from symaware_cli.runtime.environment_stepper import EnvironmentStepper
 from symaware_cli.runtime.failure import RunError
 from symaware_cli.runtime.interruption import Interruption
 from symaware_cli.runtime.kernel import Kernel
-from symaware_cli.runtime.motion import Motion
 from symaware_cli.runtime.pacer import Pacer
+from symaware_cli.runtime.run_summary import Observer
 from symaware_cli.runtime.scheduler import TurnScheduler
 from symaware_cli.runtime.simulation import Simulation
-from symaware_cli.runtime.summary import Observer
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +34,7 @@ class Shared:
     simulation: Simulation
     kernel: Kernel
     schedulers: Sequence[TurnScheduler]
-    motion: Motion
+    motion: EnvironmentStepper
     observer: Observer
     interruption: Interruption
     pacer: Pacer | None

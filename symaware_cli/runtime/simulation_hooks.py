@@ -12,16 +12,16 @@ from numpy.typing import NDArray
 
 from symaware_cli.awareness.column import Array, Column
 from symaware_cli.core import AgentGroup
+from symaware_cli.runtime.environment_stepper import EnvironmentStepper
 from symaware_cli.runtime.failure import RunError
 from symaware_cli.runtime.interruption import Interruption
 from symaware_cli.runtime.kernel import Kernel
 from symaware_cli.runtime.membership import Membership
-from symaware_cli.runtime.motion import Motion
 from symaware_cli.runtime.pacer import Pacer
+from symaware_cli.runtime.run_summary import Observer
 from symaware_cli.runtime.scope import WorldScope
 from symaware_cli.runtime.shared import Sharing
 from symaware_cli.runtime.simulation import Simulation
-from symaware_cli.runtime.summary import Observer
 from symaware_cli.specification.expression import EvaluationError, Expression
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ class SimulationHooks:
         self,
         simulation: Simulation,
         kernel: Kernel,
-        motion: Motion,
+        motion: EnvironmentStepper,
         observer: Observer,
         membership: Membership,
         interruption: Interruption,

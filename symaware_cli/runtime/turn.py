@@ -27,7 +27,7 @@ class Turns:
         return turn
 
 
-class _Lent:
+class _TemporaryAttribute:
     """An attribute that a component has meanwhile; a class, because a generator takes three times as long."""
 
     __slots__ = ("_attributes", "_name", "_value")
@@ -46,7 +46,7 @@ class _Lent:
 
 def in_turn(component: Component | GroupComponent, turn: Turn) -> AbstractContextManager[None]:
     """Let a component draw, meanwhile, what belongs to a turn; without, it takes the only one of the instant."""
-    return _Lent(component, "_turn_begun", turn)
+    return _TemporaryAttribute(component, "_turn_begun", turn)
 
 
 def computed_at(component: Component | GroupComponent, instant: int) -> AbstractContextManager[None]:
@@ -56,4 +56,4 @@ def computed_at(component: Component | GroupComponent, instant: int) -> Abstract
         component: Which one.
         instant: In nanoseconds.
     """
-    return _Lent(component, "_computed_at", instant)
+    return _TemporaryAttribute(component, "_computed_at", instant)

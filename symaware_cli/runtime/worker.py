@@ -17,7 +17,7 @@ from typing import BinaryIO
 
 import numpy as np
 
-from symaware_cli.runtime.replica import Outcome, Replica
+from symaware_cli.runtime.replica import ComputationResult, Replica
 
 #: What tells the kernel to end a process with the one that started it (Linux).
 _PR_SET_PDEATHSIG = 1
@@ -72,7 +72,7 @@ def serve(requests: BinaryIO, answers: BinaryIO) -> None:
                 raise replica
             outcomes = replica.compute(*arguments, rows)
         except BaseException as error:
-            outcomes = [Outcome.of_failure(row, error) for row, *_ in rows]
+            outcomes = [ComputationResult.of_failure(row, error) for row, *_ in rows]
         write(answers, pickle.dumps(outcomes))
 
 

@@ -14,8 +14,8 @@ from typing import Any, BinaryIO, ClassVar
 
 from symaware_cli import processor
 from symaware_cli.core import AgentGroup, Component, Environment, GroupComponent, Plugin
-from symaware_cli.core.state import StateError
-from symaware_cli.runtime.replica import EntryDescription, EntryTransfer, Outcome
+from symaware_cli.core.stateful import StateError
+from symaware_cli.runtime.replica import ComputationResult, EntryDescription, EntryTransfer
 from symaware_cli.runtime.simulation import ComponentEntry, Simulation
 from symaware_cli.runtime.state.transfer import packages
 from symaware_cli.runtime.worker import read, write
@@ -162,7 +162,7 @@ class _RemoteEntry:
         self.sent[row] = state
         return state
 
-    def take(self, outcome: Outcome) -> Computed | WorkerError:
+    def take(self, outcome: ComputationResult) -> Computed | WorkerError:
         """Take over what became of a computation."""
         row, component = outcome.row, self.entry.components[outcome.row]
         if outcome.value is None:

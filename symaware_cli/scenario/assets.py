@@ -7,11 +7,13 @@ from pathlib import Path as FilePath
 
 from symaware_cli.core import Entity, Environment, Mesh, Obstacle, Urdf, WorldError
 from symaware_cli.environments import asset
-from symaware_cli.scenario.document import Scenario
+from symaware_cli.scenario.document import ScenarioDocument
 from symaware_cli.scenario.source import Path
 
 
-def check_assets(document: Scenario, environment: Environment, folder: FilePath, report: Callable[..., None]) -> None:
+def check_assets(
+    document: ScenarioDocument, environment: Environment, folder: FilePath, report: Callable[..., None]
+) -> None:
     """Report every file that is missing or makes no sense, even where the world has no use for it.
 
     Args:
@@ -36,13 +38,13 @@ def check_assets(document: Scenario, environment: Environment, folder: FilePath,
             report("unsuitable", str(error), path)
 
 
-def assets(document: Scenario, folder: FilePath) -> dict[str, bytes]:
+def assets(document: ScenarioDocument, folder: FilePath) -> dict[str, bytes]:
     """Return the content of the files and of all that they need, by path relative to the folder."""
     files = [body.file for _, body in _named(document)]
     return {name: content for file in files for name, content in asset.needed(file, folder).items()}
 
 
-def _named(document: Scenario) -> Iterator[tuple[Path, Mesh | Urdf]]:
+def _named(document: ScenarioDocument) -> Iterator[tuple[Path, Mesh | Urdf]]:
     """Yield every shape that a file describes, with the path of the file's name."""
     bodies: dict[Path, Entity | Obstacle] = {
         ("environment", "entities", name): entity for name, entity in document.environment.entities.items()

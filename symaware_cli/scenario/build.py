@@ -30,25 +30,25 @@ from symaware_cli.network.topology.topology import Topology
 from symaware_cli.runtime.failure import RunError
 from symaware_cli.runtime.faults import Fault
 from symaware_cli.runtime.options import RunOptions
-from symaware_cli.runtime.presence import Span
+from symaware_cli.runtime.presence import PresenceInterval
 from symaware_cli.runtime.simulation import ComponentEntry, Simulation
 from symaware_cli.scenario.assets import assets, check_assets
 from symaware_cli.scenario.catalogue import Catalogue
 from symaware_cli.scenario.check import check
 from symaware_cli.scenario.compose import Composition, CompositionError, compose
-from symaware_cli.scenario.consensus import check_consensus, check_metropolis
-from symaware_cli.scenario.document import Scenario
-from symaware_cli.scenario.faults import FaultBuilder
+from symaware_cli.scenario.consensus_check import check_consensus, check_metropolis
+from symaware_cli.scenario.document import ScenarioDocument
+from symaware_cli.scenario.fault_builder import FaultBuilder
+from symaware_cli.scenario.network_builder import NetworkBuilder
 from symaware_cli.scenario.parts import check_omitted, declared_parts, declared_signals, name_columns
 from symaware_cli.scenario.plugin_factory import PluginFactory, mapping, topologies, words
-from symaware_cli.scenario.presence import PresenceBuilder
+from symaware_cli.scenario.presence_builder import PresenceBuilder
 from symaware_cli.scenario.problem import Problem, ScenarioError, dotted, nearest, quoted
 from symaware_cli.scenario.requirement import check_requirements
 from symaware_cli.scenario.resolved import resolved
 from symaware_cli.scenario.sampling import Sampler
 from symaware_cli.scenario.source import Path
-from symaware_cli.scenario.timing import TimingCheck
-from symaware_cli.scenario.topology import NetworkBuilder
+from symaware_cli.scenario.timing_check import TimingCheck
 
 Array = NDArray[np.float64]
 
@@ -74,7 +74,7 @@ class Built:
         transport: What carries a run that is spread over several processes; None where the scenario does not say.
     """
 
-    document: Scenario
+    document: ScenarioDocument
     simulation: Simulation
     steps: int
     options: RunOptions
@@ -117,10 +117,10 @@ def build(
         composition, found = error.partial, error.problems
     if seed is not None:
         composition.data["seed"] = seed
-    return _Builder(composition, catalogue or Catalogue(), found, path.parent).build()
+    return _SimulationBuilder(composition, catalogue or Catalogue(), found, path.parent).build()
 
 
-class _Builder:
+class _SimulationBuilder:
     def __init__(
         self, composition: Composition, catalogue: Catalogue, found: Sequence[Problem], folder: FilePath
     ) -> None:
@@ -136,14 +136,14 @@ class _Builder:
     def build(self) -> Built:
         data = self._composition.data
         self._factory.load(data)
-        document = check(Scenario, data, self._composition, (), self._factory.parameters)
+        document = check(ScenarioDocument, data, self._composition, (), self._factory.parameters)
         if isinstance(document, list):
             if any(problem.code == "wrong-version" for problem in document):
                 # Nobody knows what the rest means in another version of the format.
                 raise ScenarioError([problem for problem in document if problem.code == "wrong-version"])
             self._problems += document
         # The parts are made even where the document is broken elsewhere, so that one pass reports everything.
-        seed = document.seed if isinstance(document, Scenario) else 0
+        seed = document.seed if isinstance(document, ScenarioDocument) else 0
         environment = self._environment(mapping(data.get("environment")))
         groups, component_entries = [], []
         for name, entry in mapping(data.get("agents")).items():
@@ -156,7 +156,7 @@ class _Builder:
         transport = next(iter(self._factory.make(mapping(data.get("transport")), ("transport",))), None)
         check_omitted(mapping(data.get("recording")).get("omit"), self._declared, self._report)
         options, network = RunOptions(), None
-        if isinstance(document, Scenario) and environment is not None:
+        if isinstance(document, ScenarioDocument) and environment is not None:
             options = self._options(document, environment, groups, component_entries)
             check_requirements(document, environment, groups, component_entries, self._report)
             check_assets(document, environment, self._folder, self._report)
@@ -178,7 +178,7 @@ class _Builder:
 
     def _options(
         self,
-        document: Scenario,
+        document: ScenarioDocument,
         environment: Environment,
         groups: Sequence[AgentGroup],
         component_entries: Sequence[ComponentEntry],
@@ -192,7 +192,7 @@ class _Builder:
         check.triggers(component_entries)
         run, until = document.run, check.until(document.run, groups)
         faults: Sequence[Fault | None] = ()
-        presence: Mapping[str, Sequence[Span]] = {}
+        presence: Mapping[str, Sequence[PresenceInterval]] = {}
         if len(groups) == len(document.agents):
             builder = FaultBuilder(
                 self._composition, self._report, check, environment, groups, component_entries, document.faults
@@ -263,7 +263,7 @@ class _Builder:
         return not faults
 
     def _group(
-        self, name: str, entry: Mapping[str, Any], document: Scenario | list[Problem], seed: int
+        self, name: str, entry: Mapping[str, Any], document: ScenarioDocument | list[Problem], seed: int
     ) -> tuple[AgentGroup | None, list[ComponentEntry]]:
         path: Path = ("agents", name)
         model = self._model(mapping(entry.get("model")), (*path, "model"))
@@ -298,7 +298,7 @@ class _Builder:
         self._declared.update(each.name for each in (*parts, *signals.values()))
         if model is None or states is None or sampler.problems or self._found:
             return None, []
-        body = document.agents[name].entity if isinstance(document, Scenario) else Entity()
+        body = document.agents[name].entity if isinstance(document, ScenarioDocument) else Entity()
         if not self._conforms(model, str(uses_model), states[0], (*path, "model", "use")):
             return None, []
         group = AgentGroup(name, ids, model, body, states, knowledge, parts, signals)
@@ -377,7 +377,7 @@ class _Builder:
 
     def _simulation(
         self,
-        document: Scenario,
+        document: ScenarioDocument,
         environment: Environment,
         groups: list[AgentGroup],
         component_entries: list[ComponentEntry],

@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, WithJsonSchema, model_validat
 
 from symaware_cli.core import Entity, Obstacle
 from symaware_cli.geometry.shape import LARGEST, Number
-from symaware_cli.network.channel.parameters import ChannelParameters
+from symaware_cli.network.channel.channel_parameters import ChannelParameters
 
 #: The version of the format that this package reads.
 FORMAT = 1
@@ -44,7 +44,7 @@ Seconds = Annotated[float, Field(ge=0, le=1e9)]
 Condition = Annotated[str, Field(max_length=500)]
 
 
-class Trigger(Section):
+class TriggerSection(Section):
     """An event on which a component takes a turn."""
 
     event: str = Field(min_length=1, max_length=64, description="The event's name, such as `goal-reached`.")
@@ -93,7 +93,7 @@ class ComponentUse(Use):
         le=1e9,
         description="How much later than that each turn may be, drawn evenly [s]; less than the period.",
     )
-    trigger: Trigger | None = Field(None, description="An event on which there is a turn.")
+    trigger: TriggerSection | None = Field(None, description="An event on which there is a turn.")
     condition: str | None = Field(
         None,
         max_length=500,
@@ -136,7 +136,7 @@ class EnvironmentUse(Use):
     )
 
 
-class Run(Section):
+class RunSection(Section):
     """How long, and in which way, the scenario runs."""
 
     mode: Literal["synchronous", "asynchronous"] = Field(
@@ -178,20 +178,20 @@ _MOMENT = "a time [s], a condition, or an event: {event: ..., of: ...}"
 class Presence(Section):
     """When an agent is in the world; before and afterwards it is nowhere."""
 
-    from_: Seconds | Condition | Trigger | None = Field(
+    from_: Seconds | Condition | TriggerSection | None = Field(
         None,
         alias="from",
         description=f"When it enters, in its initial state: {_MOMENT}. Conditions are about the world, as `run.until`. "
         "If left out, it is there from the beginning.",
     )
-    until: Seconds | Condition | Trigger | None = Field(
+    until: Seconds | Condition | TriggerSection | None = Field(
         None,
         description=f"When it leaves, for good: {_MOMENT}. Conditions are about the agent, as those of components: "
         "`position[0] > 10`. If left out, it stays.",
     )
 
 
-class Agents(Section):
+class GroupSection(Section):
     """A group: agents that share body, model and components."""
 
     count: int | None = Field(
@@ -302,7 +302,7 @@ class FaultUse(Section):
     """Something that goes wrong: when, for how long, and one of the kinds of faults."""
 
     at: float | None = Field(None, ge=0, le=1e9, description="When [s].")
-    on: Trigger | None = Field(None, description="The event it comes with, the first time that this fires.")
+    on: TriggerSection | None = Field(None, description="The event it comes with, the first time that this fires.")
     for_: float | None = Field(
         None, alias="for", gt=0, le=1e9, description="For how long [s]; for the rest of the run if left out."
     )
@@ -408,7 +408,7 @@ class Recording(Section):
     )
 
 
-class Scenario(Section):
+class ScenarioDocument(Section):
     """A scenario for `symaware run`."""
 
     symaware: Literal[1] = Field(description="Version of the scenario format.")
@@ -418,9 +418,9 @@ class Scenario(Section):
     parameters: dict[str, Any] = Field(
         default_factory=dict, description="Values to refer to elsewhere as ${parameters.NAME}."
     )
-    run: Run = Field(description="How long, and in which way, the scenario runs.")
+    run: RunSection = Field(description="How long, and in which way, the scenario runs.")
     environment: EnvironmentUse = Field(description="The world.")
-    agents: dict[Name, Agents] = Field(
+    agents: dict[Name, GroupSection] = Field(
         default_factory=dict, description="The groups of agents by name; without any, the world goes its own way."
     )
     topology: TopologyUse | None = Field(

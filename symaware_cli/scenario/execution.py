@@ -15,7 +15,7 @@ import numpy as np
 from symaware_cli import processor
 from symaware_cli.core import Event, Level, nanoseconds
 from symaware_cli.runtime.run import Run
-from symaware_cli.runtime.summary import Summary
+from symaware_cli.runtime.run_summary import RunSummary
 from symaware_cli.scenario.build import Built
 from symaware_cli.scenario.files import RESOLVED
 from symaware_cli.scenario.versions import versions
@@ -35,7 +35,7 @@ def execute(
     on_progress: Callable[[int], None] | None = None,
     timeout: float | None = None,
     place: Place | None = None,
-) -> Summary:
+) -> RunSummary:
     """Run a scenario, or one process's share of it; see `prepared`.
 
     Raises:

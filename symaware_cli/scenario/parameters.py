@@ -25,7 +25,7 @@ class _Unresolved(Exception):  # noqa: N818 - the problem is already reported; t
     """A reference that cannot be replaced."""
 
 
-class _Enough(Exception):  # noqa: N818
+class _SubstitutionStopped(Exception):  # noqa: N818
     """There is no point in going on."""
 
 
@@ -37,7 +37,7 @@ def substitute(root: Node, sources: Mapping[str, Source]) -> Node:
     """
     try:
         return _Substitution(root, sources).document()
-    except _Enough:
+    except _SubstitutionStopped:
         return root
 
 
@@ -72,7 +72,7 @@ class _Substitution:
         source = self._sources[node.span.file]
         source.report(code, message, node.span, path, **hints)
         if len(source.problems) >= MAX_PROBLEMS:
-            raise _Enough
+            raise _SubstitutionStopped
 
     def _walk(self, node: Node, path: Path) -> Node:
         """Returns a value outside `parameters` with its references replaced, or as it is if that fails."""
@@ -93,10 +93,10 @@ class _Substitution:
         """Returns a node if what the references made of it is within bounds."""
         if node.height > MAX_DEPTH:
             report_depth(self._sources[node.span.file], node.span, path)
-            raise _Enough
+            raise _SubstitutionStopped
         if node.size > MAX_NODES:
             report_nodes(self._sources[node.span.file], node.span, path)
-            raise _Enough
+            raise _SubstitutionStopped
         return node
 
     def _parameter(self, name: Path, node: Node) -> Node:
@@ -109,7 +109,7 @@ class _Substitution:
         # The stack is as deep as the nesting and the chain of references together.
         if len(self._open) > 2 * MAX_DEPTH:
             report_depth(self._sources[node.span.file], node.span, path)
-            raise _Enough
+            raise _SubstitutionStopped
         self._open.append(name)
         try:
             resolved = self._contents(name, node, path)
@@ -212,5 +212,5 @@ class _Substitution:
         self._characters += len(text)
         if self._characters > _MAX_CHARACTERS:
             self._report("too-large", "the parameters expand to more than 1 MiB of text", node, path)
-            raise _Enough
+            raise _SubstitutionStopped
         return text

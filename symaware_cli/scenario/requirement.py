@@ -9,7 +9,7 @@ from symaware_cli.components.sensor import Sensor
 from symaware_cli.core import AgentGroup, Environment
 from symaware_cli.recording.names import FIELDS
 from symaware_cli.runtime.simulation import ComponentEntry
-from symaware_cli.scenario.document import Scenario
+from symaware_cli.scenario.document import ScenarioDocument
 from symaware_cli.scenario.problem import nearest, quoted
 from symaware_cli.scenario.source import Path
 
@@ -18,7 +18,7 @@ _LISTED = 6
 
 
 def check_requirements(
-    document: Scenario,
+    document: ScenarioDocument,
     environment: Environment,
     groups: Sequence[AgentGroup],
     entries: Sequence[ComponentEntry],
@@ -74,7 +74,9 @@ def _report_unknown(kind: str, name: str, known: Sequence[str], path: Path, repo
     report("unknown-target", message, path, expected=f"one of {listed}", suggestion=nearest(name, known))
 
 
-def _check_model(document: Scenario, environment: Environment, group: AgentGroup, report: Callable[..., None]) -> None:
+def _check_model(
+    document: ScenarioDocument, environment: Environment, group: AgentGroup, report: Callable[..., None]
+) -> None:
     """Report what is asked of a model with a body of its own that nothing would come of."""
     agents, model, path = document.agents[group.name], group.model, ("agents", group.name)
     for name in model.needs_vehicle:

@@ -7,7 +7,7 @@ from typing import Any
 
 import yaml
 
-from symaware_cli.scenario.document import Scenario
+from symaware_cli.scenario.document import ScenarioDocument
 from symaware_cli.scenario.yaml_source import plain_scalar
 
 
@@ -23,7 +23,7 @@ def _text(dumper: yaml.SafeDumper, text: str) -> yaml.Node:
 _Dumper.add_representer(str, _text)
 
 
-def resolved(data: Mapping[str, Any], document: Scenario) -> bytes:
+def resolved(data: Mapping[str, Any], document: ScenarioDocument) -> bytes:
     """Write the resolved document, in the order of the file, with the seed in force."""
     first = {"symaware": document.symaware, "name": document.name, "seed": document.seed}
     content = {**first, **{key: value for key, value in data.items() if key not in first}}

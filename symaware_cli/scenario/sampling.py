@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 Plane = Annotated[list[Number], Field(min_length=2, max_length=3)]
 
 
-class Grid(Section):
+class GridPlacement(Section):
     """Agents in rows and columns, in the order of their index."""
 
     origin: Plane = Field(default_factory=lambda: [0.0, 0.0], description="Position of the first agent [m].")
@@ -38,7 +38,7 @@ class Grid(Section):
     heading: Number = Field(0.0, description="Heading of all [rad], for models that have one.")
 
 
-class Ring(Section):
+class CirclePlacement(Section):
     """Agents evenly on a circle, counter-clockwise in the order of their index."""
 
     centre: Plane = Field(default_factory=lambda: [0.0, 0.0], description="Centre [m].")
@@ -51,7 +51,7 @@ class Ring(Section):
     )
 
 
-Placement = TypeVar("Placement", Grid, Ring)
+Placement = TypeVar("Placement", GridPlacement, CirclePlacement)
 
 DISTRIBUTIONS = ("uniform", "normal", "grid", "circle")
 FORMS = (*DISTRIBUTIONS, "each", "all")
@@ -339,7 +339,7 @@ class Sampler:
 
     def _grid(self, content: Any, path: Path) -> tuple[Array, Array] | None:
         """The positions and headings of all agents on a grid; shapes (n, d) and (n,)."""
-        grid = self._checked(Grid, content, path)
+        grid = self._checked(GridPlacement, content, path)
         if grid is None:
             return None
         count = len(self._ids)
@@ -352,7 +352,7 @@ class Sampler:
 
     def _ring(self, content: Any, path: Path) -> tuple[Array, Array] | None:
         """The positions and headings of all agents on a circle; shapes (n, d) and (n,)."""
-        ring = self._checked(Ring, content, path)
+        ring = self._checked(CirclePlacement, content, path)
         if ring is None:
             return None
         count = len(self._ids)

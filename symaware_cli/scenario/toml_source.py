@@ -52,7 +52,7 @@ def parse_toml(source: Source) -> None:
             return
         places = _Places(source)
         places.walk()
-        source.root = _Builder(source, places).build(data, ())
+        source.root = _TomlNodeBuilder(source, places).build(data, ())
 
 
 def _report_invalid(source: Source, error: tomllib.TOMLDecodeError) -> None:
@@ -83,7 +83,7 @@ def _count(data: dict[str, Any]) -> int:
     return count
 
 
-class _Builder:
+class _TomlNodeBuilder:
     """Makes nodes of what tomllib read; whatever has no place of its own gets its parent's."""
 
     def __init__(self, source: Source, places: "_Places") -> None:

@@ -45,11 +45,11 @@ _NOT_FINITE = re.compile(r"[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)")
 
 def parse_yaml(source: Source) -> None:
     """Fills in `source.root` and `source.problems` from YAML text."""
-    builder = _Builder(source)
+    builder = _YamlNodeBuilder(source)
     try:
         for event in yaml.parse(source.text, Loader=_LOADER):
             builder.take(event)
-    except _Enough:
+    except _ReadingStopped:
         pass
     except yaml.YAMLError as error:
         report_syntax_error(source, error)
@@ -70,7 +70,7 @@ def plain_scalar(text: str) -> Scalar:
     return text
 
 
-class _Enough(Exception):  # noqa: N818 - it ends the reading; the error itself is already reported
+class _ReadingStopped(Exception):  # noqa: N818 - it ends the reading; the error itself is already reported
     """There is no point in reading on."""
 
 
@@ -96,7 +96,7 @@ class _Frame:
         return len(self.items)
 
 
-class _Builder:
+class _YamlNodeBuilder:
     """Makes nodes of events, with a stack of its own."""
 
     def __init__(self, source: Source) -> None:
@@ -136,11 +136,11 @@ class _Builder:
     def _report(self, code: str, message: str, span: TextSpan, **hints: str | None) -> None:
         self._source.report(code, message, span, self._path(), **hints)
         if len(self._source.problems) >= MAX_PROBLEMS:
-            raise _Enough
+            raise _ReadingStopped
 
     def _stop(self, code: str, message: str, span: TextSpan) -> None:
         self._report(code, message, span)
-        raise _Enough
+        raise _ReadingStopped
 
     def _scalar(self, event: yaml.ScalarEvent) -> None:
         span = self._span(event)
@@ -199,7 +199,7 @@ class _Builder:
             self._refuse_tag(event.tag, span)
         if len(self._stack) >= MAX_DEPTH:
             report_depth(self._source, span, self._path())
-            raise _Enough
+            raise _ReadingStopped
         if event.anchor is not None:
             self._anchors[event.anchor] = None
         self._stack.append(_Frame(is_mapping, bool(event.flow_style), span, event.anchor))
@@ -239,7 +239,7 @@ class _Builder:
         assert node is not None
         if node.height + len(self._stack) > MAX_DEPTH:
             report_depth(self._source, span, self._path())
-            raise _Enough
+            raise _ReadingStopped
         # The children keep their own places; only the value itself is where the alias is.
         self._add(Node(node.value, span), node.size)
 
@@ -252,7 +252,7 @@ class _Builder:
         self._nodes += nodes
         if self._nodes > MAX_NODES:
             report_nodes(self._source, span, self._path())
-            raise _Enough
+            raise _ReadingStopped
 
     def _add(self, node: Node, nodes: int) -> None:
         """Puts a finished value where it belongs: into the list, under its key, or as the key of what follows."""

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.core import Part
-from symaware_cli.recording import journal
+from symaware_cli.recording import logged_events
 from symaware_cli.viewing.detail import Detail
 from symaware_cli.viewing.drawing.curves import plotted, unit_paths
 from symaware_cli.viewing.palette import BACKGROUND
@@ -175,7 +175,7 @@ def _overviews(run_view: RunView, detail: Detail, content: Content) -> Iterable[
     if run_view.agent_count > 1:
         yield _curves("Separation", ["+ curves/separation/**"])
     journals = [_log("Events", "log/events")]
-    if not content.topics.isdisjoint(journal.MESSAGES):
+    if not content.topics.isdisjoint(logged_events.MESSAGES):
         journals.append(_log("Messages", "log/messages"))
     modes = rrb.StateTimelineView(origin="modes", name="Modes")
     about = rrb.TextDocumentView(origin="about", name="About")

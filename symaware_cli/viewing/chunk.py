@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from symaware_cli.recording import wire
 from symaware_cli.recording.error import LogError
 from symaware_cli.recording.reader import LogMessage
-from symaware_cli.recording.shared import single
+from symaware_cli.recording.shared_channel import single
 
 Array = NDArray[np.float64]
 Times = NDArray[np.int64]

@@ -13,7 +13,7 @@ from mcap.stream_reader import StreamReader
 
 from symaware_cli.recording.error import LogError
 from symaware_cli.recording.index import ChannelInfo
-from symaware_cli.recording.message import LogMessage
+from symaware_cli.recording.log_message import LogMessage
 from symaware_cli.recording.reader import Log, open_log
 from symaware_cli.viewing.chunk import ChunkReader
 from symaware_cli.viewing.replay import Replay

@@ -18,9 +18,9 @@ from symaware_cli.geometry.rotation import about, attitude, attitude_columns, ro
 from symaware_cli.recording.error import LogError
 from symaware_cli.recording.fields import signal_topic
 from symaware_cli.recording.geometry import geometry_of
+from symaware_cli.recording.json_text import read_yaml
+from symaware_cli.recording.log_schema import GEOMETRY
 from symaware_cli.recording.reader import Log
-from symaware_cli.recording.schema import GEOMETRY
-from symaware_cli.recording.text import read_yaml
 from symaware_cli.viewing.figure import Figure
 from symaware_cli.viewing.palette import SCENERY, Colour, agent_colours, body_colours
 

@@ -57,7 +57,7 @@ class Roster:
         self.indices = {id: index for index, id in enumerate(self.ids)}
         self.starts = tuple(int(start) for start in np.cumsum([0, *self.counts])[:-1])
         self._numbers: Numbers | None = None
-        self._tables: dict[tuple[str, ...], _Table] = {}
+        self._tables: dict[tuple[str, ...], _MotionLayout] = {}
         self._places = {
             id: (number, row) for number, group in enumerate(self.groups) for row, id in enumerate(members[group])
         }
@@ -106,7 +106,7 @@ class Roster:
             if not self._places.keys() >= states.keys():
                 return None
             self._tables.clear()  # whoever perceives some agents now and others then gains nothing by it
-            table = self._tables[ids] = _Table(self, ids)
+            table = self._tables[ids] = _MotionLayout(self, ids)
         motions = table.motions(list(states.values()), self.dimensions)
         return None if motions is None else (table.places, motions, dict(zip(ids, motions, strict=True)))
 
@@ -137,7 +137,7 @@ class Roster:
         return len(self.ids)
 
 
-class _Table:
+class _MotionLayout:
     """How the states of certain agents become rows of motions.
 
     Attributes:

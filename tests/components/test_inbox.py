@@ -13,10 +13,10 @@ from symaware_cli.components.communication.state import StateSender
 from symaware_cli.components.perception import OmniscientPerception, SelfPerception
 from symaware_cli.components.perception_range import RangePerception
 from symaware_cli.components.uncertainty_gaussian import GaussianUncertainty
-from symaware_cli.network.channel.parameters import ChannelParameters
+from symaware_cli.network.channel.channel_parameters import ChannelParameters
 from symaware_cli.network.network import Network, TopologyPhase
 from symaware_cli.network.topology.fixed import Complete
-from symaware_cli.runtime.faults import Agents, Components, Cut, Fault, Restart, Stop
+from symaware_cli.runtime.faults import AgentSelection, ComponentSelection, Cut, Fault, Restart, Stop
 from symaware_cli.runtime.options import RunOptions
 from symaware_cli.runtime.run import run
 from symaware_cli.runtime.timing import Timing
@@ -92,7 +92,7 @@ class Scene:
         return frames
 
     def restart(self, entry, at):
-        return Restart([Components(self.entries[entry], [0])]), at, None
+        return Restart([ComponentSelection(self.entries[entry], [0])]), at, None
 
 
 def others(awareness):
@@ -295,7 +295,7 @@ class TestStopping:
 
         scene = Scene(a=speaker(Broadcast), b=Team({"hear": Reader}, timings={"hear": Timing(period=100 * STEP)}))
         inboxes = scene.simulation.exchange.inboxes
-        stop = Stop([Agents(scene.groups["b"], [0])])
+        stop = Stop([AgentSelection(scene.groups["b"], [0])])
         frames = scene.run(40, lambda: len(inboxes._columns.get("agents.b.hear", ())), halt=(stop, 10, None))
         assert frames[9] > 5
         assert frames[10:] == [0] * len(frames[10:])
@@ -309,7 +309,7 @@ class TestStopping:
                 super()._update(value)
 
         scene = Scene(a=speaker(Broadcast), b=Team({"hear": Listening}))
-        stop = Stop([Agents(scene.groups["b"], [0])])
+        stop = Stop([AgentSelection(scene.groups["b"], [0])])
         scene.run(30, None, halt=(stop, 10, 10))
         assert all(now - sent == 1 for now, sent in read)
         assert {now for now, _ in read} >= set(range(1, 10)) | set(range(21, 30))

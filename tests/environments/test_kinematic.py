@@ -7,7 +7,7 @@ from simulating import Team, simulate
 
 from symaware_cli.core import AgentGroup, Entity, GroupComponent, WorldError
 from symaware_cli.environments.kinematic import KinematicEnvironment
-from symaware_cli.environments.noise import cholesky
+from symaware_cli.environments.process_noise import cholesky
 from symaware_cli.models.aircraft import DubinsAircraft
 from symaware_cli.models.integrator import DoubleIntegrator, SingleIntegrator
 from symaware_cli.models.linear import Linear

@@ -9,8 +9,8 @@ from symaware_cli.components.control.quadrotor_velocity import QuadrotorVelocity
 from symaware_cli.components.perception import SelfPerception
 from symaware_cli.core import AgentGroup, Entity, WorldError
 from symaware_cli.environments.kinematic import KinematicEnvironment
-from symaware_cli.environments.noise import process_noise
 from symaware_cli.environments.planar import PymunkEnvironment
+from symaware_cli.environments.process_noise import process_noise
 from symaware_cli.environments.spatial import PyBulletEnvironment
 from symaware_cli.models.crazyflie import MASS, THRUST
 from symaware_cli.models.quadrotor import Quadrotor

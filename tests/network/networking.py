@@ -4,7 +4,7 @@ import numpy as np
 from simulating import STEP, Team, simulation
 
 from symaware_cli.core import Message, MessageBatch
-from symaware_cli.network.channel.parameters import ChannelParameters
+from symaware_cli.network.channel.channel_parameters import ChannelParameters
 from symaware_cli.network.exchange import MemoryExchange
 from symaware_cli.network.network import Network, TopologyPhase
 

@@ -12,7 +12,7 @@ from simulating import STEP
 from symaware_cli import Message, MessageBatch
 from symaware_cli.distributed.codec import decode, encode
 from symaware_cli.distributed.frame import Step
-from symaware_cli.network.channel.parameters import ChannelParameters
+from symaware_cli.network.channel.channel_parameters import ChannelParameters
 from symaware_cli.network.exchange import MemoryExchange
 from symaware_cli.network.network import ChannelOverride, Network, TopologyPhase
 from symaware_cli.network.topology.fixed import Complete

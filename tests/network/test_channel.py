@@ -8,10 +8,10 @@ from networking import Post, laid, world
 from scipy import stats
 
 from symaware_cli.network.channel.channel import LOSS, QUEUE_FULL, TOO_OLD, Channel
+from symaware_cli.network.channel.channel_parameters import ChannelParameters
 from symaware_cli.network.channel.impairment import Impairment
 from symaware_cli.network.channel.link_queue import LinkQueue
 from symaware_cli.network.channel.link_states import LinkStates
-from symaware_cli.network.channel.parameters import ChannelParameters
 from symaware_cli.network.network import ChannelOverride
 from symaware_cli.network.topology.fixed import Complete
 

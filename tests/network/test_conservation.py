@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from networking import Post, laid, world
 
 from symaware_cli.core import EVERYBODY, Message, MessageBatch
-from symaware_cli.network.channel.parameters import ChannelParameters
+from symaware_cli.network.channel.channel_parameters import ChannelParameters
 from symaware_cli.network.disturbance import Disturbance
 from symaware_cli.network.network import ChannelOverride
 from symaware_cli.network.topology.fixed import Complete, Random, Star

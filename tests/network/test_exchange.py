@@ -11,7 +11,7 @@ from scipy import stats
 from simulating import STEP
 
 from symaware_cli import AwarenessVector, Message, MessageBatch, TimeSeries
-from symaware_cli.network.channel.parameters import ChannelParameters
+from symaware_cli.network.channel.channel_parameters import ChannelParameters
 from symaware_cli.network.disturbance import Disturbance
 from symaware_cli.network.exchange import MemoryExchange, UnknownReceiverError
 from symaware_cli.network.network import ChannelOverride, Network, TopologyPhase

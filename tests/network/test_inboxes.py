@@ -3,7 +3,7 @@
 import numpy as np
 
 from symaware_cli import Delivery, MessageBatch
-from symaware_cli.network.inbox import Inboxes
+from symaware_cli.network.inboxes import Inboxes
 
 IDS = ("a", "b.0", "b.1")
 

@@ -14,11 +14,11 @@ from sample_log import write_sample
 from fuzzing.anatomy import Packing, Told, put_together, take_apart
 from fuzzing.protobuf import altered_message
 from symaware_cli.recording.error import LogError
+from symaware_cli.recording.json_text import MAX_DEPTH, read_json, read_yaml
+from symaware_cli.recording.log_schema import LARGEST_CHUNK
 from symaware_cli.recording.overview import overview
 from symaware_cli.recording.reader import open_log
 from symaware_cli.recording.repair import recover
-from symaware_cli.recording.schema import LARGEST_CHUNK
-from symaware_cli.recording.text import MAX_DEPTH, read_json, read_yaml
 from symaware_cli.recording.writer import LogWriter
 
 

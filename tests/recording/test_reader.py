@@ -15,8 +15,8 @@ from sample_log import MANIFEST
 from symaware_cli.recording import symaware_v1_pb2 as v1
 from symaware_cli.recording import wire
 from symaware_cli.recording.error import LogError
+from symaware_cli.recording.log_schema import descriptor_set
 from symaware_cli.recording.reader import open_log
-from symaware_cli.recording.schema import descriptor_set
 from symaware_cli.recording.writer import LogWriter
 
 STEP = 50_000_000

@@ -19,9 +19,9 @@ from symaware_cli.recording import wire
 from symaware_cli.recording.digest import digest
 from symaware_cli.recording.error import LogError, OutputError
 from symaware_cli.recording.index import FRAME, frames
+from symaware_cli.recording.log_schema import descriptor_set
 from symaware_cli.recording.reader import open_log
 from symaware_cli.recording.repair import recover
-from symaware_cli.recording.schema import descriptor_set
 from symaware_cli.recording.writer import LogWriter
 
 STEP = 50_000_000

@@ -20,12 +20,12 @@ from symaware_cli import (
     open_log,
 )
 from symaware_cli.recording.digest import digest
-from symaware_cli.specification.expression import Expression
-from symaware_cli.runtime.faults import Agents, Fault, Stop
+from symaware_cli.runtime.faults import AgentSelection, Fault, Stop
 from symaware_cli.runtime.options import RunOptions
 from symaware_cli.runtime.timing import Duration, Timing, Trigger
 from symaware_cli.scenario.build import build
 from symaware_cli.scenario.execution import execute as execute_built
+from symaware_cli.specification.expression import Expression
 from symaware_cli.testing import assert_repeatable
 
 ASYNCHRONOUS = RunOptions(mode="asynchronous")
@@ -425,7 +425,7 @@ def test_the_condition_of_a_group_holds_if_it_holds_for_any_of_its_agents_that_t
         timings={"it": Timing(condition=Expression("x > 10.21 or (x < 0.11 and time > 0)", {"x", "time"}))},
     )
     ready = simulation({"a": team})
-    gone = Fault("gone", "", "run", Stop([Agents(ready.groups[0], [1])]), at=7 * STEP)
+    gone = Fault("gone", "", "run", Stop([AgentSelection(ready.groups[0], [1])]), at=7 * STEP)
     summary = execute(ready, 12, options=replace(options, faults=[gone]))
     assert summary.status == "finished", summary.failure
     # The first is short of .11 m until step 2, the second beyond 10.21 m from step 4 on, and out of the run from 7 on.

@@ -8,7 +8,7 @@ from symaware_cli.components.communication.inbox import Inbox
 from symaware_cli.components.communication.state import StateSender
 from symaware_cli.components.perception import OmniscientPerception
 from symaware_cli.components.perception_range import RangePerception
-from symaware_cli.runtime.faults import Blind, Components, Error, Fault
+from symaware_cli.runtime.faults import Blind, ComponentSelection, Error, Fault
 from symaware_cli.runtime.options import RunOptions
 from symaware_cli.runtime.run import run
 from symaware_cli.runtime.timing import Timing
@@ -25,7 +25,7 @@ def known(components, **others):
 
     ready.events.subscribe("iterated", lambda event: look())
     group.control_input = [[1.0, 0.0]] * 2
-    fault = Fault("fog", "fog", "run", Blind([Components(entry, [0])]), 5 * STEP, lasting=10 * STEP)
+    fault = Fault("fog", "fog", "run", Blind([ComponentSelection(entry, [0])]), 5 * STEP, lasting=10 * STEP)
     summary = run(ready, 20, options=RunOptions(faults=[fault]))
     assert summary.status == "finished", summary.failure
     return [frame[0] for frame in frames[:20]], [frame[1] for frame in frames[:20]]
@@ -41,7 +41,7 @@ def test_what_was_seen_before_is_gone_at_once_also_where_the_sensor_has_no_turn(
     ready = simulation({"pair": Team({"see": OmniscientPerception}, 2, timings={"see": Timing(period=10 * STEP)})})
     group, found = ready.groups[0], []
     ready.events.subscribe("iterated", lambda event: found.append(len(group.others(100.0).others)))
-    fault = Fault("fog", "fog", "run", Blind([Components(ready.entries[0], [0])]), 5 * STEP, lasting=2 * STEP)
+    fault = Fault("fog", "fog", "run", Blind([ComponentSelection(ready.entries[0], [0])]), 5 * STEP, lasting=2 * STEP)
     summary = run(ready, 12, options=RunOptions(faults=[fault]))
     assert summary.status == "finished", summary.failure
     assert found == [2, 2, 2, 2, 2, 1, 1, 1, 1, 1, 2, 2]
@@ -60,7 +60,7 @@ def test_what_sensors_measure_wrongly_estimators_are_given_wrongly(blind):
         found.append((wrong.tolist(), len(observation.tracks)))
 
     ready.events.subscribe("iterated", look)
-    ones = [Components(entry, [1])]
+    ones = [ComponentSelection(entry, [1])]
     effect = Blind(ones) if blind else Error(ones, np.array([0.0, 0.5]), np.zeros(2))
     run(ready, 6, options=RunOptions(faults=[Fault("bad", "bad", "run", effect, 2 * STEP, lasting=2 * STEP)]))
     sound, faulty = ([[0, 0], [0, 0]], 2), (([[0, 0], [0, 0]], 1) if blind else ([[0, 0], [0, 0.5]], 2))

@@ -10,11 +10,11 @@ import yaml
 from simulating import COMMAND, Team, execute, simulate, simulation
 
 from symaware_cli import Component, open_log
-from symaware_cli.specification.expression import Expression
 from symaware_cli.runtime.options import RunOptions
 from symaware_cli.runtime.scope import WORLD_NAMES
 from symaware_cli.scenario.build import build
 from symaware_cli.scenario.execution import execute as execute_built
+from symaware_cli.specification.expression import Expression
 
 MODES = pytest.mark.parametrize("mode", ["synchronous", "asynchronous"])
 

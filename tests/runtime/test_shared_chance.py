@@ -11,7 +11,7 @@ from simulating import STEP, Team, execute, simulation
 from symaware_cli import Component, GroupComponent
 from symaware_cli.components.perception_range import RangePerception
 from symaware_cli.models.integrator import SingleIntegrator
-from symaware_cli.runtime.faults import Agents, Blind, Components, Error, Fault, Slow, Stop
+from symaware_cli.runtime.faults import AgentSelection, Blind, ComponentSelection, Error, Fault, Slow, Stop
 from symaware_cli.runtime.options import RunOptions
 from symaware_cli.runtime.timing import Duration, Timing, Trigger
 from symaware_cli.scenario.build import build
@@ -210,7 +210,7 @@ def test_who_draws_more_in_one_turn_draws_the_same_first_number_in_the_next(base
 
 def components_of(ready, group, name):
     entry = next(entry for entry in ready.entries if entry.group.name == group and entry.name == name)
-    return Components(entry, range(len(entry.components) if name == "draw" else len(entry.group)))
+    return ComponentSelection(entry, range(len(entry.components) if name == "draw" else len(entry.group)))
 
 
 def fault(effect, at=3, lasting=4):
@@ -223,7 +223,7 @@ def test_faults_of_some_change_nothing_for_others_and_leave_no_trace_in_what_is_
         return [fault(Blind([sense._replace(rows=[0, 2])]))]
 
     def stop(ready):
-        return [fault(Stop([Agents(components_of(ready, "car", "sense").entry.group, [1])]))]
+        return [fault(Stop([AgentSelection(components_of(ready, "car", "sense").entry.group, [1])]))]
 
     for faults in (blind, stop):
         after = run(faults=faults)
@@ -291,7 +291,7 @@ def test_latency_and_jitter_are_those_of_the_agent_and_the_turn():
     assert len(set(everybody.values())) == len(everybody)
 
     def slower(ready):
-        rows = Components(ready.entries[0], [1])
+        rows = ComponentSelection(ready.entries[0], [1])
         return [fault(Slow([rows], Duration("normal", 0.02, 0.005)), 2, 3)]
 
     faulty = latencies(faults=slower)

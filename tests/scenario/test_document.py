@@ -6,8 +6,8 @@ import re
 import pytest
 from pydantic import BaseModel, ValidationError
 
-from symaware_cli.scenario.document import Agents, Scenario, Section
-from symaware_cli.scenario.sampling import Grid, Ring
+from symaware_cli.scenario.document import GroupSection, ScenarioDocument, Section
+from symaware_cli.scenario.sampling import CirclePlacement, GridPlacement
 
 LEAST = {
     "symaware": 1,
@@ -22,8 +22,8 @@ def sections(model: type[BaseModel] = Section) -> list[type[BaseModel]]:
     return [each for kind in model.__subclasses__() for each in (kind, *sections(kind))]
 
 
-def read(**changes: object) -> Scenario:
-    return Scenario.model_validate_json(json.dumps(LEAST | changes), strict=True)
+def read(**changes: object) -> ScenarioDocument:
+    return ScenarioDocument.model_validate_json(json.dumps(LEAST | changes), strict=True)
 
 
 def test_the_least_scenario_has_five_fields() -> None:
@@ -33,12 +33,14 @@ def test_the_least_scenario_has_five_fields() -> None:
     assert scenario.agents["robot"].entity.radius == 0.0
     for name in LEAST:
         with pytest.raises(ValidationError):
-            Scenario.model_validate_json(json.dumps({key: value for key, value in LEAST.items() if key != name}))
+            ScenarioDocument.model_validate_json(
+                json.dumps({key: value for key, value in LEAST.items() if key != name})
+            )
 
 
 def test_every_field_has_a_description_and_every_quantity_a_unit() -> None:
     quantities = {"duration", "interval", "spacing", "origin", "radius", "centre", "phase"}
-    for section in {*sections(), Grid, Ring}:
+    for section in {*sections(), GridPlacement, CirclePlacement}:
         for name, field in section.model_fields.items():
             assert field.description, (section, name)
             assert field.description.endswith("."), (section, name)
@@ -67,8 +69,8 @@ def test_what_is_no_name(name: str) -> None:
 
 @pytest.mark.parametrize("count", [1, 100_000])
 def test_a_group_has_one_to_a_hundred_thousand_agents(count: int) -> None:
-    group = Agents.model_validate_json(json.dumps({"count": count, "model": {"use": "unicycle"}}), strict=True)
+    group = GroupSection.model_validate_json(json.dumps({"count": count, "model": {"use": "unicycle"}}), strict=True)
     assert group.count == count
     for wrong in (0, -1, 100_001, 1.5, True, "2"):
         with pytest.raises(ValidationError):
-            Agents.model_validate_json(json.dumps({"count": wrong, "model": {"use": "unicycle"}}), strict=True)
+            GroupSection.model_validate_json(json.dumps({"count": wrong, "model": {"use": "unicycle"}}), strict=True)

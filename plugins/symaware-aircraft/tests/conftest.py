@@ -12,7 +12,7 @@ from hypothesis import HealthCheck, settings
 from numpy.typing import NDArray
 
 from symaware_cli import Log, open_log
-from symaware_cli.recording.journal import LoggedEvent
+from symaware_cli.recording.logged_events import LoggedEvent
 
 # How long an example takes says more about the machine than about the code.
 settings.register_profile("aircraft", deadline=None, suppress_health_check=[HealthCheck.too_slow])

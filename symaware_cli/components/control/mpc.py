@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from symaware_cli.components.control.mpc_prediction import Obstacles, Others, clearance, sizes
+from symaware_cli.components.control.mpc_prediction import AgentPrediction, ObstaclePrediction, clearance, sizes
 from symaware_cli.components.control.mpc_problem import Sizes, Tracking, tracking_problem, weights_of
 from symaware_cli.components.control.mpc_reference import ReferencePath, goal_of, turned_right, waypoints_of
 from symaware_cli.components.control.mpc_route import Routes, standing
@@ -185,8 +185,10 @@ class ModelPredictiveControl(Component):
         #: Time between two plans, in nanoseconds.
         self._step = turns * environment.time_step
         self._offsets = np.arange(parameters.steps + 1, dtype=np.int64) * self._step
-        self._others = Others(agent, bounding_radii(environment), parameters.margin, parameters.reach, room.others)
-        self._obstacles = Obstacles(environment, agent.entity.radius + parameters.margin, room)
+        self._others = AgentPrediction(
+            agent, bounding_radii(environment), parameters.margin, parameters.reach, room.others
+        )
+        self._obstacles = ObstaclePrediction(environment, agent.entity.radius + parameters.margin, room)
         self._way = self._present_way()
         #: By which angle the reference turns off to the right, when it does [rad].
         self._turn = parameters.perturbation * (0.5 + 0.5 * float(self.random.uniform()))

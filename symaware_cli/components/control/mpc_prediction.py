@@ -52,7 +52,7 @@ def _discs(scenery: Scenery) -> NDArray[np.bool_]:
 _MOVING: WeakKeyDictionary[Scenery, dict[bytes, Pieces]] = WeakKeyDictionary()
 
 
-class Others:
+class AgentPrediction:
     """Where the other agents are expected to be.
 
     Everybody is expected to go straight on at its believed velocity, except for those who told their intent: what an
@@ -127,7 +127,7 @@ def clearance(path: Array, others: Mapping[str, Array]) -> Array:
     return nearest
 
 
-class Obstacles:
+class ObstaclePrediction:
     """Which obstacles are in the way of a plan, where they will be, and on which side of them the plan goes."""
 
     def __init__(self, environment: Environment, keep: float, room: Sizes) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.network.channel.parameters import DelayDistribution
+from symaware_cli.network.channel.channel_parameters import DelayDistribution
 
 Array = NDArray[np.float64]
 

@@ -6,8 +6,8 @@ import math
 from collections import deque
 from typing import Generic, TypeVar
 
+from symaware_cli.network.channel.channel_parameters import ChannelParameters
 from symaware_cli.network.channel.link_states import FOREVER
-from symaware_cli.network.channel.parameters import ChannelParameters
 
 QueuedMessage = TypeVar("QueuedMessage")
 

@@ -11,7 +11,7 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from symaware_cli.core.state import StateError
+from symaware_cli.core.stateful import StateError
 from symaware_cli.runtime.state.layout import attributes, layout, named_class, resolved, said_class
 from symaware_cli.runtime.state.taking import Entry, Path, said_path
 

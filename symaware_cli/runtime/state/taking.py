@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from symaware_cli.core.state import StateError
+from symaware_cli.core.stateful import StateError
 from symaware_cli.runtime.state.layout import Layout, attributes, layout, named_class, said_class
 
 Entry = tuple[str, str, list[Any]]

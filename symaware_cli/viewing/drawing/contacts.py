@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.recording import journal
+from symaware_cli.recording import logged_events
 from symaware_cli.viewing.chunk import Chunk
 from symaware_cli.viewing.detail import Detail
 from symaware_cli.viewing.drawing.base import Drawing
@@ -64,7 +64,7 @@ class Contacts(Drawing):
 
     def draw(self, chunk: Chunk) -> None:
         """Draw the rings."""
-        entries = [journal.contact(time, message) for time, message in chunk.entries.get("/contacts", ())]
+        entries = [logged_events.contact(time, message) for time, message in chunk.entries.get("/contacts", ())]
         touches = self._touches(entries, chunk)
         drawn, self._drawn = self._drawn, chunk.end
         if not touches:
@@ -93,7 +93,7 @@ class Contacts(Drawing):
         points = all_rings[np.argsort(which, kind="stable")].reshape(-1, 3)
         self.output.strips("world/contacts", moments[said], points, np.full(len(which), len(_RING)), counts[said])
 
-    def _touches(self, entries: Sequence[journal.LoggedContact], chunk: Chunk) -> list[tuple[_Touch, Array]]:
+    def _touches(self, entries: Sequence[logged_events.LoggedContact], chunk: Chunk) -> list[tuple[_Touch, Array]]:
         """All that touch at some time in a chunk, each with the place's distance from the middle of the two."""
         touches = []
         for entry in entries:

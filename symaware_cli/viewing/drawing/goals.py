@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.recording.text import read_json
+from symaware_cli.recording.json_text import read_json
 from symaware_cli.viewing.chunk import Chunk
 from symaware_cli.viewing.detail import FEW, Detail
 from symaware_cli.viewing.drawing.base import Drawing

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from symaware_cli.recording import journal
+from symaware_cli.recording import logged_events
 from symaware_cli.viewing.chunk import Chunk
 from symaware_cli.viewing.detail import Detail
 from symaware_cli.viewing.drawing.base import Drawing
@@ -41,7 +41,7 @@ class Informed(Drawing):
         moments = []
         for time, message in chunk.entries.get("/events", ()):
             if message.name == _EVENT:
-                event = journal.event(time, message)
+                event = logged_events.event(time, message)
                 # The source of an event is a component: agents.<agent>.<component>.
                 told = event.source.removeprefix("agents.").rpartition(".")[0]
                 for agent in (told, event.data.get(_TELLER)):

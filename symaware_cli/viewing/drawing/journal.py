@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections import defaultdict
 from typing import Any
 
-from symaware_cli.recording import journal
-from symaware_cli.recording.text import read_json
+from symaware_cli.recording import logged_events
+from symaware_cli.recording.json_text import read_json
 from symaware_cli.viewing.chunk import Chunk
 from symaware_cli.viewing.detail import Detail
 from symaware_cli.viewing.drawing.base import Drawing
@@ -33,7 +33,7 @@ class Events(_Modes):
 
     def draw(self, chunk: Chunk) -> None:
         """Write the events."""
-        events = [journal.event(time, message) for time, message in chunk.entries.get("/events", ())]
+        events = [logged_events.event(time, message) for time, message in chunk.entries.get("/events", ())]
         self.output.texts(
             "log/events",
             [event.time for event in events],

@@ -7,7 +7,7 @@ import json
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.recording import journal
+from symaware_cli.recording import logged_events
 from symaware_cli.viewing.chunk import Chunk
 from symaware_cli.viewing.detail import FEW, Detail
 from symaware_cli.viewing.drawing.arrows import BROKEN_POINTS, POINTS, arrows, broken
@@ -67,9 +67,9 @@ class Messages(Drawing):
         """Write and draw the messages."""
         entries = [
             entry
-            for topic in journal.MESSAGES
+            for topic in logged_events.MESSAGES
             for time, message in chunk.entries.get(topic, ())
-            for entry in journal.communications(time, message, self.run_view.roster)
+            for entry in logged_events.communications(time, message, self.run_view.roster)
         ]
         entries.sort(key=lambda entry: entry.time)
         self.output.texts(
@@ -176,7 +176,7 @@ def _stays(told: Integers, step: int) -> tuple[Integers, Integers]:
     return first, last
 
 
-def _line(entry: journal.Communication) -> str:
+def _line(entry: logged_events.Communication) -> str:
     late = f" after {(entry.time - entry.sent_time) / 1e9:g} s" if entry.time > entry.sent_time else ""
     why = f" ({entry.reason})" if entry.reason else ""
     says = f"  {json.dumps(entry.payload)}" if entry.payload is not None else ""

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from symaware_cli.recording import png
 from symaware_cli.recording import symaware_v1_pb2 as v1
 from symaware_cli.recording.error import LogError
-from symaware_cli.recording.sensing import IMAGE, SCAN, LoggedScan, hits, scans, sensors
+from symaware_cli.recording.sensor_channels import IMAGE, SCAN, LoggedScan, hits, scans, sensors
 from symaware_cli.viewing.chunk import Chunk
 from symaware_cli.viewing.detail import Detail
 from symaware_cli.viewing.drawing.base import Drawing

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from symaware_cli.awareness.signal import Drawn
 from symaware_cli.core import Signal
-from symaware_cli.recording import journal, wire
+from symaware_cli.recording import logged_events, wire
 from symaware_cli.recording.index import ChannelInfo
 from symaware_cli.viewing.drawing.goals import crosses, known_ways
 from symaware_cli.viewing.drawing.intents import covariance_columns, ellipsoids, position_columns, sample_columns
@@ -230,7 +230,7 @@ class GroupMessages:
     def _knowledge(self, time: int, message: Any) -> None:
         group_view = self._group_view
         size = 0.8 * group_view.radius or 0.2
-        for entry in journal.knowledge(time, message, group_view.agents):
+        for entry in logged_events.knowledge(time, message, group_view.agents):
             made = entity(entry.agent, time)
             for way in known_ways(entry.values, len(group_view.position)):
                 strokes = crosses(way, size)

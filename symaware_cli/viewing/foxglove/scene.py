@@ -11,9 +11,9 @@ from foxglove_schemas_protobuf.SceneEntity_pb2 import SceneEntity
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from numpy.typing import NDArray
 
-from symaware_cli.recording import journal
+from symaware_cli.recording import logged_events
 from symaware_cli.recording.index import ChannelInfo
-from symaware_cli.recording.sensing import IMAGE, SCAN, sensors
+from symaware_cli.recording.sensor_channels import IMAGE, SCAN, sensors
 from symaware_cli.viewing.detail import MANY
 from symaware_cli.viewing.figure import Figure
 from symaware_cli.viewing.foxglove import entities
@@ -78,7 +78,7 @@ class FoxgloveScene:
         self._contacts = Layer(output, "/contacts")
         self._touching: dict[str, SceneEntity] = {}
         self._takers |= {"/events": self._event, "/contacts": self._contact}
-        self._takers |= dict.fromkeys(journal.MESSAGES, self._message)
+        self._takers |= dict.fromkeys(logged_events.MESSAGES, self._message)
         self._takers = {topic: take for topic, take in self._takers.items() if topic in channels}
 
     @property
@@ -131,7 +131,7 @@ class FoxgloveScene:
         return models.made
 
     def _event(self, time: int, message: Any) -> None:
-        event = journal.event(time, message)
+        event = logged_events.event(time, message)
         line = LogLine(
             timestamp=entities.timestamp(time),
             level=_LEVELS.get(event.level, LogLine.UNKNOWN),
@@ -142,7 +142,7 @@ class FoxgloveScene:
 
     def _message(self, time: int, message: Any) -> None:
         arrows = []
-        for entry in journal.communications(time, message, self._run_view.roster):
+        for entry in logged_events.communications(time, message, self._run_view.roster):
             places = [place for who in (entry.sender, entry.receiver) if (place := self._place(who)) is not None]
             if entry.stage == "SENT" or len(places) < 2:
                 continue
@@ -154,7 +154,7 @@ class FoxgloveScene:
             self._output.write("/messages", time, SceneUpdate(entities=arrows))
 
     def _contact(self, time: int, message: Any) -> None:
-        contact = journal.contact(time, message)
+        contact = logged_events.contact(time, message)
         pair = f"{contact.a} {contact.b}"
         place = in_space(np.array([contact.point])) if contact.point else self._place(contact.a)
         if contact.stage == "END":

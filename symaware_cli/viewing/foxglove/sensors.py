@@ -12,7 +12,7 @@ from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
 from foxglove_schemas_protobuf.LaserScan_pb2 import LaserScan
 from foxglove_schemas_protobuf.RawImage_pb2 import RawImage
 
-from symaware_cli.recording.sensing import LoggedImage, images, scans
+from symaware_cli.recording.sensor_channels import LoggedImage, images, scans
 from symaware_cli.viewing.drawing.sensors import line_of_sight
 from symaware_cli.viewing.foxglove import entities
 from symaware_cli.viewing.foxglove.entities import WORLD

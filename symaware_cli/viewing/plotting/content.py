@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from symaware_cli.awareness.signal import MEASUREMENT
 from symaware_cli.core import PARTS, seconds
 from symaware_cli.recording.error import LogError
-from symaware_cli.recording.journal import LoggedContact
+from symaware_cli.recording.logged_events import LoggedContact
 from symaware_cli.recording.reader import Log
 from symaware_cli.viewing.plotting import separation as closeness
 from symaware_cli.viewing.plotting.curves import Curves, altitude, named, recorded, speed

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from symaware_cli.core import TimeSeries
-from symaware_cli.core.state import StateError
+from symaware_cli.core.stateful import StateError
 from symaware_cli.runtime.state.counterparts import Counterparts
 from symaware_cli.runtime.state.putting import Putting
 from symaware_cli.runtime.state.taking import Taking

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from symaware_cli.core import TimeSeries
-from symaware_cli.core.state import StateError
+from symaware_cli.core.stateful import StateError
 from symaware_cli.runtime.state.transfer import Transfer
 
 

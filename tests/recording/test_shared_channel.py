@@ -15,7 +15,7 @@ from symaware_cli.exporting.conversion import export_tables
 from symaware_cli.exporting.text import CSV
 from symaware_cli.recording import wire
 from symaware_cli.recording.error import LogError
-from symaware_cli.recording.shared import SHARED, shared_metadata
+from symaware_cli.recording.shared_channel import SHARED, shared_metadata
 from symaware_cli.recording.writer import LogWriter
 from symaware_cli.viewing.chunk import ChunkReader
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from symaware_cli.core import AgentGroup, Environment, Links, Roster, UnsupportedError, nanoseconds
-from symaware_cli.network.channel.parameters import ChannelParameters
+from symaware_cli.network.channel.channel_parameters import ChannelParameters
 from symaware_cli.network.network import ChannelOverride, Network, TopologyPhase, links_of
 from symaware_cli.network.topology.topology import Topology, TopologyError
 from symaware_cli.scenario.document import LinkUse, TopologyUse
@@ -107,7 +107,7 @@ class NetworkBuilder:
         except KeyboardInterrupt:
             raise
         except BaseException as error:
-            self._blame(phase, path, error)
+            self._report_problem(phase, path, error)
             return False
         if not hasattr(phase.topology, "members"):
             message = f"{quoted(phase.use)} does not let its base `Topology` initialise"
@@ -124,10 +124,10 @@ class NetworkBuilder:
         except KeyboardInterrupt:
             raise
         except BaseException as error:
-            self._blame(phase, path, error)
+            self._report_problem(phase, path, error)
             return None
 
-    def _blame(self, phase: TopologyPhase, path: Path, error: BaseException) -> None:
+    def _report_problem(self, phase: TopologyPhase, path: Path, error: BaseException) -> None:
         self._report("broken-plugin", f"{quoted(phase.use)} cannot lay its links: {words(error)}", (*path, "use"))
 
     def _explain(self, error: UnsupportedError, path: Path) -> None:

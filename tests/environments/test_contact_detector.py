@@ -23,7 +23,7 @@ from symaware_cli import (
     open_log,
 )
 from symaware_cli.core import AgentGroup, Scenery, Snapshot
-from symaware_cli.environments.contact import ContactDetector
+from symaware_cli.environments.contact_detector import ContactDetector
 from symaware_cli.geometry.proximity import Proximity
 from symaware_cli.models.integrator import SingleIntegrator
 from symaware_cli.models.unicycle import Unicycle

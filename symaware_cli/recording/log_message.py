@@ -11,7 +11,7 @@ from symaware_cli.recording import wire
 from symaware_cli.recording.consistency import require_consistent
 from symaware_cli.recording.error import LogError
 from symaware_cli.recording.index import ChannelInfo
-from symaware_cli.recording.schema import MESSAGES
+from symaware_cli.recording.log_schema import MESSAGES
 
 _DECODERS: dict[str, Callable[[bytes], Any]] = {
     message.DESCRIPTOR.full_name: message.FromString for message in MESSAGES.values()

@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Beliefs(Series):
+class LoggedBeliefs(Series):
     """What an agent believed of another over simulated time, (k, columns); NaN while it knew nothing of it.
 
     Attributes:
@@ -46,7 +46,7 @@ def beliefs(
     count: int,
     other: int,
     truth: Callable[[int], Array],
-) -> Beliefs:
+) -> LoggedBeliefs:
     """Put together what one row believed of one other.
 
     Args:
@@ -88,7 +88,7 @@ def beliefs(
             covariances[number, :size, :size] = belief.covariance
     names, units = zip(*motion_quantities(columns // 2), strict=True) if columns in (4, 6) else ((), ())
     ages = np.array([belief.age for belief in known.values()], float)
-    return Beliefs(
+    return LoggedBeliefs(
         np.array(list(known), np.int64), values, names, units, covariances=covariances, ages=ages, series=series
     )
 

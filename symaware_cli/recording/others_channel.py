@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from symaware_cli.core import AgentGroup, AwarenessDatabase, Roster, Snapshot, Tracks
 from symaware_cli.recording import wire
-from symaware_cli.recording.rows import RecordedRows
+from symaware_cli.recording.recorded_rows import RecordedRows
 from symaware_cli.recording.writer import LogWriter
 from symaware_cli.world.time import SECOND
 

@@ -15,7 +15,7 @@ from symaware_cli.runtime.simulation import Simulation
 from symaware_cli.world.arrays import FARTHEST, is_within, said_of
 
 
-class Motion:
+class EnvironmentStepper:
     """Lets the world move, looks at what came of it, and takes its failures for those of the run."""
 
     def __init__(self, simulation: Simulation, interruption: Interruption) -> None:
@@ -36,7 +36,7 @@ class Motion:
         except Interrupted:
             raise
         except BaseException as error:
-            self._blame(error)
+            self._raise_run_error(error)
         finally:
             interruption.shield()
 
@@ -51,7 +51,7 @@ class Motion:
         try:
             self._environment.push(group, rows, change)
         except BaseException as error:
-            self._blame(error)
+            self._raise_run_error(error)
 
     def check(self) -> None:
         """Look for true states that are not finite or have run away, and whether the world tells what it applied.
@@ -67,7 +67,7 @@ class Motion:
                     shapes = f"{np.shape(applied)} instead of {group.control_input.shape}"
                     raise ValueError(f"`applied_input` of {group.name} has the shape {shapes}")
             except BaseException as error:
-                self._blame(error)
+                self._raise_run_error(error)
             if not is_within(truth, FARTHEST):
                 row = next(row for row, state in enumerate(truth) if not is_within(state, FARTHEST))
                 problem = f"the state of {group.ids[row]} {said_of(truth[row])}"
@@ -83,7 +83,7 @@ class Motion:
         try:
             contacts = self._environment.contacts()
         except BaseException as error:
-            self._blame(error)
+            self._raise_run_error(error)
         for contact in contacts:
             verb = "touch" if contact.begins else "part"
             text = f"{contact.first} and {contact.second} {verb}"
@@ -91,6 +91,6 @@ class Motion:
             event = Event("contact", "environment", now, Level.WARNING, text, data, contact)
             self._simulation.events.fire(event)
 
-    def _blame(self, error: BaseException) -> NoReturn:
+    def _raise_run_error(self, error: BaseException) -> NoReturn:
         use, now = self._simulation.environment_use, self._simulation.clock.now
         raise RunError("environment", use, now, describe(error), error) from error

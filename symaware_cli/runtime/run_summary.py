@@ -36,7 +36,7 @@ class Extreme:
 
 
 @dataclass(frozen=True, slots=True)
-class Summary:
+class RunSummary:
     """The figures of a run.
 
     Attributes:
@@ -208,14 +208,14 @@ def summarise(
     wall_time: float,
     pace: Pace | None = None,
     failure: RunError | None = None,
-) -> Summary:
+) -> RunSummary:
     """The figures of a run.
 
     Args:
         simulation: What ran.
         observer: Who watched it.
         recorder: Who wrote it down, if somebody did.
-        status: See `Summary`.
+        status: See `RunSummary`.
         agents: How many were ever in the world.
         turns: See there, as for the next two.
         overruns: See there.
@@ -223,10 +223,10 @@ def summarise(
         steps: How many were made.
         began: The first instant, in nanoseconds.
         wall_time: How long it took [s].
-        pace: See `Summary`.
+        pace: See `RunSummary`.
         failure: Why it failed, if it did.
     """
-    return Summary(
+    return RunSummary(
         name=simulation.name,
         seed=simulation.seed,
         status=status,

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from symaware_cli.recording.text import read_json
+from symaware_cli.recording.json_text import read_json
 
 #: The topics of messages between agents. Earlier versions wrote a `Message` for each on the first, and `MessageColumns`
 #: for those of groups on the second; now there is the first alone, with `MessageColumns`.

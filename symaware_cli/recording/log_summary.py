@@ -21,13 +21,13 @@ from mcap.records import (
     SummaryOffset,
 )
 
-from symaware_cli.recording.schema import MAGIC
+from symaware_cli.recording.log_schema import MAGIC
 
 _MESSAGE_INDEX = struct.Struct("<BQHI")
 
 
 @dataclass(slots=True)
-class Summary:
+class LogSummary:
     """What a log holds and where.
 
     Attributes:
@@ -51,9 +51,9 @@ class Summary:
     chunk_count: int = 0
     _chunks: bytearray = field(default_factory=bytearray)  # serialised, as there may be many
 
-    def copied(self) -> "Summary":
+    def copied(self) -> "LogSummary":
         """A summary that does not change with this one."""
-        return Summary(
+        return LogSummary(
             dict(self.schemas),
             list(self.channels),
             dict(self.counts),

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from symaware_cli.core import AgentGroup, Environment, nanoseconds
 from symaware_cli.runtime.faults import (
-    Agents,
+    AgentSelection,
     Blind,
-    Components,
+    ComponentSelection,
     Cut,
     Effect,
     Error,
@@ -30,7 +30,7 @@ from symaware_cli.scenario.compose import Composition
 from symaware_cli.scenario.document import Degradation, Delay, FaultUse, Loss, Shove
 from symaware_cli.scenario.problem import nearest, quoted
 from symaware_cli.scenario.source import Path
-from symaware_cli.scenario.timing import TimingCheck, duration_of, trigger_of
+from symaware_cli.scenario.timing_check import TimingCheck, duration_of, trigger_of
 
 
 class UnsoundError(Exception):
@@ -159,7 +159,7 @@ class FaultBuilder:
 
     def _measured(
         self, of: str, values: Sequence[float], path: Path, key: str
-    ) -> tuple[list[Components], NDArray[np.float64]]:
+    ) -> tuple[list[ComponentSelection], NDArray[np.float64]]:
         components = self._components(of, (*path, "of"))
         return components, self._vector(values, [each.entry.group for each in components], (*path, key))
 
@@ -212,19 +212,19 @@ class FaultBuilder:
     def _ids(self, pattern: str, path: Path) -> frozenset[str]:
         return frozenset(each.group.ids[row] for each in self._agents(pattern, path) for row in each.rows)
 
-    def _agents(self, pattern: str, path: Path) -> list[Agents]:
+    def _agents(self, pattern: str, path: Path) -> list[AgentSelection]:
         """The agents that a pattern means."""
-        found = [Agents(group, rows) for group in self._groups if (rows := _rows(group, pattern))]
+        found = [AgentSelection(group, rows) for group in self._groups if (rows := _rows(group, pattern))]
         if not found:
             known = [*(group.name for group in self._groups), *(id for group in self._groups for id in group.ids)]
             self._nobody(pattern, path, "no agent or group", known)
         return found
 
-    def _components(self, pattern: str, path: Path) -> list[Components]:
+    def _components(self, pattern: str, path: Path) -> list[ComponentSelection]:
         """The components that a pattern means."""
         agents, _, name = pattern.rpartition(".")
         found = [
-            Components(entry, rows)
+            ComponentSelection(entry, rows)
             for entry in self._entries
             if fnmatch.fnmatchcase(entry.name, name) and (rows := _rows(entry.group, agents))
         ]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from symaware_cli.core import AgentGroup, Frame, Reading, Scan
 from symaware_cli.recording import png
 from symaware_cli.recording import symaware_v1_pb2 as v1
-from symaware_cli.recording.rows import RecordedRows
+from symaware_cli.recording.recorded_rows import RecordedRows
 from symaware_cli.recording.writer import LogWriter
 
 Array = NDArray[np.float64]

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Self
 
-from symaware_cli.core.state import StateError
+from symaware_cli.core.stateful import StateError
 from symaware_cli.runtime.state.counterparts import Counterparts
 from symaware_cli.runtime.state.putting import Putting
 from symaware_cli.runtime.state.taking import Entry, Taking

@@ -10,8 +10,8 @@ from functools import lru_cache
 from symaware_cli.recording import wire
 from symaware_cli.recording.error import LogError
 from symaware_cli.recording.index import ChannelInfo
-from symaware_cli.recording.message import LogMessage
-from symaware_cli.recording.text import read_json
+from symaware_cli.recording.json_text import read_json
+from symaware_cli.recording.log_message import LogMessage
 
 POSE = {"columns": "x,y,z,qx,qy,qz,qw", "units": "m,m,m,1,1,1,1"}
 """The metadata of a channel that tells how bodies are in space."""

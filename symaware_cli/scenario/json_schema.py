@@ -6,9 +6,9 @@ import inspect
 from typing import Any
 
 from symaware_cli.scenario.catalogue import GROUPS, Catalogue, PluginError
-from symaware_cli.scenario.document import Scenario
+from symaware_cli.scenario.document import ScenarioDocument
 from symaware_cli.scenario.parts import declared_by, omittable, signals_of
-from symaware_cli.scenario.sampling import Grid, Ring
+from symaware_cli.scenario.sampling import CirclePlacement, GridPlacement
 
 _USES = {
     "component": ("ComponentUse",),
@@ -32,7 +32,7 @@ def scenario_schema(
         The schema, and a sentence about each plugin that had to be left out because it is broken.
     """
     catalogue = catalogue or Catalogue()
-    schema = Scenario.model_json_schema(by_alias=True)
+    schema = ScenarioDocument.model_json_schema(by_alias=True)
     definitions = schema["$defs"]
     broken: list[str] = []
     declared: set[str] = set()
@@ -79,14 +79,14 @@ def _branch(name: str, kind: str, plugin: Any, definitions: dict[str, Any]) -> d
 def _describe_values(schema: dict[str, Any]) -> None:
     """Say what a value for each agent may be, and let ``${parameters.NAME}`` stand in any place."""
     definitions = schema["$defs"]
-    for model in (Grid, Ring):
+    for model in (GridPlacement, CirclePlacement):
         definitions[model.__name__] = model.model_json_schema()
     pair = {"type": "array", "minItems": 2, "maxItems": 2}
     forms = {
         "uniform": {**pair, "description": "[low, high], each a number or a list of numbers."},
         "normal": {**pair, "description": "[mean, standard deviation], each a number or a list of numbers."},
-        "grid": {"$ref": "#/$defs/Grid"},
-        "circle": {"$ref": "#/$defs/Ring"},
+        "grid": {"$ref": "#/$defs/GridPlacement"},
+        "circle": {"$ref": "#/$defs/CirclePlacement"},
         "each": {"type": "array", "description": "One value for each agent, in the order of their index."},
         "all": {"description": "One value that all agents share."},
     }
@@ -103,7 +103,7 @@ def _describe_values(schema: dict[str, Any]) -> None:
             {"type": "object", "not": {"anyOf": [{"required": [form]} for form in forms]}},
         ]
     }
-    agents = definitions["Agents"]["properties"]
+    agents = definitions["GroupSection"]["properties"]
     agents["state"]["$ref"] = "#/$defs/PerAgent"
     for pattern in agents["knowledge"]["patternProperties"]:
         agents["knowledge"]["patternProperties"][pattern] = {"$ref": "#/$defs/PerAgent"}
@@ -130,12 +130,12 @@ def _with_bases(schema: dict[str, Any]) -> dict[str, Any]:
         "if": {"required": ["extends"]},
         "then": {"$ref": "#/$defs/partial:Scenario"},
         "else": {"$ref": "#/$defs/Scenario"},
-        "$defs": {**definitions, "Scenario": schema, **partial, "partial:Scenario": _partial(schema)},
+        "$defs": {**definitions, "ScenarioDocument": schema, **partial, "partial:Scenario": _partial(schema)},
     }
 
 
 #: Definitions of values that a file replaces as a whole.
-_WHOLE = ("PerAgent", "Grid", "Ring")
+_WHOLE = ("PerAgent", "GridPlacement", "CirclePlacement")
 _NULL = {"type": "null"}
 
 

@@ -16,7 +16,7 @@ from symaware_cli.runtime.scope import WORLD_NAMES, AgentScope, further_parts
 from symaware_cli.runtime.simulation import ComponentEntry
 from symaware_cli.runtime.timing import Duration, Timing, Trigger
 from symaware_cli.scenario.compose import Composition
-from symaware_cli.scenario.document import ComponentUse, Drawn, Run
+from symaware_cli.scenario.document import ComponentUse, Drawn, RunSection
 from symaware_cli.scenario.problem import Problem, dotted, nearest, quoted
 from symaware_cli.scenario.source import Path
 from symaware_cli.specification.expression import Expression, ExpressionError
@@ -76,7 +76,7 @@ class TimingCheck:
             self._report(_narrowed(problem, text, error))
             return None
 
-    def until(self, run: Run, groups: Sequence[AgentGroup]) -> Expression | None:
+    def until(self, run: RunSection, groups: Sequence[AgentGroup]) -> Expression | None:
         """The condition that ends a run; None where there is none, or after a problem."""
         names = {*WORLD_NAMES, *further_parts(groups)}
         return None if run.until is None else self.expression(run.until, ("run", "until"), names)

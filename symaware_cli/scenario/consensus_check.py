@@ -10,7 +10,7 @@ from symaware_cli.components.communication.consensus import Consensus
 from symaware_cli.core import Links, seconds
 from symaware_cli.network.network import Network
 from symaware_cli.runtime.simulation import ComponentEntry
-from symaware_cli.scenario.document import Scenario, TopologyUse
+from symaware_cli.scenario.document import ScenarioDocument, TopologyUse
 from symaware_cli.scenario.problem import quoted
 from symaware_cli.scenario.source import Path
 
@@ -18,7 +18,7 @@ _NEEDED = "a consensus needs turns at the same times"
 
 
 def check_consensus(
-    document: Scenario, time_step: int, entries: Sequence[ComponentEntry], report: Callable[..., None]
+    document: ScenarioDocument, time_step: int, entries: Sequence[ComponentEntry], report: Callable[..., None]
 ) -> None:
     """Report each consensus that is not on the same terms as that of other groups on the same name.
 
@@ -113,7 +113,11 @@ def _check_shape(name: str, entry: ComponentEntry, first: ComponentEntry, report
 
 
 def _check_turns(
-    document: Scenario, time_step: int, entry: ComponentEntry, first: ComponentEntry, report: Callable[..., None]
+    document: ScenarioDocument,
+    time_step: int,
+    entry: ComponentEntry,
+    first: ComponentEntry,
+    report: Callable[..., None],
 ) -> None:
     """Report turns that are at other times than those of another group."""
     own, wanted = entry.timing, first.timing
@@ -128,7 +132,7 @@ def _check_turns(
             report("unsuitable", said, _place(document, entry, key), key=True, expected=f"the same {key} for both")
 
 
-def _check_order(document: Scenario, entry: ComponentEntry, report: Callable[..., None]) -> None:
+def _check_order(document: ScenarioDocument, entry: ComponentEntry, report: Callable[..., None]) -> None:
     """Report turns of which nobody knows whether they will be at the times of those of other groups."""
     timing = entry.timing
     for key, is_uncertain in (
@@ -150,7 +154,7 @@ def _path(entry: ComponentEntry) -> Path:
     return ("agents", entry.group.name, "components", entry.name)
 
 
-def _place(document: Scenario, entry: ComponentEntry, key: str) -> Path:
+def _place(document: ScenarioDocument, entry: ComponentEntry, key: str) -> Path:
     """Where a component has a key, or else the component."""
     use = document.agents[entry.group.name].components[entry.name]
     return (*_path(entry), key) if key in use.model_fields_set else _path(entry)

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 
 from symaware_cli.core import AgentGroup, Environment, nanoseconds
-from symaware_cli.runtime.presence import Moment, Span
+from symaware_cli.runtime.presence import Moment, PresenceInterval
 from symaware_cli.runtime.scope import WORLD_NAMES, AgentScope, further_parts
 from symaware_cli.runtime.simulation import ComponentEntry
-from symaware_cli.scenario.document import Agents, Presence, Trigger
+from symaware_cli.scenario.document import GroupSection, Presence, TriggerSection
 from symaware_cli.scenario.problem import quoted
 from symaware_cli.scenario.source import Path
-from symaware_cli.scenario.timing import TimingCheck, trigger_of
+from symaware_cli.scenario.timing_check import TimingCheck, trigger_of
 from symaware_cli.specification.expression import EvaluationError, Expression
 
 
@@ -45,7 +45,9 @@ class PresenceBuilder:
         self._entries = entries
         self._world: Collection[str] = WORLD_NAMES
 
-    def build(self, groups: Sequence[AgentGroup], agents: Mapping[str, Agents]) -> Mapping[str, Sequence[Span]]:
+    def build(
+        self, groups: Sequence[AgentGroup], agents: Mapping[str, GroupSection]
+    ) -> Mapping[str, Sequence[PresenceInterval]]:
         """Tell of the groups that are not always there when each of their agents is.
 
         Those who are not there at the beginning are marked in their groups.
@@ -61,7 +63,7 @@ class PresenceBuilder:
                 group.present = here
         return spans
 
-    def _of(self, group: AgentGroup, said: Presence | list[Presence]) -> Sequence[Span]:
+    def _of(self, group: AgentGroup, said: Presence | list[Presence]) -> Sequence[PresenceInterval]:
         path: Path = ("agents", group.name, "present")
         if not self._environment.is_open:
             self._report("unsuitable", f"nobody enters or leaves the world {quoted(self._use)}", path, key=True)
@@ -74,10 +76,10 @@ class PresenceBuilder:
             self._report(
                 "wrong-count", f"`{'.'.join(map(str, path))}` gives {values} for {agents}", path, expected=expected
             )
-            return [Span()] * len(group)
+            return [PresenceInterval()] * len(group)
         return [self._span(group, [row], each, (*path, row)) for row, each in enumerate(said)]
 
-    def _span(self, group: AgentGroup, rows: Sequence[int], said: Presence, path: Path) -> Span:
+    def _span(self, group: AgentGroup, rows: Sequence[int], said: Presence, path: Path) -> PresenceInterval:
         scope = AgentScope(group)
         begin = self._moment(said.from_, group, self._world, (*path, "from"))
         end = self._moment(said.until, group, scope.names, (*path, "until"))
@@ -90,15 +92,15 @@ class PresenceBuilder:
             )
         if isinstance(end, Expression):
             self._try(end, scope, rows[0], (*path, "until"))
-        return Span(begin, end)
+        return PresenceInterval(begin, end)
 
     def _moment(
-        self, said: float | str | Trigger | None, group: AgentGroup, names: Collection[str], path: Path
+        self, said: float | str | TriggerSection | None, group: AgentGroup, names: Collection[str], path: Path
     ) -> Moment | None:
         """Understand a time, a condition or an event; None where nothing is said, or after a problem."""
         if isinstance(said, str):
             return self._check.expression(said, path, names)
-        if not isinstance(said, Trigger):
+        if not isinstance(said, TriggerSection):
             return None if said is None else nanoseconds(said)
         trigger = trigger_of(said.event, said.of)
         if path[-1] == "from" and trigger.source is None:
