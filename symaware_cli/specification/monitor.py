@@ -7,36 +7,57 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.specification.formula import Array, Formula, horizon
-from symaware_cli.specification.reason import Reason, reason
+from symaware_cli.specification.formula import Array, Formula, Predicate, horizon, operands
+from symaware_cli.specification.reason import Reason, reasons
+from symaware_cli.specification.selection import selected
+from symaware_cli.specification.sliding import Extremum, History, UntilWindow
+from symaware_cli.specification.stream import Clock, Stream, Together, stream
 from symaware_cli.specification.whole import bounds
+
+#: The number of samples that a monitor keeps at most, for the end of the run and for reasons.
+KEPT = 2**25
 
 
 class Monitor:
     """Evaluates a formula for many rows at once, instant by instant.
 
+    Results of a row depend on nothing but its samples.
+
     Attributes:
         formula: The formula.
         rows: The number of rows.
+        interval: Whether bounds of the robustness at the first instant are kept.
+        horizon: After how many steps exact robustness is known; None if only at the end of the run.
         instants: How many instants have been given.
         ended: Whether the declared run has ended.
         verdict: Of each row whether the formula holds at the first instant: 1 true, -1 false, 0 undecided.
         lower: Least robustness that the formula can have at the first instant, whatever follows (only with `interval`).
         upper: Greatest such robustness.
+        complete: Whether all samples were kept that are needed to tell exact robustness at the end of the run, if it is
+            not known before. At most `KEPT` are.
     """
 
     def __init__(self, formula: Formula, rows: int, *, interval: bool = True) -> None:
         self.formula = formula
         self.rows = rows
         self.interval = interval
+        self.horizon = horizon(formula)
         self.instants = 0
         self.ended = False
         self.verdict: NDArray[np.int8] = np.zeros(rows, np.int8)
         self.lower: Array = np.full(rows, -np.inf)
         self.upper: Array = np.full(rows, np.inf)
-        self._horizon = horizon(formula)
-        self._decided_at: NDArray[np.int64] = np.zeros(rows, np.int64)
-        self._history: list[Array] = []
+        self.complete = True
+        self._clock = Clock(rows, boolean=not interval)
+        self._stream = stream(formula, self._clock, 0)
+        #: Without the interval, bounds are those of the truth, and robustness has streams of its own.
+        self._robustness_clock = Clock(rows, boolean=False)
+        self._robustness = stream(formula, self._robustness_clock, -1)
+        self._settled = False
+        #: After how many calls of `update` and `finish` each row was decided.
+        self._decided: NDArray[np.int64] = np.zeros(rows, np.int64)
+        self._samples = History(_predicates(formula), rows)
+        self._known: list[Array] = []
         self._told = 0
         self._judge()
 
@@ -46,14 +67,32 @@ class Monitor:
         Args:
             values: Robustness of each predicate at that instant [rows].
         """
-        self._history.append(np.array(values).reshape(len(values), self.rows))
-        self.instants += 1
-        self._judge()
+        now = self.instants
+        self.instants = now + 1
+        if self.horizon is None or now <= self.horizon:
+            self._keep(values)
+        exact: Array | None = None
+        if self.interval or not self._settled:
+            self._clock.now = now
+            exact = self._stream.push(values if self.interval else [np.greater(each, 0.0) for each in values])
+            if not self._settled:
+                self._judge(exact)
+        if self.horizon is None:
+            return
+        if not self.interval:
+            self._robustness_clock.now = now
+            exact = self._robustness.push(values)
+        if exact is not None:
+            self._known.append(exact.copy())
 
     def finish(self) -> None:
         """End the declared run with the last instant given."""
-        self.ended = True
-        self._judge()
+        self.ended = self._clock.ended = True
+        if not self._settled:
+            self._judge()
+        if self.horizon is None and self.complete and self.instants:
+            found = bounds(self.formula, self._signals(), self.instants, self.rows, True).upto(self.instants)
+            self._known = list(np.where(found[:, 0] == found[:, 1], found[:, 0], np.nan))
 
     def exact(self) -> tuple[int, Array]:
         """Exact robustness that is known since this was last asked.
@@ -62,38 +101,86 @@ class Monitor:
             The number of the first instant, and the robustness at that and the following ones [instants, rows]. That of
             formulas without a horizon is known at the end of the run; NaN where the run ended too early to tell.
         """
-        first = self._told
-        if self._horizon is not None:
-            self._told = max(first, self.instants - self._horizon)
-        elif self.ended:
-            self._told = self.instants
-        if self._told == first:
-            return first, np.empty((0, self.rows))
-        known = bounds(self.formula, self._samples(), self.instants, self.rows, self.ended).upto(self._told)[first:]
-        return first, np.where(known[:, 0] == known[:, 1], known[:, 0], np.nan)
+        first, known = self._told, self._known
+        self._told += len(known)
+        self._known = []
+        return first, np.array(known) if known else np.empty((0, self.rows))
 
     def select(self, rows: NDArray[np.intp]) -> Monitor:
         """A monitor of some rows, with their past."""
-        selected = Monitor(self.formula, len(rows), interval=self.interval)
-        selected.instants, selected.ended, selected._told = self.instants, self.ended, self._told
-        selected.verdict, selected._decided_at = self.verdict[rows], self._decided_at[rows]
-        selected.lower, selected.upper = self.lower[rows], self.upper[rows]
-        selected._history = [each[:, rows] for each in self._history]
-        return selected
+        made: Monitor = selected(self, rows, instances=_PARTS)
+        for each in (made, made._clock, made._robustness_clock):
+            each.rows = len(rows)
+        return made
 
     def reason(self, row: int) -> Reason | None:
-        """The sample that decided the verdict of a row, or that bounds its robustness so far."""
-        decided = bool(self.verdict[row])
-        instants = int(self._decided_at[row]) if decided else self.instants
-        samples = [each[:, row : row + 1] for each in self._samples()]
-        return reason(self.formula, samples, instants, self.ended and instants == self.instants)
+        """The sample that decided the verdict of a row, or else bounds its robustness so far."""
+        return self.reasons(np.array([row]))[0]
 
-    def _samples(self) -> list[Array]:
-        return list(np.stack(self._history, axis=1)) if self._history else []
+    def reasons(self, rows: NDArray[np.intp]) -> list[Reason | None]:
+        """The reasons of several rows, which cost less together.
 
-    def _judge(self) -> None:
-        lower, upper = bounds(self.formula, self._samples(), self.instants, self.rows, self.ended).upto(1)[0]
-        self.lower, self.upper = lower, upper
-        verdict = np.where(lower > 0.0, 1, np.where(upper < 0.0, -1, 0)).astype(np.int8)
-        self._decided_at[(self.verdict == 0) & (verdict != 0)] = self.instants
-        self.verdict = verdict
+        None where no sample decides, and where it was not kept.
+        """
+        calls = np.where(self.verdict[rows] == 0, self.instants + self.ended, self._decided[rows])
+        found: list[Reason | None] = [None] * len(rows)
+        for call in sorted(set(calls.tolist())):
+            places = np.flatnonzero(calls == call)
+            signals = [each[:, rows[places]] for each in self._signals()]
+            if not signals:
+                continue
+            instants, ended = min(call, self.instants), call > self.instants
+            if instants > self._samples.end:
+                if self.horizon is None:
+                    continue
+                instants = self._samples.end
+            for place, each in zip(places, reasons(self.formula, signals, instants, ended), strict=True):
+                found[place] = each
+        return found
+
+    def _keep(self, values: Sequence[Array]) -> None:
+        samples = self._samples
+        if not self.complete:
+            return
+        if samples.end * len(values) * self.rows >= KEPT:
+            self.complete = False
+            return
+        row = samples.add()
+        for i in range(len(row)):
+            row[i] = values[i]
+
+    def _signals(self) -> list[Array]:
+        """The samples of each predicate that were kept [instants, rows]."""
+        kept = self._samples.between(0, self._samples.end)
+        return [kept[:, i] for i in range(kept.shape[1])]
+
+    def _judge(self, exact: Array | None = None) -> None:
+        """Take what is known of the first instant: its exact robustness, or bounds."""
+        if exact is not None:
+            lower = upper = exact
+        else:
+            below, above = self._stream.bound(0, 0, 1), self._stream.bound(1, 0, 1)
+            if below is None and above is None:
+                return
+            lower = self._clock.full(1, False)[0] if below is None else below[0]
+            upper = self._clock.full(1, True)[0] if above is None else above[0]
+        if self.interval:
+            self.lower, self.upper = lower.copy(), upper.copy()
+        holds, fails = (lower > 0.0, upper < 0.0) if self.interval else (lower, np.logical_not(upper))
+        verdict = holds.view(np.int8) - fails.view(np.int8)
+        changed = verdict != self.verdict
+        if changed.any():
+            self._decided[changed] = self.instants + self.ended
+            self.verdict = verdict
+        self._settled = exact is not None or (not self.interval and bool(verdict.all()))
+
+
+def _predicates(formula: Formula) -> int:
+    """The number of predicates, as far as a formula knows of them."""
+    if isinstance(formula, Predicate):
+        return formula.index + 1
+    return max((_predicates(each) for each in operands(formula)), default=0)
+
+
+#: What monitors consist of.
+_PARTS = (Monitor, Clock, Stream, Together, History, Extremum, UntilWindow)

@@ -22,7 +22,7 @@ from symaware_cli.specification.formula import (
     Until,
     operands,
 )
-from symaware_cli.specification.whole import bounds
+from symaware_cli.specification.whole import Bounds, bounds
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,12 +44,12 @@ class Reason:
     instants: tuple[int, ...]
 
 
-def reason(formula: Formula, samples: Sequence[Array], instants: int, ended: bool) -> Reason | None:
-    """The sample that decides a formula at the first instant, or that bounds its robustness so far.
+def reasons(formula: Formula, samples: Sequence[Array], instants: int, ended: bool) -> list[Reason | None]:
+    """Of each row the sample that decides a formula at the first instant, or that bounds its robustness so far.
 
     Args:
         formula: The formula.
-        samples: Robustness of each predicate, of one row [instants, 1].
+        samples: Robustness of each predicate [instants, rows].
         instants: Number of instants whose samples are known.
         ended: Whether the declared run ends with the last of them.
 
@@ -57,14 +57,20 @@ def reason(formula: Formula, samples: Sequence[Array], instants: int, ended: boo
         The earliest sample with the robustness in question: the lower bound of what holds, else the upper bound or, if
         that is infinite, the lower bound; None where this is no sample's.
     """
-    return _Trace(samples, instants, ended).reason(formula)
+    rows = samples[0].shape[1]
+    known: dict[Formula, Bounds] = {}
+    return [_Trace(samples, instants, ended, row, known).reason(formula) for row in range(rows)]
 
 
 class _Trace:
-    def __init__(self, samples: Sequence[Array], instants: int, ended: bool) -> None:
+    def __init__(
+        self, samples: Sequence[Array], instants: int, ended: bool, row: int, known: dict[Formula, Bounds]
+    ) -> None:
         self.samples = samples
         self.instants = instants
         self.ended = ended
+        self.row = row
+        self.known = known
 
     def reason(self, formula: Formula) -> Reason | None:
         lower, upper = self.among(formula, 0, 1)[0]
@@ -83,7 +89,7 @@ class _Trace:
             instants.append(t)
         if t >= self.instants:
             return None
-        return Reason(formula.index, t, float(self.samples[formula.index][t, 0]), tuple(path), tuple(instants))
+        return Reason(formula.index, t, float(self.samples[formula.index][t, self.row]), tuple(path), tuple(instants))
 
     def step(self, formula: Formula, t: int, side: int) -> tuple[int, int] | None:
         """The first operand, and the first instant of it, whose bound is that of the formula at an instant."""
@@ -131,7 +137,7 @@ class _Trace:
             return t + formula.last + 1
         if self.ended:
             return max(t, self.instants)
-        known = (bounds(each, self.samples, self.instants, 1, False) for each in operands(formula))
+        known = (self.bounds(each) for each in operands(formula))
         return max(t + formula.first, self.instants, *(len(each.values) for each in known)) + 1
 
     def first(
@@ -142,5 +148,10 @@ class _Trace:
 
     def among(self, formula: Formula, begin: int, end: int) -> Array:
         """Bounds at successive instants [instants, 2]."""
-        known = bounds(formula, self.samples, self.instants, 1, self.ended)
-        return known.upto(max(end, 0))[begin:, :, 0]
+        return self.bounds(formula).upto(max(end, 0))[begin:, :, self.row]
+
+    def bounds(self, formula: Formula) -> Bounds:
+        """Bounds of all rows, which are computed once."""
+        if formula not in self.known:
+            self.known[formula] = bounds(formula, self.samples, self.instants, self.samples[0].shape[1], self.ended)
+        return self.known[formula]

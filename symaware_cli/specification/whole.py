@@ -27,6 +27,7 @@ from symaware_cli.specification.formula import (
     Since,
     Until,
 )
+from symaware_cli.specification.sliding import sliding
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,19 +61,6 @@ def bounds(formula: Formula, samples: Sequence[Array], instants: int, rows: int,
         ended: Whether the declared run ends with the last of them.
     """
     return _Evaluation(samples, instants, rows, ended).bounds(formula)
-
-
-def sliding(ufunc: np.ufunc, values: Array, width: int) -> Array:
-    """The least or greatest of so many successive values along the first axis, for each place where they begin.
-
-    Widths of powers of two are combined: the number of passes is the logarithm of the width.
-    """
-    covered = 1
-    while covered < width:
-        step = min(covered, width - covered)
-        values = ufunc(values[: len(values) - step], values[step:])
-        covered += step
-    return values
 
 
 class _Evaluation:

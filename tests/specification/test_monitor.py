@@ -1,6 +1,9 @@
 import numpy as np
 import pytest
 
+from symaware_cli.runtime.state.counterparts import Counterparts
+from symaware_cli.runtime.state.putting import Putting
+from symaware_cli.runtime.state.taking import Taking
 from symaware_cli.specification.formula import Always, Array, Eventually, Formula, Not, Or, Predicate, horizon, operands
 from symaware_cli.specification.monitor import Monitor
 from tests.specification.formulas import random_formula, random_samples
@@ -99,3 +102,66 @@ def test_the_reason_of_a_violation_is_the_sample_that_decided_it() -> None:
     # What was asked at 1 had not been answered at 3.
     assert (reason.predicate, reason.instant, reason.robustness) == (0, 1, 2.0)
     assert (reason.path, reason.instants) == ((0, 0, 0), (0, 1, 1, 1))
+
+
+def _same(one: Monitor, other: Monitor) -> None:
+    np.testing.assert_array_equal(one.verdict, other.verdict)
+    np.testing.assert_array_equal(one.lower, other.lower)
+    np.testing.assert_array_equal(one.upper, other.upper)
+    (first, values), (other_first, other_values) = one.exact(), other.exact()
+    assert first == other_first
+    np.testing.assert_array_equal(values, other_values)
+    assert [one.reason(row) for row in range(one.rows)] == [other.reason(row) for row in range(other.rows)]
+
+
+@pytest.mark.parametrize("interval", [True, False])
+@pytest.mark.parametrize("seed", range(60))
+def test_selected_rows_go_on_as_monitors_of_their_own_do(seed: int, interval: bool) -> None:
+    generator = np.random.default_rng(seed)
+    formula = random_formula(generator, 3)
+    instants, rows = 12, 5
+    samples = random_samples(generator, instants, rows)
+    chosen = generator.permutation(rows)[: int(generator.integers(1, rows))]
+    monitor = Monitor(formula, rows, interval=interval)
+    alone = [Monitor(formula, 1, interval=interval) for _ in chosen]
+    change = int(generator.integers(instants))
+    for t in range(instants):
+        if t == change:
+            monitor = monitor.select(chosen)
+            samples = samples[:, :, chosen]
+        monitor.update(list(samples[:, t]))
+        for each, row in zip(alone, chosen, strict=True):
+            each.update(list(samples[:, t, [list(chosen).index(row)] if t >= change else [row]]))
+    monitor.finish()
+    for each in alone:
+        each.finish()
+    for place, each in enumerate(alone):
+        _same(monitor.select(np.array([place])), each)
+
+
+@pytest.mark.parametrize("interval", [True, False])
+@pytest.mark.parametrize("seed", range(60))
+def test_a_monitor_put_back_goes_on_as_if_nothing_had_happened(seed: int, interval: bool) -> None:
+    generator = np.random.default_rng(seed)
+    formula = random_formula(generator, 3)
+    samples = random_samples(generator, 12, 2)
+    monitor = Monitor(formula, 2, interval=interval)
+    taken = int(generator.integers(12))
+    state = None
+    for t in range(12):
+        if t == taken:
+            state = Taking({"monitor": monitor}, {"symaware_cli"}).entries
+        monitor.update(list(samples[:, t]))
+    monitor.finish()
+    # Into one that has gone on elsewhere, and into a fresh one.
+    elsewhere = Monitor(formula, 2, interval=interval)
+    for t in range(5):
+        elsewhere.update(list(samples[:, t] + 1.0))
+    for other in (elsewhere, Monitor(formula, 2, interval=interval)):
+        assert state is not None
+        root = {"monitor": other}
+        restored = Putting(Counterparts(state, root, {"symaware_cli"}, {})).put()[0]
+        for t in range(taken, 12):
+            restored.update(list(samples[:, t]))
+        restored.finish()
+        _same(restored, monitor.select(np.arange(2)))
