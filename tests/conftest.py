@@ -3,12 +3,12 @@
 import os
 import signal
 import subprocess
-from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, settings
-from simulating import COMMAND
+from simulating import COMMAND, Command
 from symaware_doubles import COMPONENTS, ENVIRONMENTS, TRANSPORTS
 
 
@@ -23,13 +23,19 @@ settings.load_profile("symaware")
 
 
 @pytest.fixture
-def command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., subprocess.CompletedProcess[str]]:
+def command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Command:
     """Run `symaware ARGUMENTS` to its end, in an empty folder that becomes the present one."""
     monkeypatch.chdir(tmp_path)
 
-    def run(*arguments: object, **options: object) -> subprocess.CompletedProcess[str]:
+    def run(*arguments: object, **options: Any) -> subprocess.CompletedProcess[str]:
         line = [*COMMAND, *(str(argument) for argument in arguments)]
-        settings = {"stdin": subprocess.DEVNULL, "capture_output": True, "text": True, "timeout": 120, **options}
+        settings: dict[str, Any] = {
+            "stdin": subprocess.DEVNULL,
+            "capture_output": True,
+            "text": True,
+            "timeout": 120,
+            **options,
+        }
         done = subprocess.run(line, **settings)
         assert "Traceback (most recent call last)" not in (done.stderr or ""), done.stderr
         return done
@@ -45,7 +51,8 @@ def doubles(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.Monkey
     information.mkdir()
     (information / "METADATA").write_text("Metadata-Version: 2.1\nName: symaware-doubles\nVersion: 1.0\n")
     lines = [
-        *("[symaware.components]", *(f"{name} = symaware_doubles:{kind}" for name, kind in COMPONENTS.items())),
+        *("[symaware.components]", "doubles.paper = paper_controller:MyController"),
+        *(f"{name} = symaware_doubles:{kind}" for name, kind in COMPONENTS.items()),
         *("[symaware.environments]", *(f"{name} = symaware_doubles:{kind}" for name, kind in ENVIRONMENTS.items())),
         *("[symaware.transports]", *(f"{name} = symaware_doubles:{kind}" for name, kind in TRANSPORTS.items())),
     ]

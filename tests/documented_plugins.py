@@ -14,7 +14,7 @@ def shown(language: str, beginning: str) -> str:
     """The block of the document that begins so."""
     found = re.findall(rf"(?ms)^```{language}\n({re.escape(beginning)}.*?)^```$", DOCUMENT.read_text(encoding="utf-8"))
     assert len(found) == 1
-    return found[0]
+    return str(found[0])
 
 
 def install(folder: Path, modules: Mapping[str, str], points: Mapping[str, str], scenario: str) -> Path:

@@ -17,9 +17,9 @@ def random_core(random: np.random.Generator, corners: int, size: float = 1.0) ->
     """A point, a line, or a convex polygon: corners on an ellipse, in order."""
     angles = np.sort(random.uniform(0, 2 * np.pi, corners))
     axes = random.uniform(0.2, 1.0, 2) * size
-    around = np.c_[axes[0] * np.cos(angles), axes[1] * np.sin(angles)]
+    around: Array = np.c_[axes[0] * np.cos(angles), axes[1] * np.sin(angles)]
     turn = random.uniform(0, 2 * np.pi)
-    return around @ np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+    return np.asarray(around @ np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]))
 
 
 def random_shape(random: np.random.Generator) -> Shape:
@@ -34,7 +34,7 @@ def random_shape(random: np.random.Generator) -> Shape:
     return Shape(polygon=Polygon(vertices=[tuple(corner) for corner in corners]))
 
 
-def placed(shape: Shape, position: Sequence[float], heading: float) -> list[Piece]:
+def placed(shape: Shape, position: Sequence[float] | Array, heading: float) -> list[Piece]:
     """The pieces of a shape in the world."""
     turn = np.array([[np.cos(heading), np.sin(heading)], [-np.sin(heading), np.cos(heading)]])
     return [(np.array(core) @ turn + position, rounding) for core, rounding in shape.pieces]
@@ -50,7 +50,7 @@ def distance(one: Piece, other: Piece) -> float:
     core = hull.distance(origin)
     if hull.geom_type == "Polygon" and hull.contains(origin):
         core = -hull.exterior.distance(origin)
-    return core - one[1] - other[1]
+    return float(core - one[1] - other[1])
 
 
 def outline(piece: Piece) -> Array:

@@ -44,8 +44,8 @@ def of_rows(message: LogMessage, wanted: Sequence[int], count: int) -> bytes | N
         case wire.Awareness():
             return _awareness(content, places, rows, len(there))
         case v1.Knowledge():
-            kept = v1.Knowledge(rows=rows, values=[content.values[place] for place in places])
-            return kept.SerializeToString(deterministic=True)
+            known = v1.Knowledge(rows=rows, values=[content.values[place] for place in places])
+            return known.SerializeToString(deterministic=True)
         case v1.Scan():
             kept = v1.Scan()
             kept.CopyFrom(content)
@@ -114,6 +114,7 @@ def write_part(
     members = {group: [row for row, id in enumerate(ids) if id in agents] for group, ids in log.agents.items()}
     keep = keep or (lambda message: host or not message.channel.topic.startswith("/world/"))
     writer = LogWriter(path)
+    data: bytes | None
     for record in log.attachment_records():
         data = record.data
         if record.name == "manifest.json":

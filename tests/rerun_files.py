@@ -136,15 +136,19 @@ class Script:
         else:
             self._writer.add(self._channels[topic], time, data)
 
-    def event(self, time: int, name: str, source: str, level: int = v1.Event.INFO, text: str = "") -> None:
+    def event(self, time: int, name: str, source: str, level: v1.Event.Level = v1.Event.INFO, text: str = "") -> None:
         event = v1.Event(name=name, source=source, level=level, text=text)
         self.say("/events", time, event.SerializeToString(), "Event")
 
-    def message(self, time: int, sender: str, receiver: str, stage: int = v1.Message.DELIVERED, **more: Any) -> None:
+    def message(
+        self, time: int, sender: str, receiver: str, stage: v1.Message.Stage = v1.Message.DELIVERED, **more: Any
+    ) -> None:
         message = v1.Message(id=time, sender=sender, receiver=receiver, kind="hello", stage=stage, **more)
         self.say("/messages", time, message.SerializeToString(), "Message")
 
-    def contact(self, time: int, a: str, b: str, stage: int = v1.Contact.BEGIN, point: Sequence[float] = ()) -> None:
+    def contact(
+        self, time: int, a: str, b: str, stage: v1.Contact.Stage = v1.Contact.BEGIN, point: Sequence[float] = ()
+    ) -> None:
         contact = v1.Contact(a=a, b=b, stage=stage, point=point, depth=0.1)
         self.say("/contacts", time, contact.SerializeToString(), "Contact")
 

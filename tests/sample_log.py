@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+from google.protobuf.message import Message as ProtobufMessage
 
 from symaware_cli.recording import symaware_v1_pb2 as v1
 from symaware_cli.recording import wire
@@ -48,7 +49,7 @@ def write_sample(path: Path, *, steps: int = 40, flush_every: int = 5, end: str 
     messages = writer.channel("/messages", "Message")
     contacts = writer.channel("/contacts", "Contact")
 
-    def entry(message) -> bytes:
+    def entry(message: ProtobufMessage) -> bytes:
         return message.SerializeToString(deterministic=True)
 
     writer.add(knowledge, 0, entry(v1.Knowledge(values=['{"goal": [1, 2]}', "{}", "{}"])))
@@ -69,7 +70,9 @@ def write_sample(path: Path, *, steps: int = 40, flush_every: int = 5, end: str 
             sent = v1.Message(id=step, sender="robot.0", receiver="car", kind="hello", stage=v1.Message.SENT)
             sent.sent_time, sent.payload = now, '{"text": "hello"}'
             writer.add(messages, now, entry(sent))
-            writer.add(contacts, now, entry(v1.Contact(a="car", b="wall", point=[1, 2], depth=0.1, stage=1)))
+            writer.add(
+                contacts, now, entry(v1.Contact(a="car", b="wall", point=[1, 2], depth=0.1, stage=v1.Contact.BEGIN))
+            )
         if step % 10 == 4:
             told = v1.Message(id=step - 1, sender="robot.0", receiver="car", kind="hello", stage=v1.Message.DELIVERED)
             told.sent_time = now - STEP

@@ -1,10 +1,12 @@
 """A short log in which everything was measured that sensors measure."""
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from simulating import STEP, Team, simulate
 
-from symaware_cli import Entity, Obstacle
+from symaware_cli import Component, Entity, GroupComponent, Obstacle
 from symaware_cli.components.perception_camera import Camera
 from symaware_cli.components.perception_contact import ContactSensor
 from symaware_cli.components.perception_imu import InertialUnit
@@ -15,9 +17,9 @@ from symaware_cli.models.unicycle import Unicycle
 STEPS = 3
 
 
-def teams():
+def teams() -> dict[str, Team]:
     """Two robots that stand: the second beside the first."""
-    components = {
+    components: dict[str, Callable[[], Component | GroupComponent]] = {
         "scan": lambda: Lidar(Lidar.Parameters(rays=180, range=5.0, noise=0.01, dropout=0.1)),
         "eye": lambda: Camera(Camera.Parameters(width=32, height=24)),
         "bumper": lambda: ContactSensor(ContactSensor.Parameters()),
@@ -28,7 +30,7 @@ def teams():
     return {"robot": Team(components, 2, states, model=Unicycle(), entity=disc)}
 
 
-def world():
+def world() -> dict[str, Any]:
     """A crate 3 m ahead of the first."""
     crate = {"shape": {"box": {"length": 1.0, "width": 1.0, "height": 1.0}}, "position": [3, 0]}
     environment = PyBulletEnvironment(PyBulletEnvironment.Parameters(time_step=STEP / 1e9))

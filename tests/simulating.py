@@ -1,9 +1,11 @@
 """A simulation put together from classes, without a scenario file."""
 
+import subprocess
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any, TypeVar
 
 from symaware_cli import Entity, Environment, Model, Obstacle
 from symaware_cli.core import AgentGroup, Component, Contact, GroupComponent
@@ -17,12 +19,35 @@ from symaware_cli.runtime.run import run
 from symaware_cli.runtime.run_summary import RunSummary
 from symaware_cli.runtime.simulation import ComponentEntry, Simulation
 from symaware_cli.runtime.timing import STEADY, Timing
+from symaware_cli.world.plugin import Plugin
 
 COMMAND = (sys.executable, "-P", "-m", "symaware_cli")
 """What starts `symaware` in a process of its own; -P, so that no folder stands in for what is installed."""
 
+Command = Callable[..., subprocess.CompletedProcess[str]]
+"""What the fixture `command` is."""
+
 STEP = 50_000_000
 """The time step of `simulation`, ns."""
+
+Value = TypeVar("Value")
+Plugged = TypeVar("Plugged", bound=Plugin)
+
+
+def made(kind: type[Plugged], **parameters: Any) -> Plugged:
+    """A plugin of a class, with parameters."""
+    return kind(kind.Parameters(**parameters))
+
+
+def untyped(value: object) -> Any:
+    """What a test knows of a value is more than its type says: an attribute of the class behind it, say."""
+    return value
+
+
+def present(value: Value | None) -> Value:
+    """What may be None elsewhere, but not here."""
+    assert value is not None
+    return value
 
 
 @dataclass
@@ -49,7 +74,8 @@ class Team:
             others = [] if isinstance(first, GroupComponent) else [make() for _ in group.ids[1:]]
             group.awareness.declare({signal.field(name): signal for signal in first.signals})
             timing = self.timings.get(name, STEADY)
-            entries.append(ComponentEntry(group, name, f"test.{name}", [first, *others], timing))
+            components: Any = [first, *others]  # all of the class of the first
+            entries.append(ComponentEntry(group, name, f"test.{name}", components, timing))
         return entries
 
 
@@ -78,7 +104,7 @@ def simulate(
     steps: int = 3,
     log: Path | None = None,
     options: RunOptions | None = None,
-    **more: object,
+    **more: Any,
 ) -> RunSummary:
     """Put teams into a world and let it run, with a log if there is a path for it."""
     return execute(simulation(teams, **more), steps, log, options)

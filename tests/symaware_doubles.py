@@ -1,4 +1,4 @@
-"""Plugins for tests: the controller that the paper shows, and components that misbehave in every way we fear."""
+"""Plugins for tests: components that misbehave in every way we fear."""
 
 import contextlib
 import ctypes
@@ -10,32 +10,41 @@ import signal
 import struct
 import threading
 import time
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
 from symaware_cli import (
+    Agent,
+    AgentGroup,
+    AwarenessDatabase,
     CommunicationReceiver,
     Component,
     Controller,
     GroupCommunicationReceiver,
     GroupComponent,
+    KnowledgeDatabase,
     Parameters,
+    Snapshot,
     TimeSeries,
     processor,
 )
-from symaware_cli.core import Message
+from symaware_cli.core import Contact, Delivery, Event, Message
+from symaware_cli.core.entity_group import EntityGroup
 from symaware_cli.core.message import EVERYBODY
 from symaware_cli.distributed.tcp import Tcp
+from symaware_cli.distributed.transport import Port
 from symaware_cli.environments.kinematic import KinematicEnvironment
+from symaware_cli.world.reading import Scan
 
-#: What tests/conftest.py registers, by entry-point name.
+#: What tests/conftest.py registers, by entry-point name, beside the paper's controller.
 COMPONENTS = {
     "doubles.ear": "Ear",
     "doubles.ears": "Ears",
-    "doubles.paper": "MyController",
     "doubles.gaze": "Gaze",
     "doubles.fault": "Fault",
     "doubles.progress": "Progress",
@@ -57,27 +66,13 @@ ENVIRONMENTS = {"doubles.faulty-world": "FaultyWorld", "doubles.lonely-world": "
 TRANSPORTS = {"doubles.loud": "Loud"}
 
 
-# fmt: off
-# From here to "fmt: on" it is DESIGN.md section 3, letter by letter.
-class MyController(Controller):
-    def _compute(self):
-        state = self._agent.self_state
-        goal = self._agent.self_knowledge["goal"]
-        return goal - state, TimeSeries()
-    def _update(self, value):
-        control_input, intent = value
-        self._agent.model.control_input = control_input
-        self._agent.self_awareness.intent = intent
-# fmt: on
-
-
 class Idle(GroupComponent):
     """Does nothing with its turns."""
 
-    def _compute(self):
+    def _compute(self) -> Any:
         return None
 
-    def _update(self, value):
+    def _update(self, value: Any) -> None:
         pass
 
 
@@ -95,20 +90,22 @@ class Fault(Component):
         agent: str = Field("robot.0", description="Whose component fails.")
         at: float = Field(0.0, description="When [s].")
 
-    def initialise_component(self, agent, awareness, knowledge):
+    def initialise_component(
+        self, agent: Agent, awareness: AwarenessDatabase, knowledge: Mapping[str, KnowledgeDatabase]
+    ) -> None:
         super().initialise_component(agent, awareness, knowledge)
         if self.parameters.where == "initialise":
             self._fail()
         if self.parameters.where == "subscriber":
             self.subscribe("tick", self._on_tick)
 
-    def _on_tick(self, event):
+    def _on_tick(self, event: Event) -> None:
         self._fail()
 
-    def _due(self):
-        return self._agent.id == self.parameters.agent and self.time >= self.parameters.at
+    def _due(self) -> bool:
+        return bool(self._agent.id == self.parameters.agent and self.time >= self.parameters.at)
 
-    def _fail(self):
+    def _fail(self) -> None:
         if self._agent.id != self.parameters.agent:
             return
         if self.parameters.where == "exit":
@@ -117,11 +114,11 @@ class Fault(Component):
             raise UnprintableError
         raise ZeroDivisionError("a fault on purpose \udcff \N{SNOWMAN}")
 
-    def _compute(self):
+    def _compute(self) -> None:
         if self._due() and not self.parameters.value and self.parameters.where in ("compute", "exit", "unprintable"):
             self._fail()
 
-    def _update(self, value):
+    def _update(self, value: Any) -> None:
         if not self._due():
             return
         if self.parameters.value:
@@ -139,7 +136,7 @@ class Fault(Component):
 class UnprintableError(Exception):
     """Cannot even be put into words."""
 
-    def __str__(self):
+    def __str__(self) -> str:
         raise RuntimeError("no words")
 
 
@@ -148,11 +145,11 @@ class Progress(Idle):
 
     RECORD = struct.Struct("<dq")
 
-    def initialise_component(self, group):
+    def initialise_component(self, group: AgentGroup) -> None:
         super().initialise_component(group)
         self._file = os.open(os.environ["PROGRESS"], os.O_WRONLY | os.O_CREAT | os.O_APPEND)
 
-    def _update(self, value):
+    def _update(self, value: Any) -> None:
         os.write(self._file, self.RECORD.pack(time.monotonic(), self.now))
 
     @classmethod
@@ -171,7 +168,7 @@ class Sleeper(Idle):
         duration: float = Field(0.3, description="Wall time of a turn [s].")
         start: float = Field(0.0, description="Simulated time of the first such turn [s].")
 
-    def _update(self, value):
+    def _update(self, value: Any) -> None:
         if self.time >= self.parameters.start:
             time.sleep(self.parameters.duration)
 
@@ -184,7 +181,7 @@ class Holder(Idle):
 
         duration: float = Field(3.0, description="Wall time of the turn [s].")
 
-    def _update(self, value):
+    def _update(self, value: Any) -> None:
         if self.now == 0:
             # Unlike CDLL, PyDLL does not let go of the lock while it calls.
             ctypes.PyDLL(None).usleep(int(1e6 * self.parameters.duration))
@@ -193,7 +190,7 @@ class Holder(Idle):
 class Endless(Idle):
     """Never comes back from its second turn."""
 
-    def _update(self, value):
+    def _update(self, value: Any) -> None:
         while self.now:
             pass
 
@@ -201,7 +198,7 @@ class Endless(Idle):
 class Stubborn(Idle):
     """Catches whatever is thrown at it, as careless code does."""
 
-    def _update(self, value):
+    def _update(self, value: Any) -> None:
         try:
             for _ in range(200):
                 time.sleep(0.001)
@@ -212,7 +209,7 @@ class Stubborn(Idle):
 class Bulky(Idle):
     """Fills the log with numbers that do not compress."""
 
-    def _update(self, value):
+    def _update(self, value: Any) -> None:
         for row in range(len(self._group)):
             drawn = self.random.standard_normal(200)[row]
             self.emit_for(row, "bulk", data=[round(float(number), 9) for number in drawn])
@@ -228,7 +225,7 @@ class Chance(Idle):
             description="On what."
         )
 
-    def _compute(self):
+    def _compute(self) -> float:
         match self.parameters.source:
             case "address":
                 return id(self) % 1_000_003
@@ -246,7 +243,7 @@ class Chance(Idle):
             case _:
                 return 0.0
 
-    def _update(self, value):
+    def _update(self, value: Any) -> None:
         if self.now > 200_000_000:
             self._group.awareness.risk.set(self.now, np.full(len(self._group), value))
 
@@ -259,7 +256,7 @@ class Risk(Idle):
 
         value: Literal["inf", "1"] = Field(description="The risk.")
 
-    def _update(self, value):
+    def _update(self, value: Any) -> None:
         self._group.awareness.risk.set(self.now, np.full(len(self._group), float(self.parameters.value)))
 
 
@@ -272,25 +269,25 @@ class FaultyWorld(KinematicEnvironment):
         where: Literal["step", "state", "snapshot", "contacts", "nan"] = Field("step", description="What breaks.")
         at: float = Field(0.1, description="From when on [s].")
 
-    def _broken(self, what):
+    def _broken(self, what: str) -> None:
         if self.parameters.where == what and self._time >= self.parameters.at * 1e9:
             raise ZeroDivisionError("the world broke on purpose")
 
-    def step(self):
+    def step(self) -> None:
         self._broken("step")
         super().step()
         if self.parameters.where == "nan" and self._time >= self.parameters.at * 1e9:
             self._states[0] = np.full_like(self._states[0], np.nan)
 
-    def state(self, group):
+    def state(self, group: EntityGroup) -> NDArray[np.float64]:
         self._broken("state")
         return super().state(group)
 
-    def snapshot(self):
+    def snapshot(self) -> Snapshot:
         self._broken("snapshot")
         return super().snapshot()
 
-    def contacts(self):
+    def contacts(self) -> Sequence[Contact]:
         self._broken("contacts")
         return super().contacts()
 
@@ -303,10 +300,10 @@ class Odd(Component):
 
         way: Literal["event", "message"] = Field("event", description="How it says that.")
 
-    def _compute(self):
+    def _compute(self) -> set[complex]:
         return {complex(1, 2)}
 
-    def _update(self, value):
+    def _update(self, value: set[complex]) -> None:
         if self.parameters.way == "event":
             self.emit("odd", "this is odd", what=value)
         else:
@@ -317,7 +314,7 @@ class Odd(Component):
 class Ear(CommunicationReceiver):
     """Tells what it heard, in order."""
 
-    def _update(self, value):
+    def _update(self, value: Sequence[Message]) -> None:
         for each in value:
             self.emit("heard", f"{each.arrival_time} {each.sender} {each.sequence}")
 
@@ -327,7 +324,7 @@ class Ears(GroupCommunicationReceiver):
 
     kinds = ("state", "broadcast")
 
-    def _update(self, value):
+    def _update(self, value: Sequence[Delivery]) -> None:
         ids = self.environment.roster.ids
         for each in value:
             columns = each.receivers, each.due, each.senders, each.sequences
@@ -345,7 +342,7 @@ class LonelyWorld(KinematicEnvironment):
 class Loud(Tcp):
     """A transport of somebody else: says where it listens."""
 
-    def listen(self, host, port, key=None):
+    def listen(self, host: str, port: int, key: bytes | None = None) -> Port:
         Path("loud.txt").write_text(f"{host}:{port}")
         return super().listen(host, port, key)
 
@@ -353,18 +350,19 @@ class Loud(Tcp):
 class Kernels(Component):
     """Says what computes where it computes."""
 
-    def _compute(self):
+    def _compute(self) -> dict[str, str]:
         return {name: value for name, value in processor.in_force().items() if name != "Processor"}
 
-    def _update(self, value):
+    def _update(self, value: dict[str, str]) -> None:
         self.emit("kernels", str(value))
 
 
 class Gaze(Controller):
     """A controller that goes where its lidar sees farthest."""
 
-    def _compute(self):
+    def _compute(self) -> tuple[Any, TimeSeries]:
         scan = self._agent.group.awareness.readings["look"]
+        assert isinstance(scan, Scan)
         ranges = np.nan_to_num(scan.distances[self._agent.row], posinf=9.0)
         bearing = 2 * np.pi * np.argmax(ranges) / len(ranges)
         way = np.array([np.cos(bearing), np.sin(bearing)])
@@ -384,13 +382,15 @@ class Thinker(Controller):
         how: Literal["raise", "exit", "kill", "hang", "nan"] = Field("raise", description="In which way.")
         agent: str = Field("", description="Whose; empty for everybody's.")
 
-    def initialise_component(self, agent, awareness, knowledge):
+    def initialise_component(
+        self, agent: Agent, awareness: AwarenessDatabase, knowledge: Mapping[str, KnowledgeDatabase]
+    ) -> None:
         super().initialise_component(agent, awareness, knowledge)
         self._count = 0
         self._last = np.zeros(2)
-        self._solver = (number for number in ())  # a generator cannot be pickled, as many a solver
+        self._solver = iter(number for number in range(0))  # a generator cannot be pickled, as many a solver
 
-    def _compute(self):
+    def _compute(self) -> tuple[Any, TimeSeries]:
         self._count += 1
         parameters = self.parameters
         if self.time >= parameters.at and parameters.agent in ("", self._agent.id):
@@ -411,7 +411,7 @@ class Thinker(Controller):
         way = 0.3 * (goal - self._agent.self_state) + 0.2 * self._last + 0.1 * self.random.standard_normal(2)
         return way, TimeSeries({self.time: way})
 
-    def _update(self, value):
+    def _update(self, value: Any) -> None:
         super()._update(value)
         self._last = np.array(value[0])
 
@@ -426,38 +426,40 @@ class Keeper(Thinker):
 
         hidden: bool = Field(True, description="Whether what it keeps is in an attribute that holds no state.")
 
-    def initialise_component(self, agent, awareness, knowledge):
+    def initialise_component(
+        self, agent: Agent, awareness: AwarenessDatabase, knowledge: Mapping[str, KnowledgeDatabase]
+    ) -> None:
         super().initialise_component(agent, awareness, knowledge)
         self._vault = (threading.Lock(), [0])
         if not self.parameters.hidden:
             self._lock = threading.Lock()
 
-    def _compute(self):
+    def _compute(self) -> tuple[Any, TimeSeries]:
         self._vault[1][0] += 1
         way, intent = super()._compute()
         return way + 0.01 * self._vault[1][0], intent
 
-    def _update(self, value):
+    def _update(self, value: Any) -> None:
         super()._update(value)
         self._vault[1][0] *= 2
 
-    def captured(self):
+    def captured(self) -> int:
         return self._vault[1][0]
 
-    def restored(self, state):
+    def restored(self, state: int) -> None:
         self._vault[1][0] = state
 
 
 class Napper(Component):
     """Sleeps within each turn."""
 
-    async def _async_compute(self):
+    async def _async_compute(self) -> None:
         await self.sleep(0.12)
 
-    def _compute(self):
+    def _compute(self) -> None:
         """Nothing."""
 
-    def _update(self, value):
+    def _update(self, value: Any) -> None:
         """Nothing."""
 
 
@@ -472,7 +474,7 @@ class Unruly(GroupComponent):
         )
         at: float = Field(0.2, description="When [s].")
 
-    def _compute(self):
+    def _compute(self) -> None:
         if self.now != round(self.parameters.at * 1e9):
             return
         match self.parameters.how:
@@ -501,8 +503,8 @@ class Unruly(GroupComponent):
                 else:
                     np.broadcast_to(1.0, (10**13,)).sum()
 
-    def linger(self):
+    def linger(self) -> None:
         time.sleep(1000.0)
 
-    def _update(self, value):
+    def _update(self, value: Any) -> None:
         pass

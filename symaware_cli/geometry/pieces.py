@@ -45,7 +45,7 @@ class Pieces:
         self.rounding = rounding
 
     @classmethod
-    def of(cls, pieces: Iterable[tuple[Sequence[Sequence[float]], float]]) -> Pieces:
+    def of(cls, pieces: Iterable[tuple[Sequence[Sequence[float]] | Array, float]]) -> Pieces:
         """Make them of cores and radii, such as `Shape.pieces`."""
         listed = list(pieces)
         width = max((len(core) for core, _ in listed), default=1)

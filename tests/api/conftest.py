@@ -1,5 +1,7 @@
 """A small scenario, in a folder of its own that is the present one."""
 
+from pathlib import Path
+
 import pytest
 
 SCENARIO = """\
@@ -23,7 +25,7 @@ agents:
 
 
 @pytest.fixture
-def path(tmp_path, monkeypatch):
+def path(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "swap.yaml").write_text(SCENARIO)
     return tmp_path / "swap.yaml"

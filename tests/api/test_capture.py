@@ -25,7 +25,7 @@ KINEMATIC = {
 }
 
 
-def messages(path, since=0):
+def messages(path: Path, since: int = 0) -> list[tuple[int, int, str, bytes]]:
     """All messages of a log from a sequence number on, but those of wall time."""
     return [
         (each.sequence, each.time, each.channel.topic, each.data)
@@ -35,7 +35,7 @@ def messages(path, since=0):
 
 
 @pytest.mark.parametrize("name", KINEMATIC)
-def test_a_simulation_goes_on_from_its_state_as_if_nothing_had_come_between(name, tmp_path):
+def test_a_simulation_goes_on_from_its_state_as_if_nothing_had_come_between(name: str, tmp_path: Path) -> None:
     scenario, step = sa.load(SCENARIOS / f"{name}.yaml"), KINEMATIC[name]
     with scenario.start(output=tmp_path / "whole.mcap") as simulation:
         simulation.step(step + 8)
@@ -51,7 +51,7 @@ def test_a_simulation_goes_on_from_its_state_as_if_nothing_had_come_between(name
 
 
 @pytest.mark.parametrize("name", ["billiards", "drones"])
-def test_a_world_with_a_physics_engine_is_refused_by_name(name):
+def test_a_world_with_a_physics_engine_is_refused_by_name(name: str) -> None:
     with sa.load(SCENARIOS / f"{name}.yaml").start() as simulation:
         simulation.step(2)
         with pytest.raises(sa.StateError, match="the state of the environment cannot be taken: its engine"):
@@ -59,7 +59,7 @@ def test_a_world_with_a_physics_engine_is_refused_by_name(name):
         simulation.step()
 
 
-def test_a_fresh_process_goes_on_from_bytes_with_the_same_sequence_numbers(tmp_path):
+def test_a_fresh_process_goes_on_from_bytes_with_the_same_sequence_numbers(tmp_path: Path) -> None:
     path = SCENARIOS / "flooding.yaml"
     scenario = sa.load(path)
     with scenario.start(output=tmp_path / "whole.mcap") as simulation:
@@ -83,7 +83,7 @@ def test_a_fresh_process_goes_on_from_bytes_with_the_same_sequence_numbers(tmp_p
     assert rest == messages(tmp_path / "whole.mcap", since=rest[0][0])
 
 
-def test_a_state_can_be_put_back_as_often_as_one_likes(path):
+def test_a_state_can_be_put_back_as_often_as_one_likes(path: Path) -> None:
     with sa.load(path).start() as simulation:
         simulation.step(3)
         state, ends = simulation.capture(), []
@@ -96,7 +96,7 @@ def test_a_state_can_be_put_back_as_often_as_one_likes(path):
     assert np.array_equal(ends[0], ends[2])
 
 
-def test_controls_from_outside_are_part_of_the_state(path):
+def test_controls_from_outside_are_part_of_the_state(path: Path) -> None:
     with sa.load(path).start() as simulation:
         simulation.step(2)
         simulation.set_control("robot.0", np.full(len(simulation.control_columns("robot")), 0.25))
@@ -109,7 +109,7 @@ def test_controls_from_outside_are_part_of_the_state(path):
         assert np.array_equal(simulation.state("robot"), wanted)
 
 
-def test_what_was_handed_out_before_does_not_change_as_a_state_is_put_back(path):
+def test_what_was_handed_out_before_does_not_change_as_a_state_is_put_back(path: Path) -> None:
     with sa.load(path).start() as simulation:
         simulation.step(2)
         state = simulation.capture()
@@ -120,7 +120,7 @@ def test_what_was_handed_out_before_does_not_change_as_a_state_is_put_back(path)
         assert np.array_equal(held, before)
 
 
-def test_the_state_of_another_seed_is_refused(path):
+def test_the_state_of_another_seed_is_refused(path: Path) -> None:
     with sa.load(path).start(seed=1) as one, sa.load(path).start(seed=2) as other:
         one.step(2)
         before = other.state("robot")
@@ -130,7 +130,7 @@ def test_the_state_of_another_seed_is_refused(path):
         assert np.array_equal(other.state("robot"), before)
 
 
-def test_bytes_that_are_no_state_are_refused(path):
+def test_bytes_that_are_no_state_are_refused(path: Path) -> None:
     with sa.load(path).start() as simulation:
         data = simulation.capture().to_bytes()
     with pytest.raises(sa.StateError, match="not the state"):
@@ -139,14 +139,14 @@ def test_bytes_that_are_no_state_are_refused(path):
         sa.SimulationState.from_bytes(data[:-20])
 
 
-def test_a_run_that_is_over_has_no_state_to_take(path):
+def test_a_run_that_is_over_has_no_state_to_take(path: Path) -> None:
     with sa.load(path).start() as simulation:
         simulation.finish()
         with pytest.raises(sa.StateError, match="is over: finished"):
             simulation.capture()
 
 
-def test_a_log_does_not_go_back_behind_what_another_one_knows(path, tmp_path):
+def test_a_log_does_not_go_back_behind_what_another_one_knows(path: Path, tmp_path: Path) -> None:
     with sa.load(path).start(output=tmp_path / "one.mcap") as one:
         one.step(2)
         state = one.capture()

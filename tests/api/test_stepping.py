@@ -2,20 +2,26 @@
 
 import os
 import signal
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
+from simulating import Command, present
 
 import symaware_cli as sa
+from symaware_cli import Event, Scenario
+from symaware_cli.api.scenario import Mode
 from symaware_cli.recording.digest import digest
 
 
 @pytest.fixture
-def scenario(path):
+def scenario(path: Path) -> Scenario:
     return sa.load(path)
 
 
-def identity(path):
+def identity(path: Path | str) -> tuple[list[tuple[str, int, int, bytes]], dict[str, bytes], dict[str, Any] | None]:
     """All that a log holds of a run, byte by byte, but its wall time, and the libraries that the process has loaded."""
     log = sa.open_log(path)
     messages = [(each.channel.topic, each.time, each.sequence, each.data) for each in log.messages()]
@@ -24,7 +30,9 @@ def identity(path):
 
 
 @pytest.mark.parametrize("mode", ["synchronous", "asynchronous"])
-def test_a_log_is_the_same_by_the_command_by_a_run_and_by_steps(scenario, command, mode):
+def test_a_log_is_the_same_by_the_command_by_a_run_and_by_steps(
+    scenario: Scenario, command: Command, mode: Mode
+) -> None:
     assert command("run", "swap.yaml", "-o", "command.mcap", "--set", f"run.mode={mode}").returncode == 0
     scenario.run(output="run.mcap", mode=mode)
     with scenario.start(output="steps.mcap", mode=mode) as simulation:
@@ -38,7 +46,7 @@ def test_a_log_is_the_same_by_the_command_by_a_run_and_by_steps(scenario, comman
     assert all(identity(path) == first for path in ("run.mcap", "steps.mcap", "odd.mcap"))
 
 
-def test_two_simulations_take_turns_and_neither_knows_of_the_other(scenario):
+def test_two_simulations_take_turns_and_neither_knows_of_the_other(scenario: Scenario) -> None:
     with scenario.start(seed=1, output="a.mcap") as one, scenario.start(seed=2, output="b.mcap") as other:
         while not (one.done and other.done):
             for simulation in (one, other, other):
@@ -49,7 +57,7 @@ def test_two_simulations_take_turns_and_neither_knows_of_the_other(scenario):
         assert digest(sa.open_log(path)).combined == digest(alone.log).combined
 
 
-def test_a_step_is_one_of_the_world(scenario):
+def test_a_step_is_one_of_the_world(scenario: Scenario) -> None:
     with scenario.start() as simulation:
         assert (simulation.time, simulation.now, simulation.steps, simulation.done) == (0.0, 0, 0, False)
         before = simulation.state("robot")
@@ -65,7 +73,7 @@ def test_a_step_is_one_of_the_world(scenario):
     assert os.listdir() == ["swap.yaml"]
 
 
-def test_states_are_those_of_the_log(scenario):
+def test_states_are_those_of_the_log(scenario: Scenario) -> None:
     states = []
     with scenario.start(output="a.mcap") as simulation:
         while not simulation.done:
@@ -75,7 +83,7 @@ def test_states_are_those_of_the_log(scenario):
     assert (sa.open_log("a.mcap").series("robot", "world").values == np.array(states)).all()
 
 
-def test_a_state_is_that_of_a_group_or_an_agent_by_columns(scenario):
+def test_a_state_is_that_of_a_group_or_an_agent_by_columns(scenario: Scenario) -> None:
     with scenario.start() as simulation:
         simulation.step(3)
         assert simulation.groups == {"lone": ("lone",), "robot": ("robot.0", "robot.1", "robot.2")}
@@ -98,7 +106,7 @@ def test_a_state_is_that_of_a_group_or_an_agent_by_columns(scenario):
             simulation.state("robot", "headin")
 
 
-def test_control_from_outside_replaces_the_controller_until_it_is_given_back(scenario):
+def test_control_from_outside_replaces_the_controller_until_it_is_given_back(scenario: Scenario) -> None:
     with scenario.start(output="a.mcap") as simulation:
         simulation.step()
         simulation.set_control("robot", [0.5, 0.0])
@@ -123,14 +131,14 @@ def test_control_from_outside_replaces_the_controller_until_it_is_given_back(sce
 
 
 @pytest.mark.parametrize("mode", ["synchronous", "asynchronous"])
-def test_control_of_an_agent_without_components_moves_it(scenario, mode):
+def test_control_of_an_agent_without_components_moves_it(scenario: Scenario, mode: Mode) -> None:
     with scenario.start(mode=mode) as simulation:
         simulation.set_control("lone", [1.0, -1.0])
         simulation.step(20)
         assert simulation.state("lone") == pytest.approx([10.0, 8.0])
 
 
-def test_the_model_limits_control_from_outside(scenario):
+def test_the_model_limits_control_from_outside(scenario: Scenario) -> None:
     with scenario.start(output="a.mcap") as simulation:
         simulation.set_control("robot.0", [99.0, 0.0])
         simulation.step()
@@ -148,7 +156,9 @@ def test_the_model_limits_control_from_outside(scenario):
         ("robot.0", [np.nan, 0.0], "is not finite"),
     ],
 )
-def test_control_that_does_not_fit_is_refused_and_changes_nothing(scenario, name, values, said):
+def test_control_that_does_not_fit_is_refused_and_changes_nothing(
+    scenario: Scenario, name: str, values: ArrayLike, said: str
+) -> None:
     with scenario.start() as simulation:
         with pytest.raises(ValueError, match=said):
             simulation.set_control(name, values)
@@ -157,7 +167,7 @@ def test_control_that_does_not_fit_is_refused_and_changes_nothing(scenario, name
             simulation.set_control("robots", [0.0, 0.0])
 
 
-def test_control_from_outside_holds_at_instants_between_steps_too(path):
+def test_control_from_outside_holds_at_instants_between_steps_too(path: Path) -> None:
     late = {"agents.robot.components.steer.period": 0.03}
     with sa.load(path, late).start(mode="asynchronous") as simulation:
         simulation.set_control("robot", [0.0, 2.0])
@@ -166,7 +176,7 @@ def test_control_from_outside_holds_at_instants_between_steps_too(path):
         assert (simulation.state("robot", "x", "y") == start).all()
 
 
-def test_events_are_those_of_the_last_call(scenario):
+def test_events_are_those_of_the_last_call(scenario: Scenario) -> None:
     with scenario.start() as simulation:
         assert [event.name for event in simulation.events] == ["started"]
         simulation.step()
@@ -175,7 +185,7 @@ def test_events_are_those_of_the_last_call(scenario):
         assert simulation.events[-1].name == "finished"
 
 
-def test_who_leaves_early_has_a_log_that_is_finished_and_ends_with_the_last_state(scenario):
+def test_who_leaves_early_has_a_log_that_is_finished_and_ends_with_the_last_state(scenario: Scenario) -> None:
     with scenario.start(output="a.mcap") as simulation:
         simulation.step(5)
         with pytest.raises(RuntimeError, match="goes on"):
@@ -188,8 +198,8 @@ def test_who_leaves_early_has_a_log_that_is_finished_and_ends_with_the_last_stat
     assert len(log.series("robot", "world").times) == 6
 
 
-def test_an_exception_that_leaves_the_block_finishes_the_log_and_goes_on(scenario):
-    def leave():
+def test_an_exception_that_leaves_the_block_finishes_the_log_and_goes_on(scenario: Scenario) -> None:
+    def leave() -> None:
         with scenario.start(output="a.mcap") as simulation:
             simulation.step(5)
             raise ZeroDivisionError
@@ -197,28 +207,29 @@ def test_an_exception_that_leaves_the_block_finishes_the_log_and_goes_on(scenari
     with pytest.raises(ZeroDivisionError):
         leave()
     log = sa.open_log("a.mcap")
+    assert log.outcome is not None
     assert log.outcome["status"] == "interrupted"
     assert list(log.events())[-1].text == "ended between two steps by ZeroDivisionError"
 
 
-def test_without_a_block_it_is_closed_by_hand(scenario):
+def test_without_a_block_it_is_closed_by_hand(scenario: Scenario) -> None:
     simulation = scenario.start(output="a.mcap")
     simulation.step()
     simulation.close()
     simulation.close()
-    assert sa.open_log("a.mcap").outcome["steps"] == 1
+    assert present(sa.open_log("a.mcap").outcome)["steps"] == 1
     assert simulation.done
 
 
-def test_a_failure_in_a_step_is_raised_and_finishes_the_log(path, doubles):
+def test_a_failure_in_a_step_is_raised_and_finishes_the_log(path: Path, doubles: Path) -> None:
     path.write_text(path.read_text().replace("steer:", "bad: {use: doubles.fault, with: {at: 0.5}}\n      steer:"))
     with pytest.raises(sa.RunFailedError) as caught, sa.load(path).start(output="a.mcap") as simulation:
         simulation.step(40)
     assert caught.value.time == 0.5
-    assert simulation.result.status == sa.open_log("a.mcap").outcome["status"] == "failed"
+    assert simulation.result.status == present(sa.open_log("a.mcap").outcome)["status"] == "failed"
 
 
-def test_between_two_steps_signals_are_the_callers(scenario):
+def test_between_two_steps_signals_are_the_callers(scenario: Scenario) -> None:
     before = signal.getsignal(signal.SIGINT)
     with scenario.start(output="a.mcap") as simulation:
         simulation.step()
@@ -229,34 +240,34 @@ def test_between_two_steps_signals_are_the_callers(scenario):
         assert simulation.finish().status == "finished"
 
 
-def test_ctrl_c_within_a_step_ends_the_run(path):
-    def press(event):
+def test_ctrl_c_within_a_step_ends_the_run(path: Path) -> None:
+    def press(event: Event) -> None:
         if event.name == "contact":
             signal.raise_signal(signal.SIGINT)
 
     with pytest.raises(sa.RunInterrupted), sa.load(path).start(output="a.mcap", on_event=press) as simulation:
         simulation.step(40)
     assert simulation.done
-    assert sa.open_log("a.mcap").outcome["status"] == "interrupted"
+    assert present(sa.open_log("a.mcap").outcome)["status"] == "interrupted"
 
 
-def test_ctrl_c_as_a_step_ends_is_not_kept_for_the_next(scenario):
+def test_ctrl_c_as_a_step_ends_is_not_kept_for_the_next(scenario: Scenario) -> None:
     with scenario.start(output="a.mcap") as simulation:
         simulation._simulation.events.subscribe("stepped", lambda event: signal.raise_signal(signal.SIGINT))
         with pytest.raises(sa.RunInterrupted):
             simulation.step()
-    assert sa.open_log("a.mcap").outcome["status"] == "interrupted"
+    assert present(sa.open_log("a.mcap").outcome)["status"] == "interrupted"
 
 
-def test_a_run_that_ends_by_its_condition_is_done_then(path):
+def test_a_run_that_ends_by_its_condition_is_done_then(path: Path) -> None:
     scenario = sa.load(path, {"run.until": "time >= 0.5"})
     with scenario.start(output="steps.mcap") as simulation:
         made = simulation.step(40)
     assert (made, simulation.result.status) == (10, "finished")
-    assert identity("steps.mcap") == identity(scenario.run(output="run.mcap").log_path)
+    assert identity("steps.mcap") == identity(present(scenario.run(output="run.mcap").log_path))
 
 
-def test_what_is_shown_tells_where_it_stands(scenario):
+def test_what_is_shown_tells_where_it_stands(scenario: Scenario) -> None:
     with scenario.start() as simulation:
         simulation.step(2)
         simulation.set_control("robot.0", [0.0, 0.0])

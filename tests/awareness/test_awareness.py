@@ -4,23 +4,23 @@ import numpy as np
 import pytest
 from simulating import Team, simulation
 
-from symaware_cli import AwarenessVector, TimeSeries
+from symaware_cli import Agent, AwarenessVector, Environment, TimeSeries
 
 
 @pytest.fixture
-def pair():
+def pair() -> tuple[tuple[Agent, ...], Environment]:
     """Two agents of one group, and the world they are in."""
     ready = simulation({"robot": Team(count=2)})
     return ready.groups[0].agents, ready.environment
 
 
-def test_two_vectors_share_no_default():
+def test_two_vectors_share_no_default() -> None:
     one, other = AwarenessVector("a", [0.0]), AwarenessVector("b", [0.0])
     one.intent = TimeSeries({0.0: [1.0]})
     assert len(other.intent) == len(other.risk) == len(other.uncertainty) == 0
 
 
-def test_a_vector_does_not_follow_the_array_it_was_made_from():
+def test_a_vector_does_not_follow_the_array_it_was_made_from() -> None:
     state = np.zeros(2)
     vector = AwarenessVector("a", state)
     state[:] = 5
@@ -29,7 +29,7 @@ def test_a_vector_does_not_follow_the_array_it_was_made_from():
         vector.state[0] = 1
 
 
-def test_what_an_agent_reads_of_itself_is_its_own_copy(pair):
+def test_what_an_agent_reads_of_itself_is_its_own_copy(pair: tuple[tuple[Agent, ...], Environment]) -> None:
     (agent, _), _ = pair
     agent.self_state[:] = 9
     agent.self_awareness.state[:] = 9
@@ -39,7 +39,9 @@ def test_what_an_agent_reads_of_itself_is_its_own_copy(pair):
     assert agent.control_input.tolist() == [0.0, 0.0]
 
 
-def test_what_an_agent_writes_of_itself_is_copied_and_reaches_nobody_else(pair):
+def test_what_an_agent_writes_of_itself_is_copied_and_reaches_nobody_else(
+    pair: tuple[tuple[Agent, ...], Environment],
+) -> None:
     (agent, other), _ = pair
     state, control = np.array([3.0, 4.0]), np.array([1.0, 1.0])
     agent.self_awareness.state = state
@@ -51,14 +53,16 @@ def test_what_an_agent_writes_of_itself_is_copied_and_reaches_nobody_else(pair):
     assert other.model.control_input.tolist() == [0.0, 0.0]
 
 
-def test_believing_something_moves_nobody(pair):
+def test_believing_something_moves_nobody(pair: tuple[tuple[Agent, ...], Environment]) -> None:
     (agent, _), world = pair
     agent.self_awareness.state = [100.0, 100.0]
     world.step()
     assert world.state(agent.group).tolist() == [[0.0, 0.0], [1.0, 0.0]]
 
 
-def test_the_truth_cannot_be_written_by_those_who_perceive_it(pair):
+def test_the_truth_cannot_be_written_by_those_who_perceive_it(
+    pair: tuple[tuple[Agent, ...], Environment],
+) -> None:
     (agent, _), world = pair
     snapshot = world.snapshot()
     truths = [world.state(agent.group), snapshot.state("robot.0"), snapshot.positions, snapshot.velocities]
@@ -67,7 +71,7 @@ def test_the_truth_cannot_be_written_by_those_who_perceive_it(pair):
             truth[...] = 5
 
 
-def test_a_snapshot_is_not_changed_by_later_steps(pair):
+def test_a_snapshot_is_not_changed_by_later_steps(pair: tuple[tuple[Agent, ...], Environment]) -> None:
     (agent, _), world = pair
     before = world.snapshot()
     agent.model.control_input = [1.0, 0.0]
@@ -80,7 +84,7 @@ def test_a_snapshot_is_not_changed_by_later_steps(pair):
     assert (before.time, world.snapshot().time) == (0, 150_000_000)
 
 
-def test_the_initial_state_stays_what_it_was(pair):
+def test_the_initial_state_stays_what_it_was(pair: tuple[tuple[Agent, ...], Environment]) -> None:
     (agent, _), world = pair
     agent.self_awareness.state = [5.0, 5.0]
     agent.model.control_input = [1.0, 0.0]
@@ -88,7 +92,9 @@ def test_the_initial_state_stays_what_it_was(pair):
     assert agent.group.initial_state.tolist() == [[0.0, 0.0], [1.0, 0.0]]
 
 
-def test_the_database_knows_oneself_from_the_start_and_nobody_else(pair):
+def test_the_database_knows_oneself_from_the_start_and_nobody_else(
+    pair: tuple[tuple[Agent, ...], Environment],
+) -> None:
     (agent, _), _ = pair
     database = agent.awareness_database
     assert list(database) == ["robot.0"]
@@ -98,7 +104,9 @@ def test_the_database_knows_oneself_from_the_start_and_nobody_else(pair):
         database["robot.1"]
 
 
-def test_what_one_wrote_of_others_stands_in_ones_own_database_only(pair):
+def test_what_one_wrote_of_others_stands_in_ones_own_database_only(
+    pair: tuple[tuple[Agent, ...], Environment],
+) -> None:
     (agent, other), _ = pair
     agent.awareness_database["robot.1"] = AwarenessVector("robot.1", [7.0, 7.0])
     agent.awareness_database["ghost"] = AwarenessVector("ghost", [8.0, 8.0, 0.0, 0.0])
@@ -109,7 +117,9 @@ def test_what_one_wrote_of_others_stands_in_ones_own_database_only(pair):
     assert "ghost" not in agent.awareness_database
 
 
-def test_who_perceives_everything_sees_all_through_one_snapshot_and_its_own_notes_win(pair):
+def test_who_perceives_everything_sees_all_through_one_snapshot_and_its_own_notes_win(
+    pair: tuple[tuple[Agent, ...], Environment],
+) -> None:
     (agent, other), world = pair
     agent.group.awareness.world = world.snapshot()
     assert list(agent.awareness_database) == ["robot.0", "robot.1"]
@@ -121,7 +131,7 @@ def test_who_perceives_everything_sees_all_through_one_snapshot_and_its_own_note
         agent.awareness_database["ghost"]
 
 
-def test_writing_ones_own_entry_writes_oneself(pair):
+def test_writing_ones_own_entry_writes_oneself(pair: tuple[tuple[Agent, ...], Environment]) -> None:
     (agent, _), _ = pair
     risk = TimeSeries({0.0: 0.5})
     agent.awareness_database["robot.0"] = AwarenessVector("robot.0", [2.0, 2.0], risk=risk)
@@ -129,7 +139,9 @@ def test_writing_ones_own_entry_writes_oneself(pair):
     assert agent.self_awareness.risk == risk
 
 
-def test_others_are_listed_in_an_order_that_does_not_depend_on_who_was_noticed_first(pair):
+def test_others_are_listed_in_an_order_that_does_not_depend_on_who_was_noticed_first(
+    pair: tuple[tuple[Agent, ...], Environment],
+) -> None:
     (agent, _), _ = pair
     for id in ("z", "a", "m"):
         agent.awareness_database[id] = AwarenessVector(id, [0.0, 0.0])

@@ -1,6 +1,7 @@
 """The awareness database: what one agent holds of others, looked up when it is asked."""
 
 import pickle
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
@@ -10,21 +11,23 @@ from symaware_cli import AwarenessVector, Component, PerceptionSystem, TimeSerie
 from symaware_cli.awareness.tracks import Tracks
 from symaware_cli.components.perception import OmniscientPerception, SelfPerception
 from symaware_cli.models.integrator import DoubleIntegrator
+from symaware_cli.runtime.simulation import Simulation
+from symaware_cli.world.snapshot import StatesById
 
 
 @pytest.fixture
-def ready():
+def ready() -> Simulation:
     """Three agents of one group in a world."""
     return simulation({"robot": Team(count=3)})
 
 
-def tracks(time, position):
+def tracks(time: int, position: Sequence[float]) -> Tracks:
     """The first agent believes the second to be somewhere."""
     pointers, others = np.array([0, 1, 1, 1]), np.array([1])
     return Tracks(time, pointers, others, np.array([position]), np.zeros((1, 2)), np.eye(4)[None])
 
 
-def test_a_view_tells_what_is_believed_now_and_not_what_was_when_it_was_asked_for(ready):
+def test_a_view_tells_what_is_believed_now_and_not_what_was_when_it_was_asked_for(ready: Simulation) -> None:
     group = ready.groups[0]
     database = group.agents[0].awareness_database
     group.awareness.seen = tracks(0, [1.0, 2.0])
@@ -38,7 +41,7 @@ def test_a_view_tells_what_is_believed_now_and_not_what_was_when_it_was_asked_fo
         view.state  # noqa: B018
 
 
-def test_one_part_of_what_is_believed_of_another_can_be_written_alone(ready):
+def test_one_part_of_what_is_believed_of_another_can_be_written_alone(ready: Simulation) -> None:
     group = ready.groups[0]
     database, plan = group.agents[0].awareness_database, TimeSeries({1.0: [9.0, 9.0]})
     group.awareness.seen = tracks(0, [1.0, 2.0])
@@ -52,9 +55,9 @@ def test_one_part_of_what_is_believed_of_another_can_be_written_alone(ready):
     assert "robot.1" not in group.agents[1].awareness_database.others
 
 
-def test_a_perception_that_returns_all_states_hands_over_one_table():
+def test_a_perception_that_returns_all_states_hands_over_one_table() -> None:
     class Sees(PerceptionSystem):
-        def _compute(self):
+        def _compute(self) -> StatesById:
             return self.environment.snapshot().states_by_id
 
     ready = simulation({"car": Team({"see": Sees}, model=DoubleIntegrator()), "robot": Team({"see": Sees}, count=2)})
@@ -72,7 +75,9 @@ def test_a_perception_that_returns_all_states_hands_over_one_table():
 
 
 @pytest.mark.parametrize("whole", [True, False])
-def test_a_dictionary_of_states_is_taken_over_whole_or_one_by_one_with_the_same_outcome(ready, whole):
+def test_a_dictionary_of_states_is_taken_over_whole_or_one_by_one_with_the_same_outcome(
+    ready: Simulation, whole: bool
+) -> None:
     agent = ready.groups[0].agents[1]
     states = {"robot.0": np.array([1.0, 2.0]), "robot.1": np.array([3.0, 4.0]), "robot.2": np.array([5.0, 6.0])}
     agent.awareness_database.set_states(states if whole else {**states, "robot.0": [1, 2]})
@@ -85,7 +90,7 @@ def test_a_dictionary_of_states_is_taken_over_whole_or_one_by_one_with_the_same_
     assert agent.awareness_database["robot.0"].state[0] == 1.0
 
 
-def test_views_are_kept_and_what_is_asked_for_everybody_makes_none(ready):
+def test_views_are_kept_and_what_is_asked_for_everybody_makes_none(ready: Simulation) -> None:
     group = ready.groups[0]
     group.awareness.world = ready.environment.snapshot()
     database = group.agents[0].awareness_database
@@ -95,7 +100,7 @@ def test_views_are_kept_and_what_is_asked_for_everybody_makes_none(ready):
     assert all(view is first[id] for id, view in database.items())
 
 
-def test_a_view_is_copied_and_sent_as_a_value(ready):
+def test_a_view_is_copied_and_sent_as_a_value(ready: Simulation) -> None:
     group = ready.groups[0]
     group.awareness.seen = tracks(0, [1.0, 2.0])
     copy = pickle.loads(pickle.dumps(group.agents[0].awareness_database["robot.1"]))
@@ -107,16 +112,16 @@ def test_a_view_is_copied_and_sent_as_a_value(ready):
 class Guesses(Component):
     """Writes where another goes and how risky that is, while it is perceived by others."""
 
-    def _compute(self):
+    def _compute(self) -> TimeSeries:
         return TimeSeries({1.0: [4.0, 5.0]})
 
-    def _update(self, value):
+    def _update(self, value: TimeSeries) -> None:
         for id, vector in self._agent.awareness_database.items():
             if id != self._agent.id:
                 vector.intent = value
 
 
-def test_what_components_of_agents_and_of_the_group_tell_stand_together():
+def test_what_components_of_agents_and_of_the_group_tell_stand_together() -> None:
     ready = simulation({"robot": Team({"see": OmniscientPerception, "guess": Guesses}, count=2)})
     execute(ready, 3)
     vector = ready.groups[0].agents[0].awareness_database["robot.1"]
@@ -124,7 +129,7 @@ def test_what_components_of_agents_and_of_the_group_tell_stand_together():
     assert vector.intent == TimeSeries({1.0: [4.0, 5.0]})
 
 
-def test_in_columns_it_is_what_the_views_tell():
+def test_in_columns_it_is_what_the_views_tell() -> None:
     ready = simulation({"robot": Team({"see": SelfPerception}, count=3)})
     execute(ready, 1)
     group = ready.groups[0]
@@ -135,4 +140,5 @@ def test_in_columns_it_is_what_the_views_tell():
     assert columns.others.tolist() == [1, 2]
     for id, motion in zip(("robot.1", "robot.2"), columns.motions, strict=True):
         assert database[id].state.tolist() == motion.tolist()
+    assert columns.covariances is not None
     assert np.array_equal(columns.covariances, [np.eye(4), np.zeros((4, 4))])

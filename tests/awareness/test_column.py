@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from simulating import untyped
 
 from symaware_cli import TimeSeries
 from symaware_cli.awareness.column import Column, SeriesColumn
@@ -21,7 +22,9 @@ operations = st.lists(
 
 
 @given(operations)
-def test_a_column_behaves_like_a_list_of_vectors_whose_readers_keep_what_they_read(steps):
+def test_a_column_behaves_like_a_list_of_vectors_whose_readers_keep_what_they_read(
+    steps: list[tuple[str, int, float]],
+) -> None:
     column, model, changed = Column(np.zeros((4, 2))), [[0.0, 0.0]] * 4, set(range(4))
     held = []
     for what, row, value in steps:
@@ -43,21 +46,21 @@ def test_a_column_behaves_like_a_list_of_vectors_whose_readers_keep_what_they_re
         assert array.tolist() == as_read
 
 
-def test_a_row_that_was_read_is_a_copy_that_may_be_written():
+def test_a_row_that_was_read_is_a_copy_that_may_be_written() -> None:
     column = Column([[1.0, 2.0]])
     row = column.row(0)
     row[:] = 9
     assert column.values.tolist() == [[1.0, 2.0]]
 
 
-def test_a_column_that_was_read_cannot_be_written():
+def test_a_column_that_was_read_cannot_be_written() -> None:
     column = Column([[1.0, 2.0]])
     column.set_row(0, [3, 4])
     with pytest.raises(ValueError, match="read-only"):
         column.values[0, 0] = 9
 
 
-def test_a_column_does_not_follow_the_array_it_was_given():
+def test_a_column_does_not_follow_the_array_it_was_given() -> None:
     given_array = np.zeros((2, 1))
     column = Column(given_array)
     given_array[:] = 5
@@ -67,7 +70,7 @@ def test_a_column_does_not_follow_the_array_it_was_given():
     assert column.values.tolist() == [[5.0], [5.0]]
 
 
-def test_a_read_only_view_of_somebody_elses_array_is_copied():
+def test_a_read_only_view_of_somebody_elses_array_is_copied() -> None:
     owner = np.zeros((2, 1))
     view = owner[:]
     view.flags.writeable = False
@@ -76,7 +79,7 @@ def test_a_read_only_view_of_somebody_elses_array_is_copied():
     assert column.values.tolist() == [[0.0], [0.0]]
 
 
-def test_a_vector_of_another_length_is_refused():
+def test_a_vector_of_another_length_is_refused() -> None:
     column = Column(np.zeros((2, 2)))
     for wrong in ([1.0], [1.0, 2.0, 3.0], 1.0, [[1.0, 2.0]]):
         with pytest.raises(ValueError, match="expected a vector"):
@@ -85,26 +88,28 @@ def test_a_vector_of_another_length_is_refused():
         column.values = np.zeros((3, 2))
 
 
-def test_rows_with_nan_or_infinity_are_found():
+def test_rows_with_nan_or_infinity_are_found() -> None:
     column = Column([[1.0, 2.0], [np.nan, 0.0], [0.0, -np.inf], [1e200, 1e200]])
     assert column.rows_beyond(1e308) == [1, 2]
 
 
 # Kernels of BLAS take up to 32 elements at once, so what they do with the rest shows in lengths beyond that.
 @given(st.lists(st.floats(allow_nan=True, allow_infinity=True), max_size=70), st.integers(0, 3))
-def test_a_finite_array_is_told_from_others_without_a_warning_even_where_its_squares_overflow(values, doublings):
+def test_a_finite_array_is_told_from_others_without_a_warning_even_where_its_squares_overflow(
+    values: list[float], doublings: int
+) -> None:
     values = values * 2**doublings
     assert is_finite(np.array([values])) == bool(np.isfinite(values).all())
 
 
-def test_every_agent_starts_with_an_empty_series_which_is_no_change():
+def test_every_agent_starts_with_an_empty_series_which_is_no_change() -> None:
     column = SeriesColumn(3)
     assert column.row(2) == TimeSeries()
     column.set_row(1, TimeSeries())
     assert column.take_changes() == []
 
 
-def test_series_of_a_whole_group_share_their_instants():
+def test_series_of_a_whole_group_share_their_instants() -> None:
     column = SeriesColumn(2)
     column.set([0, 10], [[1.0, 2.0], [3.0, 4.0]])
     assert column.take_changes() is None
@@ -112,7 +117,7 @@ def test_series_of_a_whole_group_share_their_instants():
     assert column.shared is not None
 
 
-def test_an_agents_own_series_wins_until_the_group_writes_again():
+def test_an_agents_own_series_wins_until_the_group_writes_again() -> None:
     column = SeriesColumn(2)
     column.set(0, [1.0, 2.0])
     column.set_row(1, TimeSeries({0.0: 9.0}))
@@ -122,7 +127,7 @@ def test_an_agents_own_series_wins_until_the_group_writes_again():
     assert column.row(1)[0.0].tolist() == [4.0]
 
 
-def test_taking_a_groups_changes_takes_those_of_its_rows_as_well():
+def test_taking_a_groups_changes_takes_those_of_its_rows_as_well() -> None:
     column = SeriesColumn(2)
     column.set_row(0, TimeSeries({0.0: 1.0}))
     column.set(0, [3.0, 4.0])
@@ -131,21 +136,24 @@ def test_taking_a_groups_changes_takes_those_of_its_rows_as_well():
 
 
 @pytest.mark.parametrize(("times", "values"), [(0, [1.0]), ([0, 1], [1.0, 2.0]), ([0], [[1.0, 2.0], [3.0, 4.0]])])
-def test_series_that_do_not_fit_the_group_are_refused(times, values):
+def test_series_that_do_not_fit_the_group_are_refused(
+    times: int | list[int], values: list[float | list[float]]
+) -> None:
     with pytest.raises(ValueError, match="expected values for 2 agents"):
         SeriesColumn(2).set(times, values)
 
 
-def test_series_of_a_group_ascend_in_time():
+def test_series_of_a_group_ascend_in_time() -> None:
     for times in ([0, 0], [5, 3]):
         with pytest.raises(ValueError, match="ascend"):
             SeriesColumn(1).set(times, [[1.0, 2.0]])
 
 
-def test_a_series_that_is_put_off_is_computed_once_when_it_is_first_read_and_counts_as_one_change():
-    column, calls = SeriesColumn(2), []
+def test_a_series_that_is_put_off_is_computed_once_when_it_is_first_read_and_counts_as_one_change() -> None:
+    column = SeriesColumn(2)
+    calls: list[None] = []
 
-    def compute():
+    def compute() -> tuple[list[int], list[list[float]]]:
         calls.append(None)
         return [0, 10], [[1.0, 2.0], [3.0, 4.0]]
 
@@ -159,7 +167,7 @@ def test_a_series_that_is_put_off_is_computed_once_when_it_is_first_read_and_cou
     assert column.take_changes() == []
 
 
-def test_what_is_written_after_a_series_was_put_off_wins():
+def test_what_is_written_after_a_series_was_put_off_wins() -> None:
     column = SeriesColumn(2)
     column.defer(lambda: ([0], [1.0, 2.0]))
     column.set_row(0, TimeSeries({0.0: 7.0}))
@@ -172,19 +180,19 @@ def test_what_is_written_after_a_series_was_put_off_wins():
     assert column.maximum() == (4.0, 1)
 
 
-def test_only_a_series_is_a_series():
+def test_only_a_series_is_a_series() -> None:
     with pytest.raises(TypeError, match="expected a TimeSeries, not dict"):
-        SeriesColumn(1).set_row(0, {0.0: 1.0})
+        SeriesColumn(1).set_row(0, untyped({0.0: 1.0}))
 
 
-def test_vectors_in_the_series_of_a_group_have_one_length():
+def test_vectors_in_the_series_of_a_group_have_one_length() -> None:
     column = SeriesColumn(2)
     column.set_row(0, TimeSeries({0.0: [1.0, 2.0]}))
     with pytest.raises(ValueError, match="vectors of 2"):
         column.set_row(1, TimeSeries({0.0: [1.0]}))
 
 
-def test_the_series_of_a_group_do_not_follow_the_array_they_were_given():
+def test_the_series_of_a_group_do_not_follow_the_array_they_were_given() -> None:
     column, values = SeriesColumn(1), np.array([[1.0]])
     column.set(0, values)
     values[:] = 5
@@ -195,10 +203,10 @@ def test_the_series_of_a_group_do_not_follow_the_array_they_were_given():
     st.lists(st.floats(-9, 9), min_size=3, max_size=3),
     st.dictionaries(st.integers(0, 2), st.floats(-9, 9) | st.none(), max_size=3),
 )
-def test_the_maximum_is_the_largest_value_in_force(shared, own):
+def test_the_maximum_is_the_largest_value_in_force(shared: list[float], own: dict[int, float | None]) -> None:
     column = SeriesColumn(3)
     column.set(0, shared)
-    values = dict(enumerate(shared))
+    values: dict[int, float | None] = dict(enumerate(shared))
     for row, value in own.items():
         column.set_row(row, TimeSeries() if value is None else TimeSeries({0.0: value}))
         values[row] = value
@@ -207,5 +215,6 @@ def test_the_maximum_is_the_largest_value_in_force(shared, own):
     if not present:
         assert found is None
     else:
+        assert found is not None
         assert found[0] == max(present.values())
         assert present[found[1]] == found[0]

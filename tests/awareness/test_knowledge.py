@@ -5,7 +5,7 @@ import pytest
 from symaware_cli import KnowledgeDatabase
 
 
-def test_new_knowledge_counts_as_changed():
+def test_new_knowledge_counts_as_changed() -> None:
     assert KnowledgeDatabase().changed
 
 
@@ -22,7 +22,7 @@ CHANGES = {
 
 
 @pytest.mark.parametrize("how", CHANGES)
-def test_every_way_to_change_it_is_noticed(how):
+def test_every_way_to_change_it_is_noticed(how: str) -> None:
     known = KnowledgeDatabase({"goal": 1})
     known.changed = False
     CHANGES[how](known)
@@ -30,7 +30,7 @@ def test_every_way_to_change_it_is_noticed(how):
     assert dict(known) != {"goal": 1}
 
 
-def test_reading_changes_nothing():
+def test_reading_changes_nothing() -> None:
     known = KnowledgeDatabase({"goal": 1})
     known.changed = False
     assert known["goal"] == known.get("goal") == 1
@@ -38,14 +38,14 @@ def test_reading_changes_nothing():
     assert not known.changed
 
 
-def test_what_an_agent_does_not_know_is_told_with_what_it_knows():
+def test_what_an_agent_does_not_know_is_told_with_what_it_knows() -> None:
     with pytest.raises(KeyError, match="does not know `gaol`; it knows goal, map"):
         KnowledgeDatabase({"map": 1, "goal": 2})["gaol"]
     with pytest.raises(KeyError, match="it knows nothing"):
         KnowledgeDatabase()["goal"]
 
 
-def test_it_does_not_follow_the_mapping_it_was_made_from():
+def test_it_does_not_follow_the_mapping_it_was_made_from() -> None:
     entries = {"goal": 1}
     known = KnowledgeDatabase(entries)
     entries["goal"] = 2

@@ -1,6 +1,8 @@
 """Parts of awareness: declared once, held in columns, said of others."""
 
 import pickle
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,16 +16,16 @@ MODES = Part("modes", "series")
 
 
 @pytest.fixture
-def awareness():
+def awareness() -> GroupAwareness:
     return GroupAwareness(np.zeros((3, 2)), "robot", (SHARES, MODES))
 
 
-def test_the_four_parts_that_every_group_has_are_declared_as_any_other():
+def test_the_four_parts_that_every_group_has_are_declared_as_any_other() -> None:
     assert [part.name for part in PARTS] == ["state", "intent", "uncertainty", "risk"]
     assert list(GroupAwareness(np.zeros((3, 2))).columns) == ["state", "intent", "uncertainty", "risk"]
 
 
-def test_a_vector_is_nan_and_not_worth_a_record_until_it_is_written(awareness):
+def test_a_vector_is_nan_and_not_worth_a_record_until_it_is_written(awareness: GroupAwareness) -> None:
     assert np.isnan(awareness["attention"]).all()
     assert awareness["attention"].shape == (3, 2)
     assert awareness.columns["attention"].take_changes() == []
@@ -31,7 +33,7 @@ def test_a_vector_is_nan_and_not_worth_a_record_until_it_is_written(awareness):
     assert awareness.columns["attention"].take_changes() is None
 
 
-def test_an_agent_reads_and_writes_its_own_row_of_any_part(awareness):
+def test_an_agent_reads_and_writes_its_own_row_of_any_part(awareness: GroupAwareness) -> None:
     own = SelfAwareness("robot.1", awareness, 1)
     own["attention"] = [0.25, 0.75]
     own["modes"] = TimeSeries({0.0: [1, 0]})
@@ -42,8 +44,9 @@ def test_an_agent_reads_and_writes_its_own_row_of_any_part(awareness):
     assert [name for name, _ in own.items()] == ["state", "intent", "uncertainty", "risk", "attention", "modes"]
 
 
-def test_a_part_that_nobody_declared_is_refused_with_those_that_there_are(awareness):
+def test_a_part_that_nobody_declared_is_refused_with_those_that_there_are(awareness: GroupAwareness) -> None:
     own = SelfAwareness("robot.1", awareness, 1)
+    refused: Callable[[], Any]
     for refused in (lambda: own["attenton"], lambda: awareness["attenton"]):
         with pytest.raises(KeyError, match=r"no part or signal `attenton`, only state, .*modes: a component declares"):
             refused()
@@ -51,19 +54,19 @@ def test_a_part_that_nobody_declared_is_refused_with_those_that_there_are(awaren
         own["attenton"] = [1.0]
 
 
-def test_a_series_of_a_group_is_set_with_its_instants(awareness):
+def test_a_series_of_a_group_is_set_with_its_instants(awareness: GroupAwareness) -> None:
     with pytest.raises(TypeError, match="series for each agent"):
         awareness["modes"] = np.zeros((3, 1))
     awareness["modes"].set(0, np.ones((3, 1, 2)))
     assert awareness["modes"].row(2).values.tolist() == [[1, 1]]
 
 
-def test_a_vector_of_an_unusual_length_is_refused(awareness):
+def test_a_vector_of_an_unusual_length_is_refused(awareness: GroupAwareness) -> None:
     with pytest.raises(ValueError, match="shape"):
         SelfAwareness("robot.1", awareness, 1)["attention"] = [1.0, 2.0, 3.0]
 
 
-def test_a_copy_has_all_parts_and_shares_none_of_what_changes(awareness):
+def test_a_copy_has_all_parts_and_shares_none_of_what_changes(awareness: GroupAwareness) -> None:
     own = SelfAwareness("robot.0", awareness, 0)
     own["attention"] = [0.5, 0.5]
     said = own.replaced(state=[1.0, 2.0])
@@ -76,14 +79,14 @@ def test_a_copy_has_all_parts_and_shares_none_of_what_changes(awareness):
     assert pickle.loads(pickle.dumps(said))["attention"].tolist() == [0.5, 0.5]
 
 
-def test_knowledge_holds_an_awareness_vector_that_cannot_be_changed_in_any_part():
+def test_knowledge_holds_an_awareness_vector_that_cannot_be_changed_in_any_part() -> None:
     known = readonly(AwarenessVector("a", [0.0], attention=[1.0]), "told")
     assert known["attention"].tolist() == [1.0]
     with pytest.raises(TypeError):
         known["attention"] = [0.0]
 
 
-def test_what_another_told_of_a_part_stands_beside_what_is_believed_of_its_state(awareness):
+def test_what_another_told_of_a_part_stands_beside_what_is_believed_of_its_state(awareness: GroupAwareness) -> None:
     database = AwarenessDatabase(SelfAwareness("robot.0", awareness, 0), awareness, 0)
     database.hear(AwarenessVector("robot.1", [9.0, 9.0], attention=[0.25, 0.75]), 0, alone=True)
     assert database["robot.1"]["attention"].tolist() == [0.25, 0.75]
@@ -108,6 +111,6 @@ def test_what_another_told_of_a_part_stands_beside_what_is_believed_of_its_state
         ({"name": "a", "columns": [Quantity("x", "m"), Quantity("x", "s")]}, "same name"),
     ],
 )
-def test_a_declaration_that_makes_no_sense_is_refused_where_it_stands(arguments, said):
+def test_a_declaration_that_makes_no_sense_is_refused_where_it_stands(arguments: dict[str, Any], said: str) -> None:
     with pytest.raises(ValueError, match=said):
         Part(**arguments)

@@ -4,19 +4,22 @@ import copy
 import pickle
 from array import array
 from collections import OrderedDict, UserList, deque, namedtuple
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from simulating import Team, simulate
+from simulating import Team, present, simulate
 from talking import Setting
 
-from symaware_cli import AwarenessVector, Component, KnowledgeDatabase, TimeSeries, open_log
+from symaware_cli import Agent, AgentGroup, AwarenessVector, Component, KnowledgeDatabase, TimeSeries, open_log
 from symaware_cli.components.communication.equality import same
 
-CHANGES = {
+CHANGES: dict[str, tuple[Any, Callable[[Any], object]]] = {
     "append to a list": ([1], lambda known: known.append(2)),
     "extend a list": ([1], lambda known: known.extend([2])),
     "add to a list in place": ([1], lambda known: known.__iadd__([2])),
@@ -50,7 +53,7 @@ CHANGES = {
 
 
 @pytest.mark.parametrize("how", CHANGES)
-def test_to_change_it_in_place_is_refused_with_the_assignment_to_write(how):
+def test_to_change_it_in_place_is_refused_with_the_assignment_to_write(how: str) -> None:
     value, change = CHANGES[how]
     known = KnowledgeDatabase({"bag": value})
     for database in (known, pickle.loads(pickle.dumps(known["bag"]))):
@@ -62,12 +65,12 @@ def test_to_change_it_in_place_is_refused_with_the_assignment_to_write(how):
 
 
 @pytest.mark.parametrize("how", CHANGES)
-def test_a_deep_copy_is_there_to_be_changed(how):
+def test_a_deep_copy_is_there_to_be_changed(how: str) -> None:
     value, change = CHANGES[how]
     change(copy.deepcopy(KnowledgeDatabase({"bag": value})["bag"]))
 
 
-def test_every_way_to_learn_something_makes_it_readonly():
+def test_every_way_to_learn_something_makes_it_readonly() -> None:
     known = KnowledgeDatabase({"start": [1]})
     known["set"] = [1]
     known.update({"update": [1]}, word=[1])
@@ -80,7 +83,7 @@ def test_every_way_to_learn_something_makes_it_readonly():
             value.append(2)
 
 
-def test_what_it_was_made_from_has_no_way_into_it():
+def test_what_it_was_made_from_has_no_way_into_it() -> None:
     array, inner = np.zeros(2), [1]
     known = KnowledgeDatabase({"goal": array, "bag": [inner]})
     array[0], inner[0] = 9.0, 9
@@ -92,7 +95,7 @@ def test_what_it_was_made_from_has_no_way_into_it():
         np.asarray(known["goal"])[0] = 9.0
 
 
-def test_one_reckons_with_arrays_and_lists_as_ever():
+def test_one_reckons_with_arrays_and_lists_as_ever() -> None:
     known = KnowledgeDatabase({"goal": np.array([3.0, 4.0]), "list": [3.0, 4.0]})
     state = np.array([1.0, 1.0])
     for goal in (known["goal"], known["list"]):
@@ -125,7 +128,7 @@ values = st.recursive(
 
 
 @given(values)
-def test_it_says_the_same_as_what_was_assigned(value):
+def test_it_says_the_same_as_what_was_assigned(value: Mapping[str, Mapping[str, Any]] | Pair | None) -> None:
     known = KnowledgeDatabase({"it": value})["it"]
     assert same(known, value)
     assert same(pickle.loads(pickle.dumps(known)), known)
@@ -133,15 +136,15 @@ def test_it_says_the_same_as_what_was_assigned(value):
 
 
 @pytest.mark.parametrize("kind", ["list", "mapping", "array", "deep"])
-def test_what_contains_itself_is_refused_where_it_is_written(kind, tmp_path):
+def test_what_contains_itself_is_refused_where_it_is_written(kind: str, tmp_path: Path) -> None:
     class Writes(Component):
-        def _compute(self):
+        def _compute(self) -> bool:
             return self._agent.row == 1 and self.time >= 0.1
 
-        def _update(self, value):
+        def _update(self, value: bool) -> None:
             if not value:
                 return
-            bag = {"list": [], "mapping": {}, "array": np.empty(1, object), "deep": []}[kind]
+            bag: Any = {"list": [], "mapping": {}, "array": np.empty(1, object), "deep": []}[kind]
             if kind == "list":
                 bag.append([bag])
             elif kind == "mapping":
@@ -156,20 +159,21 @@ def test_what_contains_itself_is_refused_where_it_is_written(kind, tmp_path):
     log = tmp_path / "log"
     summary = simulate({"robot": Team({"write": Writes}, count=2)}, 5, log)
     assert summary.status == "failed"
+    assert summary.failure is not None
     assert summary.failure.startswith(
         "agents.robot.1.write (test.write) failed at 0.1 s: ValueError: the knowledge `bag`"
     )
-    assert open_log(log).outcome["status"] == "failed"
+    assert present(open_log(log).outcome)["status"] == "failed"
 
 
-def test_an_agent_may_know_what_it_knows():
+def test_an_agent_may_know_what_it_knows() -> None:
     known = KnowledgeDatabase({"goal": 1})
     known["all"] = known
     assert known == {"goal": 1, "all": {"goal": 1}}
 
 
-def test_all_that_is_assigned_is_in_the_log(tmp_path):
-    def act(agent):
+def test_all_that_is_assigned_is_in_the_log(tmp_path: Path) -> None:
+    def act(agent: Agent) -> None:
         known = agent.self_knowledge
         known["bag"] = [*known["bag"], agent.surroundings.clock.now]
         known["goal"] = known["goal"] + 1.0
@@ -186,10 +190,10 @@ def test_all_that_is_assigned_is_in_the_log(tmp_path):
 
 
 class TestWhatAGroupKnows:
-    def group(self, *knowledge):
+    def group(self, *knowledge: Mapping[str, Any]) -> AgentGroup:
         return Team(count=len(knowledge), knowledge=knowledge).group("robot")
 
-    def test_is_the_same_array_until_something_changes(self):
+    def test_is_the_same_array_until_something_changes(self) -> None:
         robots = self.group({"goal": [1, 2], "map": 1}, {"goal": [3, 4], "map": 2})
         first = robots.known("goal")
         robots.knowledge[0]["map"] = 5
@@ -203,7 +207,7 @@ class TestWhatAGroupKnows:
         assert not second.flags.writeable
 
     @given(st.lists(st.tuples(st.integers(0, 4), st.integers(0, 3), st.integers(1, 3)), max_size=20))
-    def test_is_what_each_of_them_knows_after_any_changes(self, changes):
+    def test_is_what_each_of_them_knows_after_any_changes(self, changes: Sequence[tuple[int, int, int]]) -> None:
         robots = self.group(*({"goal": [float(row)], "line": [[0.0, row]]} for row in range(5)))
         for row, value, length in changes:
             robots.knowledge[row]["goal"] = [value]
@@ -214,7 +218,7 @@ class TestWhatAGroupKnows:
                 assert (line[count:] == line[count - 1]).all()
         assert robots.known("goal").tolist() == [list(own["goal"]) for own in robots.knowledge]
 
-    def test_that_is_not_numbers_of_one_shape_is_refused_again_and_again_until_it_is(self):
+    def test_that_is_not_numbers_of_one_shape_is_refused_again_and_again_until_it_is(self) -> None:
         robots = self.group({"goal": [1, 2]}, {"goal": [3, 4]})
         robots.known("goal")
         for bad in ([1], "text", None, [1j, 0], [[1, 2]]):

@@ -1,7 +1,10 @@
 """A signal is declared once; what makes no sense is refused where it is declared."""
 
+from typing import Any
+
 import numpy as np
 import pytest
+from simulating import present
 
 from symaware_cli import Part, Quantity, Signal
 from symaware_cli.core import GroupAwareness
@@ -21,22 +24,22 @@ POINTS = Signal("points", "table", PLACES, "points", "in the world")
         (("points", "vector", PLACES[:1], "points"), "takes columns `x` and `y`, or `distance` and `bearing`"),
     ],
 )
-def test_a_declaration_that_makes_no_sense_is_refused(arguments, said):
+def test_a_declaration_that_makes_no_sense_is_refused(arguments: tuple[Any, ...], said: str) -> None:
     with pytest.raises(ValueError, match=said):
         Signal(*arguments)
 
 
-def test_a_part_of_awareness_is_no_table():
+def test_a_part_of_awareness_is_no_table() -> None:
     with pytest.raises(ValueError, match="only a signal can be one"):
         Part("points", "table", PLACES)
 
 
-def test_a_signal_is_known_by_its_component_and_a_measurement_by_that_alone():
+def test_a_signal_is_known_by_its_component_and_a_measurement_by_that_alone() -> None:
     assert POINTS.field("look") == "look.points"
     assert Signal("measurement", "vector", PLACES).field("feel") == "feel"
 
 
-def test_signals_stand_among_the_columns_and_are_no_parts_of_awareness():
+def test_signals_stand_among_the_columns_and_are_no_parts_of_awareness() -> None:
     awareness = GroupAwareness(np.zeros((2, 2)), "robot", signals={"look.points": POINTS})
     awareness["look.points"] = [[[1, 2]], []]
     assert [len(table) for table in awareness["look.points"]] == [1, 0]
@@ -47,7 +50,7 @@ def test_signals_stand_among_the_columns_and_are_no_parts_of_awareness():
     "signal",
     [POINTS, Signal("effort", "vector", [Quantity("power", "W")]), Signal("plan", "series"), Part("mood", "series")],
 )
-def test_what_the_log_says_of_it_is_what_was_declared(signal):
+def test_what_the_log_says_of_it_is_what_was_declared(signal: Signal) -> None:
     field = signal.name if isinstance(signal, Part) else signal.field("look")
     info = ChannelInfo(
         topic=signal_topic("robot", field, signal), metadata=signal_metadata(signal), schema="", encoding="", count=0
@@ -55,8 +58,8 @@ def test_what_the_log_says_of_it_is_what_was_declared(signal):
     assert signal_of(info) == (field, signal)
 
 
-def test_a_way_of_drawing_that_is_not_known_is_left_out():
+def test_a_way_of_drawing_that_is_not_known_is_left_out() -> None:
     metadata = {**signal_metadata(POINTS), "drawn": "hologram"}
     info = ChannelInfo(topic="/agents/robot/points/look", metadata=metadata, schema="", encoding="", count=0)
-    field, signal = signal_of(info)
+    field, signal = present(signal_of(info))
     assert (field, signal.drawn, signal.columns) == ("look.points", None, PLACES)

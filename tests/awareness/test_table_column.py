@@ -1,12 +1,15 @@
 """A table for every agent: any number of rows, of which the column remembers whose were written."""
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 import pytest
 
 from symaware_cli.awareness.table_column import TableColumn
 
 
-def test_each_agent_has_as_many_rows_as_were_written():
+def test_each_agent_has_as_many_rows_as_were_written() -> None:
     column = TableColumn(3, 2)
     assert column.row(1).shape == (0, 2)
     column.set([[[1, 2]], [], [[3, 4], [5, 6]]])
@@ -15,7 +18,7 @@ def test_each_agent_has_as_many_rows_as_were_written():
     assert column.row(1).tolist() == [[7, 8]]
 
 
-def test_what_was_written_since_is_told_once():
+def test_what_was_written_since_is_told_once() -> None:
     column = TableColumn(3, 1)
     assert column.take_changes() == []
     column.set_row(2, [[1.0]])
@@ -26,7 +29,7 @@ def test_what_was_written_since_is_told_once():
     assert column.take_changes() == []
 
 
-def test_a_table_that_was_handed_out_never_changes():
+def test_a_table_that_was_handed_out_never_changes() -> None:
     column = TableColumn(1, 1)
     given = np.array([[1.0]])
     column.set([given])
@@ -46,6 +49,6 @@ def test_a_table_that_was_handed_out_never_changes():
         (lambda column: column.set_row(0, [1.0, 2.0]), r"not \(2,\)"),
     ],
 )
-def test_what_does_not_fit_is_refused(write, said):
+def test_what_does_not_fit_is_refused(write: Callable[..., Any], said: str) -> None:
     with pytest.raises(ValueError, match=said):
         write(TableColumn(2, 2))

@@ -1,5 +1,7 @@
 """Agents are views of the rows of their group."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from simulating import Team, simulation
@@ -8,12 +10,12 @@ from symaware_cli import AgentGroup, Entity
 from symaware_cli.models.integrator import SingleIntegrator
 
 
-def group(count=2, **options):
+def group(count: int = 2, **options: Any) -> AgentGroup:
     ids = [f"robot.{row}" for row in range(count)]
     return AgentGroup("robot", ids, SingleIntegrator(), Entity(), np.zeros((count, 2)), **options)
 
 
-def test_an_agent_shows_what_its_group_holds_and_writes_through():
+def test_an_agent_shows_what_its_group_holds_and_writes_through() -> None:
     robots = group()
     first, second = robots.agents
     robots.control_input = [[1.0, 2.0], [3.0, 4.0]]
@@ -24,14 +26,14 @@ def test_an_agent_shows_what_its_group_holds_and_writes_through():
     assert repr(first) == "Agent('robot.0')"
 
 
-def test_an_agents_model_has_the_dynamics_of_its_group():
+def test_an_agents_model_has_the_dynamics_of_its_group() -> None:
     agent = group().agents[0]
     assert agent.model.state[0].name == "x"
     assert agent.model.follow_velocity(np.zeros((1, 2)), np.ones((1, 2))).tolist() == [[1.0, 1.0]]
 
 
-def test_no_two_agents_share_knowledge_even_if_it_was_given_once():
-    shared = {"places": ["a", "b"], "map": {"a": [0.0, 0.0]}}
+def test_no_two_agents_share_knowledge_even_if_it_was_given_once() -> None:
+    shared: dict[str, Any] = {"places": ["a", "b"], "map": {"a": [0.0, 0.0]}}
     first, second = group(knowledge=[shared, shared]).agents
     first.self_knowledge["places"] = [*first.self_knowledge["places"], "c"]
     first.self_knowledge["extra"] = 1
@@ -40,20 +42,20 @@ def test_no_two_agents_share_knowledge_even_if_it_was_given_once():
     assert second.knowledge_database == {"robot.1": second.self_knowledge}
 
 
-def test_without_knowledge_each_agent_has_an_empty_database_of_its_own():
+def test_without_knowledge_each_agent_has_an_empty_database_of_its_own() -> None:
     first, second = group().agents
     first.self_knowledge["goal"] = 1
     assert "goal" not in second.self_knowledge
 
 
-def test_what_a_group_knows_comes_as_one_array():
+def test_what_a_group_knows_comes_as_one_array() -> None:
     robots = group(knowledge=[{"goal": [1, 2]}, {"goal": np.array([3.0, 4.0])}])
     assert robots.known("goal").tolist() == [[1.0, 2.0], [3.0, 4.0]]
     with pytest.raises(KeyError, match="does not know `home`"):
         robots.known("home")
 
 
-def test_agents_of_one_run_share_their_surroundings():
+def test_agents_of_one_run_share_their_surroundings() -> None:
     ready = simulation({"robot": Team(count=2), "car": Team()})
     seen = {id(agent.surroundings) for members in ready.groups for agent in members.agents}
     assert len(seen) == 1

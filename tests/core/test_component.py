@@ -3,21 +3,29 @@
 import asyncio
 import inspect
 import re
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from simulating import STEP, Team, execute, simulate, simulation
+from numpy.typing import NDArray
+from simulating import STEP, Command, Team, execute, simulate, simulation, untyped
 
 from symaware_cli import (
+    Agent,
+    AwarenessDatabase,
     CommunicationReceiver,
     CommunicationSender,
     Component,
     Controller,
+    Event,
     GroupComponent,
+    KnowledgeDatabase,
     Message,
     PerceptionSystem,
     RiskEstimator,
+    Snapshot,
     TimeSeries,
     UncertaintyEstimator,
     open_log,
@@ -36,8 +44,8 @@ class MyController(Controller):
 """
 
 
-def test_the_papers_controller_runs_unchanged_from_a_scenario(doubles, command, tmp_path):
-    assert PAPER in doubles.read_text()
+def test_the_papers_controller_runs_unchanged_from_a_scenario(doubles: Path, command: Command, tmp_path: Path) -> None:
+    assert PAPER in doubles.with_name("paper_controller.py").read_text()
     (tmp_path / "paper.yaml").write_text(
         """
 symaware: 1
@@ -59,35 +67,36 @@ agents:
     assert np.allclose(series.values[-1], np.array([[8.0, 0.0], [0.0, 8.0]]) * (1 - 0.95**100))
 
 
-def test_a_component_without_abstract_methods_implemented_cannot_be_made():
-    for family in (PerceptionSystem, RiskEstimator, UncertaintyEstimator, CommunicationSender, Controller):
+def test_a_component_without_abstract_methods_implemented_cannot_be_made() -> None:
+    families: list[Any] = [PerceptionSystem, RiskEstimator, UncertaintyEstimator, CommunicationSender, Controller]
+    for family in families:
         with pytest.raises(TypeError, match="_compute"):
             family()
     with pytest.raises(TypeError, match="_update"):
-        CommunicationReceiver()
+        untyped(CommunicationReceiver)()
 
 
 class SeesAhead(PerceptionSystem):
-    def _compute(self):
+    def _compute(self) -> dict[str, NDArray[np.float64] | list[float]]:
         return {self._agent.id: self.perceive_self_state() + 1, "ghost": [3.0, 4.0]}
 
 
 class SeesAll(PerceptionSystem):
-    def _compute(self):
+    def _compute(self) -> Snapshot:
         return self.environment.snapshot()
 
 
 class Fears(RiskEstimator):
-    def _compute(self):
+    def _compute(self) -> TimeSeries:
         return TimeSeries({self.time: 0.25 + self.agent.row})
 
 
 class Doubts(UncertaintyEstimator):
-    def _compute(self):
+    def _compute(self) -> TimeSeries:
         return TimeSeries({self.time: [0.1, 0.2]})
 
 
-def test_perception_writes_the_agents_own_state_and_those_of_others():
+def test_perception_writes_the_agents_own_state_and_those_of_others() -> None:
     ready = simulation({"robot": Team({"see": SeesAhead}, count=2)})
     execute(ready, 1)
     agent = ready.groups[0].agents[1]
@@ -96,7 +105,7 @@ def test_perception_writes_the_agents_own_state_and_those_of_others():
     assert ready.environment.state(ready.groups[0]).tolist() == [[0.0, 0.0], [1.0, 0.0]]
 
 
-def test_perceiving_others_anew_keeps_what_else_was_known_of_them():
+def test_perceiving_others_anew_keeps_what_else_was_known_of_them() -> None:
     ready = simulation({"robot": Team({"see": SeesAhead})})
     ready.initialise()
     see = ready.entries[0].components[0]
@@ -107,7 +116,7 @@ def test_perceiving_others_anew_keeps_what_else_was_known_of_them():
     assert database["ghost"].risk == TimeSeries({0.0: 0.7})
 
 
-def test_one_agent_of_a_group_may_perceive_everything():
+def test_one_agent_of_a_group_may_perceive_everything() -> None:
     ready = simulation({"robot": Team({"see": SeesAll}, count=2), "car": Team()})
     execute(ready, 1)
     agents = {agent.id: agent for group in ready.groups for agent in group.agents}
@@ -115,30 +124,31 @@ def test_one_agent_of_a_group_may_perceive_everything():
     assert list(agents["car"].awareness_database) == ["car"]
 
 
-def test_risk_and_uncertainty_reach_the_awareness_and_the_summary():
+def test_risk_and_uncertainty_reach_the_awareness_and_the_summary() -> None:
     ready = simulation({"robot": Team({"fear": Fears, "doubt": Doubts}, count=2)})
     summary = execute(ready, 3)
     agent = ready.groups[0].agents[1]
     assert agent.self_awareness.risk == TimeSeries({0.1: 1.25})
     assert agent.self_awareness.uncertainty == TimeSeries({0.1: [0.1, 0.2]})
+    assert summary.highest_risk is not None
     assert (summary.highest_risk.value, summary.highest_risk.who) == (1.25, ("robot.1",))
 
 
 class Counts(Component):
-    def _compute(self):
+    def _compute(self) -> int:
         return 41
 
-    def _update(self, value):
+    def _update(self, value: int) -> None:
         self.result = value + 1
 
 
-def test_a_turn_computes_then_updates_with_events_around_both():
+def test_a_turn_computes_then_updates_with_events_around_both() -> None:
     ready = simulation({"robot": Team({"count": Counts})})
     seen = []
     for name in ("computing", "computed", "updating", "updated"):
         ready.events.subscribe(name, lambda event: seen.append((event.name, event.source, event.time)))
     ready.initialise()
-    component = ready.entries[0].components[0]
+    component: Any = ready.entries[0].components[0]
     assert component.compute_and_update() == 41
     assert component.result == 42
     expected = [(name, "agents.robot.count", 0) for name in ("computing", "computed", "updating", "updated")]
@@ -148,38 +158,38 @@ def test_a_turn_computes_then_updates_with_events_around_both():
     assert seen == expected
 
 
-def test_the_asynchronous_turn_of_a_component_may_wait():
+def test_the_asynchronous_turn_of_a_component_may_wait() -> None:
     class Waits(Component):
-        def _compute(self):
+        def _compute(self) -> None:
             raise NotImplementedError
 
-        def _update(self, value):
+        def _update(self, value: Any) -> None:
             raise NotImplementedError
 
-        async def _async_compute(self):
+        async def _async_compute(self) -> str:
             await asyncio.sleep(0)
             return "answer"
 
-        async def _async_update(self, value):
+        async def _async_update(self, value: str) -> None:
             await asyncio.sleep(0)
             self.result = value
 
     ready = simulation({"robot": Team({"wait": Waits})})
     ready.initialise()
-    component = ready.entries[0].components[0]
+    component: Any = ready.entries[0].components[0]
     assert asyncio.run(component.async_compute_and_update()) == "answer"
     assert component.result == "answer"
 
 
-def test_a_component_needs_no_constructor_that_knows_of_parameters():
+def test_a_component_needs_no_constructor_that_knows_of_parameters() -> None:
     class Bare(Component):
-        def __init__(self):
+        def __init__(self) -> None:
             self.turns = 0
 
-        def _compute(self):
+        def _compute(self) -> None:
             self.turns += 1
 
-        def _update(self, value):
+        def _update(self, value: Any) -> None:
             assert self.agent.id == "robot"
             assert self.path == "agents.robot.bare"
             assert self.time == self.now / 1e9
@@ -188,24 +198,24 @@ def test_a_component_needs_no_constructor_that_knows_of_parameters():
 
 
 class Draws(Component):
-    def _compute(self):
+    def _compute(self) -> float:
         return self.random.random()
 
-    def _update(self, value):
+    def _update(self, value: float) -> None:
         self._agent.self_awareness.risk = TimeSeries({self.time: value})
 
 
 class GroupDraws(GroupComponent):
-    def _compute(self):
+    def _compute(self) -> NDArray[np.float64]:
         return self.random.uniform(1)[:, 0]
 
-    def _update(self, value):
+    def _update(self, value: NDArray[np.float64]) -> None:
         self._group.awareness.risk.set(self.now, value)
 
 
 @pytest.mark.parametrize("kind", [Draws, GroupDraws])
-def test_what_an_agent_draws_depends_on_its_path_and_the_seed_only(kind):
-    def drawn(teams, seed=7):
+def test_what_an_agent_draws_depends_on_its_path_and_the_seed_only(kind: type[Component | GroupComponent]) -> None:
+    def drawn(teams: Mapping[str, Team], seed: int = 7) -> dict[str, float]:
         ready = simulation(teams, seed=seed)
         execute(ready, 2)
         return {agent.id: agent.self_awareness.risk[0.05][0] for group in ready.groups for agent in group.agents}
@@ -219,19 +229,19 @@ def test_what_an_agent_draws_depends_on_its_path_and_the_seed_only(kind):
 
 
 class Speaks(CommunicationSender):
-    def _compute(self):
+    def _compute(self) -> list[Message]:
         return [Message(self._agent.id, "robot.1", {"state": self._agent.self_state})]
 
 
 class Listens(CommunicationReceiver):
-    def _update(self, value):
+    def _update(self, value: Sequence[Message]) -> None:
         self.heard = [*getattr(self, "heard", []), [(self.now, message.sent_time) for message in value]]
 
 
-def test_a_message_sent_in_a_step_is_read_in_the_next():
+def test_a_message_sent_in_a_step_is_read_in_the_next() -> None:
     ready = simulation({"robot": Team({"speak": Speaks, "listen": Listens}, count=2)})
     execute(ready, 3)
-    assert ready.entries[1].components[1].heard == [
+    assert untyped(ready.entries[1].components[1]).heard == [
         [],
         [(STEP, 0), (STEP, 0)],
         [(2 * STEP, STEP), (2 * STEP, STEP)],
@@ -239,17 +249,17 @@ def test_a_message_sent_in_a_step_is_read_in_the_next():
 
 
 class Tells(GroupComponent):
-    def _compute(self):
+    def _compute(self) -> None:
         return None
 
-    def _update(self, value):
+    def _update(self, value: Any) -> None:
         self.emit_for(1, "noticed", "saw it", distance=2.0)
         self.emit("counted", number=len(self.group))
 
 
-def test_events_of_a_group_component_name_the_agent_they_are_about():
+def test_events_of_a_group_component_name_the_agent_they_are_about() -> None:
     ready = simulation({"robot": Team({"tell": Tells}, count=2)})
-    seen = []
+    seen: list[Event] = []
     ready.events.subscribe("*", seen.append, "agents.*")
     execute(ready, 1)
     told = [(event.name, event.source, event.text, dict(event.data)) for event in seen]
@@ -257,25 +267,27 @@ def test_events_of_a_group_component_name_the_agent_they_are_about():
     assert ("counted", "agents.robot.tell", "", {"number": 2}) in told
 
 
-def test_a_component_can_subscribe_to_its_own_events():
+def test_a_component_can_subscribe_to_its_own_events() -> None:
     heard = []
 
     class Echo(Component):
-        def initialise_component(self, agent, awareness, knowledge):
+        def initialise_component(
+            self, agent: Agent, awareness: AwarenessDatabase, knowledge: Mapping[str, KnowledgeDatabase]
+        ) -> None:
             super().initialise_component(agent, awareness, knowledge)
             self.subscribe("shout", lambda event: heard.append(event.source))
 
-        def _compute(self):
+        def _compute(self) -> None:
             return None
 
-        def _update(self, value):
+        def _update(self, value: Any) -> None:
             self.emit("shout")
 
     simulate({"robot": Team({"echo": Echo}, count=2)}, steps=1)
     assert heard == ["agents.robot.0.echo", "agents.robot.1.echo"]
 
 
-def test_every_public_name_can_be_imported_and_is_documented():
+def test_every_public_name_can_be_imported_and_is_documented() -> None:
     import symaware_cli
 
     for name in symaware_cli.__all__:
@@ -285,7 +297,7 @@ def test_every_public_name_can_be_imported_and_is_documented():
         _ = symaware_cli.nonsense
 
 
-def test_the_core_imports_nothing_above_it():
+def test_the_core_imports_nothing_above_it() -> None:
     source = Path(inspect.getfile(Component)).parent
     imports = {
         name

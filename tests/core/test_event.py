@@ -1,26 +1,33 @@
 """Events reach whoever subscribed, also when subscribers come, go and fail while one fires."""
 
+from functools import partial
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from symaware_cli import Event
-from symaware_cli.core import EventBus, SubscriberError
+from symaware_cli.core import EventBus, SubscriberError, Subscription
 
 
-def arrived(source="agents.robot.0.steer", name="arrived"):
+def arrived(source: str = "agents.robot.0.steer", name: str = "arrived") -> Event:
     return Event(name, source, 0)
 
 
-def test_subscribers_are_told_in_the_order_in_which_they_subscribed():
-    bus, told = EventBus(), []
+def test_subscribers_are_told_in_the_order_in_which_they_subscribed() -> None:
+    bus = EventBus()
+    told: list[int] = []
+
+    def note(number: int, event: Event) -> None:
+        told.append(number)
+
     for number, name in enumerate(["arrived", "*", "arrived", "*", "arrived"]):
-        bus.subscribe(name, lambda event, number=number: told.append(number))
+        bus.subscribe(name, partial(note, number))
     bus.fire(arrived())
     assert told == [0, 1, 2, 3, 4]
 
 
-def test_what_a_subscriber_causes_is_told_after_its_cause_to_those_who_subscribed_before():
+def test_what_a_subscriber_causes_is_told_after_its_cause_to_those_who_subscribed_before() -> None:
     bus, told = EventBus(), []
     bus.subscribe("*", lambda event: told.append(event.name))
     bus.subscribe("arrived", lambda event: bus.fire(arrived(name="celebrated")))
@@ -28,10 +35,10 @@ def test_what_a_subscriber_causes_is_told_after_its_cause_to_those_who_subscribe
     assert told == ["arrived", "celebrated"]
 
 
-def test_a_subscriber_added_while_an_event_fires_hears_from_the_next_one_on():
+def test_a_subscriber_added_while_an_event_fires_hears_from_the_next_one_on() -> None:
     bus, told = EventBus(), []
 
-    def add(event):
+    def add(event: Event) -> None:
         bus.subscribe("arrived", lambda event: told.append("added"))
 
     first = bus.subscribe("arrived", add)
@@ -42,7 +49,7 @@ def test_a_subscriber_added_while_an_event_fires_hears_from_the_next_one_on():
     assert told == ["added"]
 
 
-def test_a_subscriber_cancelled_while_an_event_fires_hears_no_more_at_once():
+def test_a_subscriber_cancelled_while_an_event_fires_hears_no_more_at_once() -> None:
     bus, told = EventBus(), []
     bus.subscribe("arrived", lambda event: second.cancel())
     second = bus.subscribe("arrived", lambda event: told.append("second"))
@@ -51,10 +58,10 @@ def test_a_subscriber_cancelled_while_an_event_fires_hears_no_more_at_once():
     assert told == []
 
 
-def test_a_subscriber_may_cancel_itself_and_cancel_twice():
+def test_a_subscriber_may_cancel_itself_and_cancel_twice() -> None:
     bus, told = EventBus(), []
 
-    def once(event):
+    def once(event: Event) -> None:
         told.append(event.name)
         subscription.cancel()
         subscription.cancel()
@@ -65,10 +72,10 @@ def test_a_subscriber_may_cancel_itself_and_cancel_twice():
     assert told == ["arrived"]
 
 
-def test_a_subscriber_that_raises_keeps_nobody_else_from_being_told():
+def test_a_subscriber_that_raises_keeps_nobody_else_from_being_told() -> None:
     bus, told = EventBus(), []
 
-    def broken(event):
+    def broken(event: Event) -> None:
         raise ZeroDivisionError("no")
 
     bus.subscribe("arrived", broken)
@@ -92,14 +99,15 @@ def test_a_subscriber_that_raises_keeps_nobody_else_from_being_told():
         ("AGENTS.*", False),
     ],
 )
-def test_a_source_pattern_picks_whose_events_are_heard(pattern, heard):
-    bus, told = EventBus(), []
+def test_a_source_pattern_picks_whose_events_are_heard(pattern: str, heard: bool) -> None:
+    bus = EventBus()
+    told: list[Event] = []
     bus.subscribe("arrived", told.append, pattern)
     bus.fire(arrived())
     assert bool(told) == heard
 
 
-def test_a_star_stands_for_every_event_but_those_that_recur():
+def test_a_star_stands_for_every_event_but_those_that_recur() -> None:
     bus, told = EventBus(), []
     bus.subscribe("*", lambda event: told.append(event.name))
     for name in ("arrived", "computed", "stepping", "sent", "failed", "anything"):
@@ -107,11 +115,11 @@ def test_a_star_stands_for_every_event_but_those_that_recur():
     assert told == ["arrived", "failed", "anything"]
 
 
-def test_nobody_has_to_listen():
+def test_nobody_has_to_listen() -> None:
     EventBus().fire(arrived())
 
 
-def test_of_what_comes_from_muted_sources_nobody_is_told():
+def test_of_what_comes_from_muted_sources_nobody_is_told() -> None:
     bus, told = EventBus(), []
     bus.subscribe("*", lambda event: told.append(event.source))
     with bus.muted({"agents.robot.0.steer"}):
@@ -121,7 +129,7 @@ def test_of_what_comes_from_muted_sources_nobody_is_told():
     assert told == ["agents.robot.1.steer", "agents.robot.0.steer"]
 
 
-def test_hot_paths_can_see_who_listens():
+def test_hot_paths_can_see_who_listens() -> None:
     bus = EventBus()
     assert not bus.wanted
     assert not bus.turns_wanted
@@ -133,12 +141,21 @@ def test_hot_paths_can_see_who_listens():
 
 
 @given(st.lists(st.tuples(st.sampled_from("sfcx"), st.integers(0, 9)), max_size=40))
-def test_any_sequence_of_subscribing_cancelling_and_firing_tells_exactly_the_active(steps):
-    bus, subscriptions, told, active = EventBus(), [], [], []
+def test_any_sequence_of_subscribing_cancelling_and_firing_tells_exactly_the_active(
+    steps: list[tuple[str, int]],
+) -> None:
+    bus = EventBus()
+    told: list[int] = []
+    active: list[int] = []
+    subscriptions: list[Subscription] = []
+
+    def note(number: int, event: Event) -> None:
+        told.append(number)
+
     for what, number in steps:
         if what == "s":
             mine = len(subscriptions)
-            subscriptions.append(bus.subscribe("arrived", lambda event, mine=mine: told.append(mine)))
+            subscriptions.append(bus.subscribe("arrived", partial(note, mine)))
             active.append(mine)
         elif what in "cx" and subscriptions:
             mine = number % len(subscriptions)

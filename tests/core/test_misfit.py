@@ -1,10 +1,12 @@
 """What `_compute` returns and `_update` cannot take is told in plain words, in both modes."""
 
 import re
+from typing import Any
 
 import numpy as np
 import pytest
-from simulating import STEP, Team, simulate
+from numpy.typing import NDArray
+from simulating import STEP, Team, present, simulate, untyped
 
 from symaware_cli import (
     CommunicationSender,
@@ -44,19 +46,20 @@ WAYS = {
 }
 
 
-def failure(kind, value, timing, options):
-    class Wrong(kind):
-        def _compute(self):
+def failure(kind: Any, value: Any, timing: Timing, options: RunOptions) -> str:
+    class Wrong(kind):  # type: ignore[misc] # a class of each family
+        def _compute(self) -> Any:
             return value
 
     summary = simulate({"robot": Team({"it": Wrong}, timings={"it": timing})}, 4, options=options)
     assert summary.status == "failed"
+    assert summary.failure is not None
     return summary.failure
 
 
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("what", WRONG)
-def test_what_is_expected_is_told(what, way):
+def test_what_is_expected_is_told(what: str, way: str) -> None:
     kind, value, expected = WRONG[what]
     told = failure(kind, value, *WAYS[way])
     assert re.search(expected, told), told
@@ -66,47 +69,48 @@ def test_what_is_expected_is_told(what, way):
 
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("asynchronous", [False, True])
-def test_the_papers_own_update_is_told_the_same(way, asynchronous):
+def test_the_papers_own_update_is_told_the_same(way: str, asynchronous: bool) -> None:
     class Paper(Controller):
-        def _compute(self):
+        def _compute(self) -> Any:
             return None
 
-        def _update(self, value):
+        def _update(self, value: Any) -> None:
             control_input, intent = value
             self._agent.model.control_input = control_input
             self._agent.self_awareness.intent = intent
 
     class Waits(Paper):
-        async def _async_compute(self):
+        async def _async_compute(self) -> Any:
             return self._compute()
 
     timing, options = WAYS[way]
     team = Team({"it": Waits if asynchronous else Paper}, timings={"it": timing})
     told = simulate({"robot": team}, 4, options=options).failure
-    assert "returned nothing (None): a controller returns its control input" in told
+    assert "returned nothing (None): a controller returns its control input" in present(told)
 
 
-def test_a_failure_of_an_update_that_takes_something_else_is_its_own():
+def test_a_failure_of_an_update_that_takes_something_else_is_its_own() -> None:
     class Own(Controller):
-        def _compute(self):
+        def _compute(self) -> tuple[NDArray[np.float64], TimeSeries, str]:
             return GOOD, TimeSeries(), "more"
 
-        def _update(self, value):
+        def _update(self, value: tuple[NDArray[np.float64], TimeSeries, str]) -> None:
             raise ValueError("of its own")
 
-    assert "ValueError: of its own" in simulate({"robot": Team({"it": Own})}, 1).failure
+    assert "ValueError: of its own" in present(simulate({"robot": Team({"it": Own})}, 1).failure)
 
 
-def test_a_failure_of_compute_is_not_blamed_on_the_value_before():
+def test_a_failure_of_compute_is_not_blamed_on_the_value_before() -> None:
     class Second(Controller):
-        def _compute(self):
+        def _compute(self) -> tuple[NDArray[np.float64], TimeSeries, str]:
             if self._agent.row:
-                _first, _second = None
+                _first, _second = untyped(None)
             return GOOD, TimeSeries(), "more"
 
-        def _update(self, value):
+        def _update(self, value: tuple[NDArray[np.float64], TimeSeries, str]) -> None:
             super()._update(value[:2])
 
     told = simulate({"robot": Team({"it": Second}, count=2)}, 1).failure
+    assert told is not None
     assert told.startswith("agents.robot.1.it")
     assert "cannot unpack" in told

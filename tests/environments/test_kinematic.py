@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from scipy import stats
-from simulating import Team, simulate
+from simulating import Team, made, simulate
 
 from symaware_cli.core import AgentGroup, Entity, GroupComponent, WorldError
 from symaware_cli.environments.kinematic import KinematicEnvironment
@@ -14,10 +14,6 @@ from symaware_cli.models.linear import Linear
 from symaware_cli.models.unicycle import Unicycle
 from symaware_cli.recording.reader import open_log
 from symaware_cli.world.integration import euler, rk4
-
-
-def made(kind, **parameters):
-    return kind(kind.Parameters(**parameters))
 
 
 def group_of(model, count=1, name="robot", ids=None, state=None):

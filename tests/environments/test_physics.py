@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pybullet
 import pytest
-from simulating import Team, moved, simulate
+from simulating import Team, made, moved, simulate
 
 from symaware_cli.components.perception_range import RangePerception
 from symaware_cli.core import AgentGroup, Entity, Obstacle, WorldError
@@ -31,10 +31,6 @@ CRATE = {"box": {"length": 0.4, "width": 0.4, "height": 0.4}}
 @pytest.fixture(params=KINDS)
 def kind(request):
     return KINDS[request.param]
-
-
-def made(kind, **parameters):
-    return kind(kind.Parameters(**parameters))
 
 
 def ball(x, velocity=None, *, y=0.0, mass=1.0, **more):

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from simulating import moved
+from simulating import made, moved
 
 from symaware_cli import open_log
 from symaware_cli.core import AgentGroup, Entity, Obstacle, WorldError
@@ -39,10 +39,6 @@ URDF = """<robot name="post"><link name="base">
 <inertial><mass value="2"/><inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial>
 <collision><geometry><{shape}/></geometry></collision></link></robot>
 """
-
-
-def made(kind, **parameters):
-    return kind(kind.Parameters(**parameters))
 
 
 def world(obstacles=None, groups=(), folder=Path(), **parameters):

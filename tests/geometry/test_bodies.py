@@ -14,7 +14,7 @@ from symaware_cli.geometry.proximity import Proximity
 
 @settings(max_examples=40)
 @given(st.integers(0, 2**32 - 1), st.sampled_from([2, 12, 70]), st.sampled_from([1.0, 2.5, 8.0]))
-def test_the_nearest_two_are_those_of_all_pairs_of_outlines(seed, count, room):
+def test_the_nearest_two_are_those_of_all_pairs_of_outlines(seed: int, count: int, room: float) -> None:
     random = np.random.default_rng(seed)
     kinds = [random_shape(random) for _ in range(3)]
     counts = np.bincount(random.integers(3, size=count), minlength=3)
@@ -34,7 +34,7 @@ def test_the_nearest_two_are_those_of_all_pairs_of_outlines(seed, count, room):
             least = found.gap
 
 
-def test_bodies_in_one_place_are_as_deep_in_each_other_as_they_are_wide():
+def test_bodies_in_one_place_are_as_deep_in_each_other_as_they_are_wide() -> None:
     discs = Bodies([([(0.0, 0.0)], 0.5), None], [2, 1])
     assert discs.nearest(np.zeros((3, 2)), np.zeros(3), Proximity()) == (-1.0, 0, 1)
     assert discs.some(np.array([0, 2])).nearest(np.zeros((2, 2)), np.zeros(2), Proximity()) == (-0.5, 0, 1)

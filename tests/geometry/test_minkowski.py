@@ -5,7 +5,9 @@ import pytest
 import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 from outlines import distance, placed, random_core, random_shape
+from shapely import Polygon
 
 from symaware_cli.geometry.minkowski import cornered, loosened, meeting_places, within
 from symaware_cli.geometry.pieces import Pieces, separation_from_points
@@ -13,7 +15,7 @@ from symaware_cli.geometry.pieces import Pieces, separation_from_points
 seeds = st.integers(0, 2**32 - 1)
 
 
-def random_pieces(random, count):
+def random_pieces(random: np.random.Generator, count: int) -> tuple[Pieces, list[tuple[NDArray[np.float64], float]]]:
     """Discs, capsules, boxes and polygons around the origin, turned anyhow; as pieces and as cores."""
     listed = []
     for _ in range(count):
@@ -26,14 +28,14 @@ def random_pieces(random, count):
     return Pieces.of(listed), listed
 
 
-def shape_of(core, rounding):
+def shape_of(core: NDArray[np.float64], rounding: float) -> Polygon:
     hull = shapely.MultiPoint(core).convex_hull
     return hull.buffer(rounding, quad_segs=256) if rounding else hull
 
 
 @settings(max_examples=40)
 @given(seeds)
-def test_two_bodies_overlap_where_one_lies_in_the_meeting_places_of_the_other(seed):
+def test_two_bodies_overlap_where_one_lies_in_the_meeting_places_of_the_other(seed: int) -> None:
     random = np.random.default_rng(seed)
     (first, ones), (second, others) = random_pieces(random, 8), random_pieces(random, 8)
     places = random.uniform(-3, 3, (8, 2))
@@ -47,7 +49,7 @@ def test_two_bodies_overlap_where_one_lies_in_the_meeting_places_of_the_other(se
 
 @settings(max_examples=40)
 @given(seeds)
-def test_polygons_around_rounded_pieces_hold_them_and_are_hardly_wider(seed):
+def test_polygons_around_rounded_pieces_hold_them_and_are_hardly_wider(seed: int) -> None:
     pieces, listed = random_pieces(np.random.default_rng(seed), 8)
     for vertices, (core, rounding) in zip(cornered(pieces).vertices, listed, strict=True):
         # Edges without length are no matter to Shapely.
@@ -58,7 +60,7 @@ def test_polygons_around_rounded_pieces_hold_them_and_are_hardly_wider(seed):
 
 @settings(max_examples=40)
 @given(seeds)
-def test_a_loosened_piece_holds_the_piece_at_each_of_its_angles(seed):
+def test_a_loosened_piece_holds_the_piece_at_each_of_its_angles(seed: int) -> None:
     random = np.random.default_rng(seed)
     pieces, _ = random_pieces(random, 8)
     angles = random.choice([0.0, 0.05, 0.4, 2.0, np.pi, 9.0], 8)
@@ -72,7 +74,7 @@ def test_a_loosened_piece_holds_the_piece_at_each_of_its_angles(seed):
 
 @settings(max_examples=60)
 @given(seeds)
-def test_a_point_is_within_a_piece_from_when_until_when_dense_sampling_finds_it_there(seed):
+def test_a_point_is_within_a_piece_from_when_until_when_dense_sampling_finds_it_there(seed: int) -> None:
     random = np.random.default_rng(seed)
     (first, _), (second, _) = random_pieces(random, 16), random_pieces(random, 16)
     pieces = meeting_places(first, second)
@@ -88,7 +90,7 @@ def test_a_point_is_within_a_piece_from_when_until_when_dense_sampling_finds_it_
     assert ((apart < 0.0) == said)[np.abs(apart) > 1e-9].all()
 
 
-def test_there_is_no_time_where_points_pass_by_and_all_time_where_they_stand_within():
+def test_there_is_no_time_where_points_pass_by_and_all_time_where_they_stand_within() -> None:
     box = Pieces.of([([(-1, -1), (1, -1), (1, 1), (-1, 1)], 0.0)] * 3)
     start, end = within(np.array([[-5, 1.5], [0, 0], [5, 0]]), np.array([[1.0, 0], [0, 0], [-1, 0]]), box)
     assert start[0] > end[0]

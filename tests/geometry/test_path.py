@@ -1,5 +1,7 @@
 """Where something is that moves along a path."""
 
+from typing import Any
+
 import pytest
 from pydantic import ValidationError
 
@@ -23,20 +25,20 @@ PATH = {"times": (1.0, 2.0, 4.0), "positions": ((0, 0), (2, 0), (2, 6)), "headin
     ],
 )
 def test_what_moves_goes_straight_from_position_to_position_and_rests_before_and_after(
-    time, position, heading, velocity, turn_rate
-):
+    time: float, position: tuple[int, int], heading: float, velocity: tuple[int, int], turn_rate: float
+) -> None:
     assert Obstacle(shape=DISC, path=ScriptedPath(**PATH)).pose(time) == (position, heading, velocity, turn_rate)
 
 
 @pytest.mark.parametrize("turns", [0, 1, 7])
 @pytest.mark.parametrize("time", [1.0, 1.5, 2.0, 3.5])
-def test_what_repeats_begins_anew_at_the_last_time(turns, time):
+def test_what_repeats_begins_anew_at_the_last_time(turns: int, time: float) -> None:
     path, once = ScriptedPath(**PATH, repeat=True), ScriptedPath(**PATH)
     assert path.pose(time + 3.0 * turns) == once.pose(time)
     assert path.pose(0.5) == once.pose(0.5), "it rests before the first time"
 
 
-def test_a_course_leads_to_where_the_path_is_next():
+def test_a_course_leads_to_where_the_path_is_next() -> None:
     path = ScriptedPath(**PATH)
     assert path.course(1.5, 0.5) == path.pose(1.5)
     # A turn at half of the span: 1 m along x and 1.5 m along y.
@@ -44,7 +46,7 @@ def test_a_course_leads_to_where_the_path_is_next():
 
 
 @pytest.mark.parametrize("early", [0.25, 1e-9])
-def test_a_jump_is_no_motion(early):
+def test_a_jump_is_no_motion(early: float) -> None:
     jumping = ScriptedPath(**PATH, repeat=True)
     assert jumping.course(4.0 - early, 0.5) == jumping.pose(4.0 - early)
     assert jumping.course(7.0 - early, 0.5) == jumping.pose(7.0 - early)
@@ -53,12 +55,12 @@ def test_a_jump_is_no_motion(early):
     assert turning.course(1.0 - early, 0.5).turn_rate == 6.0
 
 
-def test_a_path_that_closes_goes_on_where_it_begins_anew():
+def test_a_path_that_closes_goes_on_where_it_begins_anew() -> None:
     path = ScriptedPath(times=(0, 1, 2), positions=((0, 0), (1, 0), (0, 0)), repeat=True)
     assert path.course(1.75, 0.5) == ((0.25, 0), 0.0, (0, 0), 0.0)
 
 
-def test_without_headings_what_moves_keeps_its_own():
+def test_without_headings_what_moves_keeps_its_own() -> None:
     path = ScriptedPath(times=(0, 1), positions=((0, 0), (1, 0)))
     assert [Obstacle(shape=DISC, heading=0.7, path=path).pose(time).heading for time in (-1, 0.5, 2)] == [0.7] * 3
 
@@ -74,6 +76,6 @@ def test_without_headings_what_moves_keeps_its_own():
         ({"positions": ((0, 0), (1, 1), (1,))}, "2 or 3 coordinates are needed, not 1"),
     ],
 )
-def test_a_path_that_does_not_fit_together_is_refused(change, said):
+def test_a_path_that_does_not_fit_together_is_refused(change: dict[str, tuple[Any, ...]], said: str) -> None:
     with pytest.raises(ValidationError, match=said):
         ScriptedPath(**{**PATH, **change})

@@ -4,6 +4,7 @@ import numpy as np
 import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 from outlines import distance, outline, placed, random_core, random_shape
 
 from symaware_cli.geometry.pieces import Pieces, separation
@@ -11,7 +12,7 @@ from symaware_cli.geometry.pieces import Pieces, separation
 seeds = st.integers(0, 2**32 - 1)
 
 
-def random_pieces(random, count, corners):
+def random_pieces(random: np.random.Generator, count: int, corners: int) -> list[tuple[NDArray[np.float64], float]]:
     """Pieces of at most so many corners, not far from the origin; some have the same place, or stand in a row."""
     pieces = []
     for _ in range(count):
@@ -32,7 +33,9 @@ def random_pieces(random, count, corners):
 
 @settings(max_examples=60)
 @given(seeds, st.sampled_from([1, 2, 8]), st.sampled_from([1, 2, 8]))
-def test_two_pieces_are_as_far_apart_as_their_minkowski_difference_is_from_the_origin(seed, some, others):
+def test_two_pieces_are_as_far_apart_as_their_minkowski_difference_is_from_the_origin(
+    seed: int, some: int, others: int
+) -> None:
     random = np.random.default_rng(seed)
     first, second = random_pieces(random, 20, some), random_pieces(random, 20, others)
     found = separation(Pieces.of(first), Pieces.of(second))
@@ -47,7 +50,7 @@ def test_two_pieces_are_as_far_apart_as_their_minkowski_difference_is_from_the_o
 
 
 @given(seeds)
-def test_moved_apart_by_their_overlap_two_pieces_just_touch(seed):
+def test_moved_apart_by_their_overlap_two_pieces_just_touch(seed: int) -> None:
     random = np.random.default_rng(seed)
     first, second = random_pieces(random, 20, 6), random_pieces(random, 20, 6)
     found = separation(Pieces.of(first), Pieces.of(second))
@@ -58,7 +61,7 @@ def test_moved_apart_by_their_overlap_two_pieces_just_touch(seed):
 
 @settings(max_examples=10)
 @given(seeds)
-def test_no_two_points_of_two_outlines_are_nearer_than_the_distance(seed):
+def test_no_two_points_of_two_outlines_are_nearer_than_the_distance(seed: int) -> None:
     random = np.random.default_rng(seed)
     one, other = (random_core(random, 5), 0.0), (random_core(random, 2) + np.array([3.0, 0.0]), 0.3)
     found = separation(Pieces.of([one]), Pieces.of([other])).distance[0]
@@ -67,7 +70,7 @@ def test_no_two_points_of_two_outlines_are_nearer_than_the_distance(seed):
     assert found - 1e-4 < between.min() < found + 0.02
 
 
-def test_the_points_of_parallel_edges_are_in_their_middle():
+def test_the_points_of_parallel_edges_are_in_their_middle() -> None:
     lower = ([(0, 0), (4, 0), (4, 1), (0, 1)], 0.0)
     upper = ([(3, 2), (9, 2), (9, 3), (3, 3)], 0.0)
     found = separation(Pieces.of([lower, upper]), Pieces.of([upper, lower]))
@@ -76,7 +79,7 @@ def test_the_points_of_parallel_edges_are_in_their_middle():
     np.testing.assert_allclose(found.second, [(3.5, 2), (3.5, 1)])
 
 
-def test_pieces_in_one_line_overlap_only_where_they_do():
+def test_pieces_in_one_line_overlap_only_where_they_do() -> None:
     line, point = ([(0, 0), (1, 0)], 0.0), ([(3, 0)], 0.25)
     behind, within = ([(2, 0), (5, 0)], 0.0), ([(0.5, 0), (9, 0)], 0.0)
     found = separation(Pieces.of([line] * 3), Pieces.of([point, behind, within]))
@@ -85,7 +88,7 @@ def test_pieces_in_one_line_overlap_only_where_they_do():
 
 
 @given(seeds)
-def test_a_placed_piece_is_turned_about_the_origin_and_then_moved(seed):
+def test_a_placed_piece_is_turned_about_the_origin_and_then_moved(seed: int) -> None:
     random = np.random.default_rng(seed)
     shape, position, heading = random_shape(random), random.uniform(-9, 9, 2), random.uniform(-9, 9)
     turned = Pieces.of(shape.pieces).placed(position[None], np.array([heading]))

@@ -1,16 +1,18 @@
 """Near pairs, against looking at all of them."""
 
 import itertools
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from symaware_cli.geometry.proximity import Proximity
 
 
-def near(positions, reach):
+def near(positions: NDArray[np.float64], reach: float) -> set[tuple[int, int]]:
     """All pairs within reach, by brute force."""
     distance = np.sqrt(((positions[:, None] - positions[None]) ** 2).sum(axis=2))
     return {(i, j) for i, j in itertools.combinations(range(len(positions)), 2) if distance[i, j] <= reach}
@@ -31,7 +33,7 @@ walks = st.fixed_dictionaries(
 
 @settings(max_examples=60)
 @given(walks)
-def test_every_pair_within_reach_is_found_whatever_was_asked_before(walk):
+def test_every_pair_within_reach_is_found_whatever_was_asked_before(walk: dict[str, Any]) -> None:
     random = np.random.default_rng(walk["seed"])
     proximity = Proximity()
     positions = random.uniform(-walk["extent"], walk["extent"], (walk["count"], walk["dimensions"]))
@@ -51,7 +53,7 @@ def test_every_pair_within_reach_is_found_whatever_was_asked_before(walk):
 
 @settings(max_examples=30)
 @given(walks)
-def test_the_nearest_two_are_as_near_as_the_nearest_of_all_pairs(walk):
+def test_the_nearest_two_are_as_near_as_the_nearest_of_all_pairs(walk: dict[str, Any]) -> None:
     random = np.random.default_rng(walk["seed"])
     positions = random.uniform(-walk["extent"], walk["extent"], (walk["count"], walk["dimensions"]))
     first, second = np.triu_indices(len(positions), 1)
@@ -59,19 +61,19 @@ def test_the_nearest_two_are_as_near_as_the_nearest_of_all_pairs(walk):
     assert Proximity().nearest(positions) == pytest.approx(expected, rel=1e-12)
 
 
-def test_two_bodies_in_one_place_are_near_at_reach_zero():
+def test_two_bodies_in_one_place_are_near_at_reach_zero() -> None:
     positions = np.zeros((100, 2))
     assert len(Proximity().pairs(positions, 0.0).first) == 100 * 99 // 2
 
 
 @pytest.mark.parametrize("count", [0, 1])
-def test_fewer_than_two_bodies_have_no_pairs(count):
+def test_fewer_than_two_bodies_have_no_pairs(count: int) -> None:
     positions = np.zeros((count, 2))
     assert len(Proximity().pairs(positions, 1.0).first) == 0
     assert Proximity().nearest(positions) == np.inf
 
 
-def test_a_crowd_that_shrinks_or_grows_is_looked_at_anew():
+def test_a_crowd_that_shrinks_or_grows_is_looked_at_anew() -> None:
     proximity, random = Proximity(), np.random.default_rng(1)
     for count in (100, 150, 70, 10, 200):
         positions = random.uniform(-5, 5, (count, 2))

@@ -1,9 +1,13 @@
 """What of the scenery is near or in the way, against dense sampling and Shapely."""
 
+from collections.abc import Iterator, Mapping
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 from outlines import distance, placed, random_shape
 from simulating import Team
 
@@ -13,7 +17,7 @@ from symaware_cli.environments.kinematic import KinematicEnvironment
 seeds = st.integers(0, 2**32 - 1)
 
 
-def random_obstacles(random, count, moving=False):
+def random_obstacles(random: np.random.Generator, count: int, moving: bool = False) -> dict[str, Obstacle]:
     obstacles = {}
     for number in range(count):
         if random.random() < 0.4:
@@ -22,7 +26,7 @@ def random_obstacles(random, count, moving=False):
         else:
             shape = random_shape(random)
         if moving and random.random() < 0.5:
-            place = {
+            place: dict[str, Any] = {
                 "path": ScriptedPath(
                     times=(0.0, 1.0, 3.0),
                     positions=[tuple(position) for position in random.uniform(-5, 5, (3, 2))],
@@ -36,7 +40,9 @@ def random_obstacles(random, count, moving=False):
     return obstacles
 
 
-def pieces_at(obstacles, time):
+def pieces_at(
+    obstacles: Mapping[str, Obstacle], time: float
+) -> Iterator[tuple[int, tuple[NDArray[np.float64], float]]]:
     """Every piece with the index of its obstacle, in order."""
     for index, obstacle in enumerate(obstacles.values()):
         pose = obstacle.pose(time)
@@ -46,10 +52,12 @@ def pieces_at(obstacles, time):
 
 @settings(max_examples=30)
 @given(seeds, st.integers(0, 12), st.integers(0, 30), st.floats(0, 8))
-def test_nearest_finds_each_piece_within_reach_of_each_point_and_nothing_else(seed, count, points, reach):
+def test_nearest_finds_each_piece_within_reach_of_each_point_and_nothing_else(
+    seed: int, count: int, many: int, reach: float
+) -> None:
     random = np.random.default_rng(seed)
     obstacles = random_obstacles(random, count, moving=True)
-    points = random.uniform(-7, 7, (points, random.integers(2, 4)))
+    points = random.uniform(-7, 7, (many, random.integers(2, 4)))
     found = Scenery(obstacles, 2_500_000_000).nearest(points, reach)
     expected = [
         (row, index, apart, piece)
@@ -67,7 +75,7 @@ def test_nearest_finds_each_piece_within_reach_of_each_point_and_nothing_else(se
     )
 
 
-def test_nearest_can_have_a_reach_for_each_point():
+def test_nearest_can_have_a_reach_for_each_point() -> None:
     scenery = Scenery({"post": Obstacle(shape=Shape(circle=Circle(radius=1.0)), position=(0, 0))})
     points = np.array([[4.0, 0.0], [4.0, 0.0], [0.5, 0.0], [0.0, 0.0]])
     found = scenery.nearest(points, np.array([2.9, 3.0, 0.0, 0.0]))
@@ -78,7 +86,7 @@ def test_nearest_can_have_a_reach_for_each_point():
 
 @settings(max_examples=30)
 @given(seeds)
-def test_the_velocity_of_an_obstacle_is_that_of_the_point_of_it(seed):
+def test_the_velocity_of_an_obstacle_is_that_of_the_point_of_it(seed: int) -> None:
     random = np.random.default_rng(seed)
     obstacles = random_obstacles(random, 6, moving=True)
     scenery, later = Scenery(obstacles, 2_000_000_000), Scenery(obstacles, 2_000_010_000)
@@ -93,7 +101,7 @@ def test_the_velocity_of_an_obstacle_is_that_of_the_point_of_it(seed):
 
 @settings(max_examples=30)
 @given(seeds, st.integers(0, 8))
-def test_a_line_is_blocked_where_it_goes_through_an_obstacle(seed, count):
+def test_a_line_is_blocked_where_it_goes_through_an_obstacle(seed: int, count: int) -> None:
     random = np.random.default_rng(seed)
     obstacles = random_obstacles(random, count, moving=True)
     origins, targets = np.round(random.uniform(-7, 7, (2, 60, 2)), 1)
@@ -116,14 +124,14 @@ def test_a_line_is_blocked_where_it_goes_through_an_obstacle(seed, count):
     ],
     ids=lambda shape: getattr(shape, "kind", ""),
 )
-def test_a_line_that_only_grazes_an_obstacle_is_free(shape, grazing):
+def test_a_line_that_only_grazes_an_obstacle_is_free(shape: Shape, grazing: float) -> None:
     scenery = Scenery({"it": Obstacle(shape=shape, position=(0, 0))})
     height = np.array([grazing, grazing - 1e-6, grazing + 1e-6, 0.0])
     origins, targets = np.c_[np.full(4, -5.0), height], np.c_[np.full(4, 5.0), height]
     assert scenery.blocks(origins, targets).tolist() == [False, True, False, True]
 
 
-def test_a_line_that_ends_before_an_obstacle_or_begins_behind_it_is_free_and_one_inside_is_not():
+def test_a_line_that_ends_before_an_obstacle_or_begins_behind_it_is_free_and_one_inside_is_not() -> None:
     scenery = Scenery({"box": Obstacle(shape=Shape(box=Box(length=2.0, width=2.0)), position=(0, 0))})
     lines = np.array(
         [[[-3, 0], [-1.5, 0]], [[3, 0], [1.5, 0]], [[-0.5, 0], [0.5, 0]], [[0, 0], [0, 0]], [[0, 0], [9, 0]]]
@@ -131,14 +139,14 @@ def test_a_line_that_ends_before_an_obstacle_or_begins_behind_it_is_free_and_one
     assert scenery.blocks(lines[:, 0], lines[:, 1]).tolist() == [False, False, True, True, True]
 
 
-def test_walls_leave_no_gap_at_their_corners():
+def test_walls_leave_no_gap_at_their_corners() -> None:
     scenery = Scenery({"wall": Obstacle(shape=Shape(wall=Wall(points=[(0, 0), (2, 0), (2, 2)], thickness=0.4)))})
     outside = 0.19 * np.array([np.cos(-np.pi / 4), np.sin(-np.pi / 4)]) + [2, 0]
     assert (scenery.nearest(outside[None], 0.0).distance < 0).all()
     assert len(scenery.nearest(outside[None], 0.0).row) == 2, "an entry for each segment"
 
 
-def test_many_lines_are_looked_at_part_by_part(monkeypatch):
+def test_many_lines_are_looked_at_part_by_part(monkeypatch: pytest.MonkeyPatch) -> None:
     random = np.random.default_rng(3)
     scenery = Scenery(random_obstacles(random, 10))
     origins, targets = random.uniform(-7, 7, (2, 500, 2))
@@ -149,27 +157,27 @@ def test_many_lines_are_looked_at_part_by_part(monkeypatch):
         np.testing.assert_array_equal(one, other)
 
 
-def test_without_obstacles_nothing_is_near_and_nothing_in_the_way():
+def test_without_obstacles_nothing_is_near_and_nothing_in_the_way() -> None:
     scenery = Scenery({})
     assert len(scenery) == 0
     assert [len(each) for each in scenery.nearest(np.zeros((3, 2)), 9.0)] == [0] * 5
     assert scenery.blocks(np.zeros((3, 2)), np.ones((3, 2))).tolist() == [False] * 3
 
 
-def world(obstacles):
+def world(obstacles: Mapping[str, Obstacle]) -> KinematicEnvironment:
     environment = KinematicEnvironment(KinematicEnvironment.Parameters(time_step=0.5))
     environment.initialise([Team().group("robot")], obstacles, 7)
     return environment
 
 
-def test_scenery_that_stands_still_is_built_once():
+def test_scenery_that_stands_still_is_built_once() -> None:
     environment = world({"post": Obstacle(shape=Shape(circle=Circle(radius=1.0)), position=(3, 0))})
     before = environment.scenery
     environment.step()
     assert environment.scenery is before
 
 
-def test_scenery_that_moves_is_shared_within_a_step_and_never_changed():
+def test_scenery_that_moves_is_shared_within_a_step_and_never_changed() -> None:
     path = ScriptedPath(times=(0, 1), positions=((0, 0), (4, 0)))
     environment = world({"cart": Obstacle(shape=Shape(circle=Circle(radius=1.0)), path=path)})
     before = environment.scenery

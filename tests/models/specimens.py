@@ -1,7 +1,10 @@
 """One of every model that ships with SymAware, in every number of dimensions."""
 
 import numpy as np
+from numpy.typing import NDArray
+from simulating import made
 
+from symaware_cli import Model
 from symaware_cli.models.aircraft import DubinsAircraft
 from symaware_cli.models.bicycle import Bicycle
 from symaware_cli.models.integrator import DoubleIntegrator, SingleIntegrator
@@ -9,11 +12,6 @@ from symaware_cli.models.linear import Linear
 from symaware_cli.models.quadrotor import Quadrotor
 from symaware_cli.models.racecar import Racecar
 from symaware_cli.models.unicycle import Unicycle
-
-
-def made(kind, **parameters):
-    return kind(kind.Parameters(**parameters))
-
 
 #: x+ = x + u + w, the robots of the warehouse in /docs/models.md.
 WALK = {
@@ -57,18 +55,19 @@ SPECIMENS = {
 VEHICLES = {"racecar": made(Racecar, max_speed=1.3, min_speed=-0.4), "quadrotor": made(Quadrotor)}
 
 
-def step_of(model):
+def step_of(model: Model) -> float:
     """A step that the model can take [s]."""
     return model.time_step or 0.05
 
 
-def numbers(random, count, width):
+def numbers(random: np.random.Generator, count: int, width: int) -> NDArray[np.float64]:
     """Numbers of many magnitudes, with zeros among them."""
     scale = random.choice([0.0, 1e-12, 0.1, 1.0, 10.0, 1e3], size=(count, width))
-    return random.normal(size=(count, width)) * scale
+    result: NDArray[np.float64] = random.normal(size=(count, width)) * scale
+    return result
 
 
-def states_and_inputs(model, count, seed=0):
+def states_and_inputs(model: Model, count: int, seed: int = 0) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Ordinary states, and control inputs within the limits."""
     random = np.random.default_rng(seed)
     state = random.normal(size=(count, len(model.state))) * 3.0

@@ -1,15 +1,21 @@
 """What holds for every model that ships with SymAware."""
 
+from collections.abc import Iterator
 from importlib import metadata
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from specimens import SPECIMENS, VEHICLES, made, numbers, states_and_inputs, step_of
+from numpy.typing import NDArray
+from simulating import made, present, untyped
+from specimens import SPECIMENS, VEHICLES, numbers, states_and_inputs, step_of
 
+from symaware_cli import Model
 from symaware_cli.models.aircraft import DubinsAircraft
 from symaware_cli.models.bicycle import Bicycle
+from symaware_cli.models.heading import HeadingModel
 from symaware_cli.models.integrator import DoubleIntegrator, SingleIntegrator
 from symaware_cli.models.unicycle import Unicycle
 from symaware_cli.world.integration import derivative, euler, rk4
@@ -19,8 +25,9 @@ every_model = pytest.mark.parametrize("model", EVERYTHING.values(), ids=EVERYTHI
 steerable = pytest.mark.parametrize("model", [model for name, model in SPECIMENS.items() if name != "linear, coupled"])
 
 
-def outcomes(model, state, control_input, velocity, factor):
-    """Everything that a model can be asked for a group."""
+def outcomes(model: Model, *arrays: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
+    """Everything that a model can be asked for a group: states, control inputs, velocities, factors."""
+    state, control_input, velocity, factor = arrays
     step = step_of(model)
     limited = model.limit(control_input)
     yield limited
@@ -39,11 +46,11 @@ def outcomes(model, state, control_input, velocity, factor):
         return
 
 
-def bits(arrays):
+def bits(arrays: Iterator[NDArray[np.float64]] | list[NDArray[np.float64]]) -> list[bytes]:
     return [np.ascontiguousarray(array).tobytes() for array in arrays]
 
 
-def test_every_model_that_is_registered_is_tested_here():
+def test_every_model_that_is_registered_is_tested_here() -> None:
     registered = {
         entry.name
         for entry in metadata.entry_points(group="symaware.models")
@@ -55,7 +62,7 @@ def test_every_model_that_is_registered_is_tested_here():
 @every_model
 @settings(max_examples=40)
 @given(count=st.integers(1, 40), seed=st.integers(0, 2**32 - 1))
-def test_what_becomes_of_a_row_does_not_depend_on_the_rows_around_it(model, count, seed):
+def test_what_becomes_of_a_row_does_not_depend_on_the_rows_around_it(model: Model, count: int, seed: int) -> None:
     random = np.random.default_rng(seed)
     arrays = [
         numbers(random, count, len(model.state)),
@@ -78,7 +85,7 @@ def test_what_becomes_of_a_row_does_not_depend_on_the_rows_around_it(model, coun
 
 
 @every_model
-def test_one_row_among_ten_thousand_is_what_it_is_alone(model):
+def test_one_row_among_ten_thousand_is_what_it_is_alone(model: Model) -> None:
     state, control_input = states_and_inputs(model, 10_000)
     velocity, factor = state[:, : len(model.position)], np.full(10_000, 0.3)
     everybody = list(outcomes(model, state, control_input, velocity, factor))
@@ -89,7 +96,7 @@ def test_one_row_among_ten_thousand_is_what_it_is_alone(model):
 
 
 @every_model
-def test_a_model_changes_nothing_that_it_is_given(model):
+def test_a_model_changes_nothing_that_it_is_given(model: Model) -> None:
     state, control_input = states_and_inputs(model, 5)
     velocity, factor = np.ones((5, len(model.position))), np.full(5, 0.5)
     for array in (state, control_input, velocity, factor):
@@ -99,7 +106,7 @@ def test_a_model_changes_nothing_that_it_is_given(model):
 
 
 @every_model
-def test_a_model_names_its_quantities_and_where_among_them_the_position_is(model):
+def test_a_model_names_its_quantities_and_where_among_them_the_position_is(model: Model) -> None:
     assert len({quantity.name for quantity in model.state}) == len(model.state) > 0
     assert len({quantity.name for quantity in model.control_input}) == len(model.control_input) > 0
     assert [model.state[index].unit for index in model.position] == ["m"] * len(model.position)
@@ -112,32 +119,33 @@ def test_a_model_names_its_quantities_and_where_among_them_the_position_is(model
 
 
 @every_model
-def test_the_velocity_is_the_rate_of_the_position(model):
+def test_the_velocity_is_the_rate_of_the_position(model: Model) -> None:
     # By central differences of the closed form; the mean over the step for models in discrete time.
     state, control_input = states_and_inputs(model, 20)
     if model in VEHICLES.values():
         rate = derivative(model, state, control_input)[:, model.position]
     elif model.time_step:
         after = model.exact_step(state, control_input, model.time_step)
+        assert after is not None
         rate = (model.positions(after) - model.positions(state)) / model.time_step
     else:
-        ahead, behind = (model.exact_step(state, control_input, step) for step in (1e-5, -1e-5))
+        ahead, behind = (present(model.exact_step(state, control_input, step)) for step in (1e-5, -1e-5))
         rate = (model.positions(ahead) - model.positions(behind)) / 2e-5
     assert np.allclose(model.velocity(state, control_input), rate, rtol=1e-8, atol=1e-8)
 
 
 @every_model
-def test_the_jacobian_is_that_of_the_derivative(model):
+def test_the_jacobian_is_that_of_the_derivative(model: Model) -> None:
     state, control_input = states_and_inputs(model, 20)
-    by_differences = super(type(model), model).jacobian
+    by_differences = untyped(super(type(model), model)).jacobian
     for kind in type(model).__mro__:
         if kind.__name__ == "Model":
-            by_differences = kind.jacobian.__get__(model)
+            by_differences = untyped(kind).jacobian.__get__(model)
     assert np.allclose(model.jacobian(state, control_input), by_differences(state, control_input), atol=1e-7)
 
 
 @every_model
-def test_control_inputs_within_the_limits_are_left_alone_and_others_are_brought_there(model):
+def test_control_inputs_within_the_limits_are_left_alone_and_others_are_brought_there(model: Model) -> None:
     random = np.random.default_rng(5)
     low, high = (np.array(bound) for bound in model.input_bounds())
     limited = model.limit(random.normal(size=(200, len(low))) * 50.0)
@@ -147,7 +155,7 @@ def test_control_inputs_within_the_limits_are_left_alone_and_others_are_brought_
 
 
 @steerable
-def test_a_model_that_follows_a_velocity_comes_to_have_it(model):
+def test_a_model_that_follows_a_velocity_comes_to_have_it(model: Model) -> None:
     # 20 s are more than ten time constants of the slowest gain, that of the aircraft, whose turn rate is bounded too.
     dimensions, step = len(model.position), step_of(model)
     state = np.zeros((4, len(model.state)))
@@ -157,25 +165,25 @@ def test_a_model_that_follows_a_velocity_comes_to_have_it(model):
     wanted = np.pad(wanted, ((0, 0), (0, dimensions - 2)), constant_values=0.2)
     for _ in range(int(60.0 / step)):
         applied = model.limit(model.follow_velocity(state, wanted))
-        state = model.exact_step(state, applied, step)
+        state = present(model.exact_step(state, applied, step))
     applied = model.limit(model.follow_velocity(state, wanted))
     assert np.allclose(model.velocity(state, applied), wanted, atol=1e-6)
 
 
 @steerable
-def test_a_model_told_to_stand_still_does_as_far_as_it_can(model):
+def test_a_model_told_to_stand_still_does_as_far_as_it_can(model: Model) -> None:
     state, _ = states_and_inputs(model, 6)
     step = step_of(model)
     for _ in range(int(20.0 / step)):
         applied = model.limit(model.follow_velocity(state, np.zeros((6, len(model.position)))))
-        state = model.exact_step(state, applied, step)
+        state = present(model.exact_step(state, applied, step))
     speed = np.linalg.norm(model.velocity(state, applied), axis=1)
     # An aircraft flies straight on at its least speed.
     assert np.allclose(speed, 6.0 if isinstance(model, DubinsAircraft) else 0.0, atol=1e-12)
 
 
 @steerable
-def test_slowed_to_a_part_a_model_goes_the_same_way_at_that_part_of_the_speed(model):
+def test_slowed_to_a_part_a_model_goes_the_same_way_at_that_part_of_the_speed(model: Model) -> None:
     state, control_input = states_and_inputs(model, 50)
     if isinstance(model, DoubleIntegrator):
         # Its speed is in its state: it follows a part of the velocity that it was told to follow.
@@ -191,12 +199,12 @@ def test_slowed_to_a_part_a_model_goes_the_same_way_at_that_part_of_the_speed(mo
 
 
 @steerable
-def test_not_slowed_at_all_a_control_input_stays_as_it_is(model):
+def test_not_slowed_at_all_a_control_input_stays_as_it_is(model: Model) -> None:
     state, control_input = states_and_inputs(model, 50)
     assert np.array_equal(model.slowed(state, control_input, np.ones(50)), control_input)
 
 
-def test_a_velocity_that_cannot_be_followed_is_said_to_be_so():
+def test_a_velocity_that_cannot_be_followed_is_said_to_be_so() -> None:
     model = SPECIMENS["linear, coupled"]
     state, control_input = states_and_inputs(model, 2)
     with pytest.raises(NotImplementedError, match="cannot be steered by a velocity"):
@@ -238,12 +246,12 @@ BAD = [
 
 
 @pytest.mark.parametrize(("kind", "bad"), BAD, ids=[f"{kind.__name__}-{bad}" for kind, bad in BAD])
-def test_parameters_that_make_no_sense_are_refused(kind, bad):
+def test_parameters_that_make_no_sense_are_refused(kind: type[HeadingModel], bad: dict[str, Any]) -> None:
     sound = {"min_speed": 6.0, "max_speed": 9.0, "max_turn_rate": 0.1} if kind is DubinsAircraft else {}
     with pytest.raises(ValueError, match=next(iter(bad))):
         made(kind, **{**sound, **bad})
 
 
-def test_an_aircraft_must_be_told_its_limits():
+def test_an_aircraft_must_be_told_its_limits() -> None:
     with pytest.raises(ValueError, match=r"(?s)min_speed.*max_speed.*max_turn_rate"):
         made(DubinsAircraft)

@@ -2,10 +2,12 @@
 
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from specimens import COUPLED, SPECIMENS, WALK, made
+from simulating import made, present, untyped
+from specimens import COUPLED, SPECIMENS, WALK
 
 from symaware_cli.models.integrator import DoubleIntegrator
 from symaware_cli.models.linear import Linear
@@ -16,15 +18,15 @@ from symaware_cli.scenario.problem import ScenarioError
 GUIDE = Path(__file__).parents[2] / "docs" / "models.md"
 
 
-def test_the_map_is_a_x_plus_b_u():
+def test_the_map_is_a_x_plus_b_u() -> None:
     model = SPECIMENS["linear, coupled"]
     random = np.random.default_rng(3)
     state, control_input = random.normal(size=(30, 4)), random.normal(size=(30, 3))
     expected = state @ np.array(COUPLED["A"]).T + control_input @ np.array(COUPLED["B"]).T
-    assert np.allclose(model.exact_step(state, control_input, 0.25), expected, rtol=0.0, atol=1e-14)
+    assert np.allclose(present(model.exact_step(state, control_input, 0.25)), expected, rtol=0.0, atol=1e-14)
 
 
-def test_a_double_integrator_sampled_by_hand_moves_like_the_double_integrator():
+def test_a_double_integrator_sampled_by_hand_moves_like_the_double_integrator() -> None:
     # Zero-order hold: p+ = p + h v + h^2/2 a, v+ = v + h a (Astrom and Wittenmark, Computer-Controlled Systems, ch. 2).
     h = 0.2
     sampled = made(
@@ -38,28 +40,29 @@ def test_a_double_integrator_sampled_by_hand_moves_like_the_double_integrator():
     random = np.random.default_rng(4)
     state, push = random.normal(size=(20, 4)), random.normal(size=(20, 2))
     expected = made(DoubleIntegrator).exact_step(state, push, h)
-    assert np.allclose(sampled.exact_step(state, push, h), expected, rtol=1e-14, atol=1e-14)
+    assert expected is not None
+    assert np.allclose(present(sampled.exact_step(state, push, h)), expected, rtol=1e-14, atol=1e-14)
     # Its state is more than a position: what it is to accelerate with for a velocity is a matter of control.
     with pytest.raises(NotImplementedError, match="cannot be steered by a velocity"):
         sampled.follow_velocity(state, push)
 
 
-def test_one_euler_step_of_its_mean_rate_is_the_map():
+def test_one_euler_step_of_its_mean_rate_is_the_map() -> None:
     model = SPECIMENS["linear, coupled"]
     random = np.random.default_rng(5)
     state, control_input = random.normal(size=(10, 4)), random.normal(size=(10, 3))
     rate = np.array(model.derivative(state.T, control_input.T, np)).T
-    assert np.allclose(state + 0.25 * rate, model.exact_step(state, control_input, 0.25), rtol=0.0, atol=1e-14)
-    assert np.allclose(np.eye(4) + 0.25 * model.jacobian(state, control_input), COUPLED["A"], atol=1e-15)
+    assert np.allclose(state + 0.25 * rate, present(model.exact_step(state, control_input, 0.25)), rtol=0.0, atol=1e-14)
+    assert np.allclose(np.eye(4) + 0.25 * model.jacobian(state, control_input), untyped(COUPLED["A"]), atol=1e-15)
 
 
-def test_it_takes_no_other_step_than_its_own():
+def test_it_takes_no_other_step_than_its_own() -> None:
     model = made(Linear, **WALK)
     with pytest.raises(ValueError, match=r"a map over 1 s; it has no step of 0\.05 s"):
         model.exact_step(np.zeros((1, 2)), np.zeros((1, 2)), 0.05)
 
 
-def test_a_walker_follows_a_velocity_in_one_step():
+def test_a_walker_follows_a_velocity_in_one_step() -> None:
     model = made(Linear, **{**WALK, "time_step": 0.5})
     assert model.follow_velocity(np.array([[3.0, 4.0]]), np.array([[2.0, -6.0]])).tolist() == [[1.0, -3.0]]
     # More inputs than axes: the least that does it, by the pseudo-inverse.
@@ -70,23 +73,23 @@ def test_a_walker_follows_a_velocity_in_one_step():
     assert np.allclose(wide.follow_velocity(np.zeros((1, 2)), np.array([[4.0, 6.0]])), [[2.0, 2.0, 3.0]])
 
 
-def test_each_input_is_limited_by_itself():
+def test_each_input_is_limited_by_itself() -> None:
     # The norm of case III is the greatest magnitude.
     assert made(Linear, **WALK).limit(np.array([[9.0, -9.0], [6.0, 6.9]])).tolist() == [[7.0, -7.0], [6.0, 6.9]]
     limited = SPECIMENS["linear, coupled"].limit(np.array([[9.0, -9.0, 9.0]]))
     assert limited.tolist() == [[1.0, -2.0, 0.5]]
 
 
-def test_the_noise_is_that_of_one_step():
+def test_the_noise_is_that_of_one_step() -> None:
     model = SPECIMENS["linear, coupled"]
-    assert model.noise_covariance(0.25).tolist() == COUPLED["W"]
-    assert np.allclose(model.noise_deviation(0.25) ** 2, [0.5, 0.4, 0.3, 0.2])
+    assert present(model.noise_covariance(0.25)).tolist() == COUPLED["W"]
+    assert np.allclose(present(model.noise_deviation(0.25)) ** 2, [0.5, 0.4, 0.3, 0.2])
     quiet = made(Linear, **{**WALK, "W": None})
     assert quiet.noise_covariance(1.0) is None
     assert quiet.noise_deviation(1.0) is None
 
 
-def test_quantities_are_those_that_are_named():
+def test_quantities_are_those_that_are_named() -> None:
     model = SPECIMENS["linear, coupled"]
     assert [tuple(quantity) for quantity in model.state] == [("speed", "m/s"), ("x", "m"), ("load", "kg"), ("y", "m")]
     assert [quantity.name for quantity in model.control_input] == ["push", "pull", "tilt"]
@@ -118,26 +121,28 @@ def test_quantities_are_those_that_are_named():
         ({"colour": "red"}, "colour"),
     ],
 )
-def test_parameters_that_make_no_sense_are_refused(bad, complaint):
+def test_parameters_that_make_no_sense_are_refused(bad: dict[str, list[Any]], complaint: str) -> None:
     with pytest.raises(ValueError, match=complaint):
         made(Linear, **{**WALK, **bad})
 
 
 @pytest.mark.parametrize("name", ["time_step", "state", "control_input", "A", "B"])
-def test_it_must_be_told_what_it_is(name):
+def test_it_must_be_told_what_it_is(name: str) -> None:
     with pytest.raises(ValueError, match=f"(?s){name}.*required"):
         made(Linear, **{key: value for key, value in WALK.items() if key != name})
 
 
 @pytest.fixture
-def warehouse(tmp_path):
+def warehouse(tmp_path: Path) -> Path:
     """The scenario of the guide."""
     path = tmp_path / "warehouse.yaml"
-    path.write_text(re.search(r"(?ms)^```yaml\n(.*?)^```$", GUIDE.read_text(encoding="utf-8"))[1], encoding="utf-8")
+    path.write_text(
+        present(re.search(r"(?ms)^```yaml\n(.*?)^```$", GUIDE.read_text(encoding="utf-8")))[1], encoding="utf-8"
+    )
     return path
 
 
-def test_the_robots_of_the_guide_reach_their_goal(warehouse):
+def test_the_robots_of_the_guide_reach_their_goal(warehouse: Path) -> None:
     built = build(warehouse)
     summary = run(built.simulation, built.steps)
     assert summary.status == "finished"
@@ -148,7 +153,7 @@ def test_the_robots_of_the_guide_reach_their_goal(warehouse):
     assert (distance > 0.0).all()
 
 
-def test_a_scenario_whose_time_steps_differ_is_refused(warehouse):
+def test_a_scenario_whose_time_steps_differ_is_refused(warehouse: Path) -> None:
     text = warehouse.read_text(encoding="utf-8")
     warehouse.write_text(text.replace("with: {time_step: 1.0}", "with: {time_step: 0.5}"), encoding="utf-8")
     with pytest.raises(ScenarioError, match=r"is a map over 1 s, and the environment steps by 0\.5 s"):

@@ -1,13 +1,20 @@
 """The quadrotor: its equations, and its flight in the world `pybullet`."""
 
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
 import casadi
 import numpy as np
 import pytest
-from simulating import Team, simulate
+from numpy.typing import NDArray
+from simulating import Team, made, present, simulate
 
+from symaware_cli import Contact
 from symaware_cli.components.control.quadrotor_velocity import QuadrotorVelocity
 from symaware_cli.components.perception import SelfPerception
 from symaware_cli.core import AgentGroup, Entity, WorldError
+from symaware_cli.environments.columns import ColumnEnvironment
 from symaware_cli.environments.kinematic import KinematicEnvironment
 from symaware_cli.environments.planar import PymunkEnvironment
 from symaware_cli.environments.process_noise import process_noise
@@ -19,15 +26,16 @@ from symaware_cli.recording.reader import open_log
 AWRY = [0.0, 0.0, 1.0, 0.1, -0.2, 0.5, 0.3, 0.2, 0.1, 0.5, -0.4, 0.3]
 
 
-def made(kind, **parameters):
-    return kind(kind.Parameters(**parameters))
-
-
-def resting(*positions):
+def resting(*positions: tuple[float, float, float]) -> list[list[float]]:
     return [[*position, *[0.0] * 9] for position in positions]
 
 
-def flight(states, model=None, kind=PyBulletEnvironment, **parameters):
+def flight(
+    states: Sequence[list[float]],
+    model: Quadrotor | None = None,
+    kind: type[ColumnEnvironment] = PyBulletEnvironment,
+    **parameters: Any,
+) -> tuple[ColumnEnvironment, AgentGroup, Quadrotor]:
     model = model or Quadrotor()
     group = AgentGroup("drone", [f"drone.{row}" for row in range(len(states))], model, Entity(), states)
     environment = made(kind, **{"time_step": 0.025, "substeps": 6, **parameters})
@@ -35,7 +43,7 @@ def flight(states, model=None, kind=PyBulletEnvironment, **parameters):
     return environment, group, model
 
 
-def test_four_rotors_at_hover_speed_carry_the_weight():
+def test_four_rotors_at_hover_speed_carry_the_weight() -> None:
     model = Quadrotor()
     assert 4 * THRUST * model.hover_speed**2 == pytest.approx(MASS * 9.81)
     # The Crazyflie's motors reach about 21,700 rpm at 2.25 times its weight.
@@ -58,14 +66,16 @@ def test_four_rotors_at_hover_speed_carry_the_weight():
         ((0, 2), (0, 0, -1)),
     ],
 )
-def test_rotors_that_turn_faster_turn_the_vehicle_as_on_the_real_one(faster, rates):
+def test_rotors_that_turn_faster_turn_the_vehicle_as_on_the_real_one(
+    faster: tuple[int, int], rates: tuple[int, int, int]
+) -> None:
     speeds = np.full((4, 1), 1500.0)
     speeds[list(faster)] += 50.0
     derivative = Quadrotor().derivative(np.zeros((12, 1)), speeds, np)
     assert np.sign(np.round([float(np.squeeze(rate)) for rate in derivative[9:12]], 6)).tolist() == list(rates)
 
 
-def test_casadi_and_numpy_compute_the_same():
+def test_casadi_and_numpy_compute_the_same() -> None:
     model = Quadrotor()
     state, speeds = casadi.SX.sym("x", 12), casadi.SX.sym("u", 4)
     rate = casadi.Function("f", [state, speeds], [casadi.vertcat(*model.derivative(state, speeds, casadi))])
@@ -75,7 +85,7 @@ def test_casadi_and_numpy_compute_the_same():
     assert np.allclose([float(np.squeeze(each)) for each in mine], theirs, rtol=1e-12)
 
 
-def test_the_body_in_pybullet_flies_as_the_equations_say():
+def test_the_body_in_pybullet_flies_as_the_equations_say() -> None:
     errors = []
     for substeps in (6, 60):
         ends = []
@@ -93,7 +103,7 @@ def test_the_body_in_pybullet_flies_as_the_equations_say():
     assert errors[1] < 0.12 * errors[0]
 
 
-def test_a_hover_hovers():
+def test_a_hover_hovers() -> None:
     environment, group, model = flight(resting((0, 0, 1)))
     with environment:
         group.control_input = [[model.hover_speed] * 4]
@@ -108,7 +118,9 @@ def test_a_hover_hovers():
 
 @pytest.mark.parametrize(("time_step", "substeps"), [(1 / 240, 1), (0.025, 6), (0.02, 5)])
 @pytest.mark.parametrize("velocity", [(1.0, 0.0, 0.0), (0.0, -2.0, 0.5), (0.0, 0.0, 1.0)])
-def test_a_step_of_the_velocity_settles_within_a_second_and_a_half(time_step, substeps, velocity, tmp_path):
+def test_a_step_of_the_velocity_settles_within_a_second_and_a_half(
+    time_step: float, substeps: int, velocity: tuple[float, float, float], tmp_path: Path
+) -> None:
     team = Team(state=resting((0, 0, 2)), model=Quadrotor(), knowledge=[{"velocity": list(velocity)}])
     team.components = {"sense": SelfPerception, "fly": lambda: made(QuadrotorVelocity, yaw=0.5)}
     environment = made(PyBulletEnvironment, time_step=time_step, substeps=substeps)
@@ -122,7 +134,7 @@ def test_a_step_of_the_velocity_settles_within_a_second_and_a_half(time_step, su
     assert settled[:, 5] == pytest.approx(0.5, abs=0.02)
 
 
-def test_it_turns_its_nose_where_it_is_told_and_flies_sideways():
+def test_it_turns_its_nose_where_it_is_told_and_flies_sideways() -> None:
     environment, group, model = flight(resting((0, 0, 1)))
     with environment:
         for _ in range(160):
@@ -134,7 +146,7 @@ def test_it_turns_its_nose_where_it_is_told_and_flies_sideways():
         assert environment.state(group)[0, 6:9] == pytest.approx([0.5, 0.5, 0.0], abs=0.01)
 
 
-def test_in_a_fall_drag_and_weight_balance():
+def test_in_a_fall_drag_and_weight_balance() -> None:
     lift = 4 * THRUST * 1000.0**2
     terminal = (MASS * 9.81 - lift) / (10.311e-7 * 4000.0)
     falling = [[0.0, 0.0, 100.0, 0.0, 0.0, 0.0, 0.0, 0.0, -0.9 * terminal, 0.0, 0.0, 0.0]]
@@ -148,8 +160,8 @@ def test_in_a_fall_drag_and_weight_balance():
     assert speed == pytest.approx(terminal * (1.0 - 0.1 * np.exp(-10.0 / time_constant)), rel=1e-3)
 
 
-def test_the_ground_pushes_back():
-    def climbed(level=0.0, ground=True, **parameters):
+def test_the_ground_pushes_back() -> None:
+    def climbed(level: float = 0.0, ground: bool = True, **parameters: bool) -> float:
         quadrotor = Quadrotor(Quadrotor.Parameters(**parameters))
         below = {"height": level} if ground else None
         environment, group, model = flight(resting((0, 0, level + 0.03)), quadrotor, ground=below)
@@ -157,7 +169,7 @@ def test_the_ground_pushes_back():
             group.control_input = [[model.hover_speed] * 4]
             for _ in range(8):
                 environment.step()
-            return environment.state(group)[0, 2] - level
+            return float(environment.state(group)[0, 2] - level)
 
     assert climbed() == pytest.approx(0.03, abs=1e-6)
     assert climbed(ground=False, ground_effect=True) == pytest.approx(0.03, abs=1e-6)
@@ -166,7 +178,7 @@ def test_the_ground_pushes_back():
     assert climbed(ground_effect=True) == pytest.approx(0.03 + 0.5 * 0.38 * 0.04, rel=0.05)
 
 
-def test_who_flies_above_pushes_down_who_is_below_and_nobody_else():
+def test_who_flies_above_pushes_down_who_is_below_and_nobody_else() -> None:
     parameters = Quadrotor.Parameters(downwash=True)
     environment, group, model = flight(resting((0, 0, 1.0), (0, 0, 1.5), (3, 0, 1.0)), Quadrotor(parameters))
     with environment:
@@ -180,10 +192,10 @@ def test_who_flies_above_pushes_down_who_is_below_and_nobody_else():
     assert beside == pytest.approx(0.0, abs=1e-6)
 
 
-def test_a_crash_into_the_ground_is_a_contact():
+def test_a_crash_into_the_ground_is_a_contact() -> None:
     environment, group, _ = flight(resting((0, 0, 0.5)))
     with environment:
-        contacts = []
+        contacts: list[Contact] = []
         for _ in range(40):
             environment.step()
             contacts += environment.contacts()
@@ -192,7 +204,7 @@ def test_a_crash_into_the_ground_is_a_contact():
         assert 0.0 < environment.state(group)[0, 2] < 0.08
 
 
-def test_another_gravity_than_that_of_the_world_is_refused():
+def test_another_gravity_than_that_of_the_world_is_refused() -> None:
     with pytest.raises(WorldError, match=r"set `gravity` to 9\.81, too"):
         flight(resting((0, 0, 1)), Quadrotor(Quadrotor.Parameters(gravity=1.62)))
     environment, group, model = flight(
@@ -205,16 +217,16 @@ def test_another_gravity_than_that_of_the_world_is_refused():
         assert environment.state(group)[0, 2] == pytest.approx(1.0, abs=1e-6)
 
 
-def test_a_plane_is_no_place_to_fly():
+def test_a_plane_is_no_place_to_fly() -> None:
     with pytest.raises(WorldError, match="no place in a plane"):
         flight(resting((0, 0, 1)), kind=PymunkEnvironment)
 
 
-def test_what_becomes_of_one_does_not_depend_on_the_others():
+def test_what_becomes_of_one_does_not_depend_on_the_others() -> None:
     states = resting(*((2.0 * number, 0.0, 1.0) for number in range(5)))
     wanted = np.array([[0.3 * number, 0.1, 0.2] for number in range(5)])
 
-    def flown(chosen):
+    def flown(chosen: Sequence[int]) -> NDArray[np.float64]:
         environment, group, model = flight([states[number] for number in chosen])
         with environment:
             for _ in range(40):
@@ -227,7 +239,7 @@ def test_what_becomes_of_one_does_not_depend_on_the_others():
         assert flown([number])[0].tobytes() == together[number].tobytes()
 
 
-def test_process_noise_moves_the_body_after_each_step():
+def test_process_noise_moves_the_body_after_each_step() -> None:
     model = made(Quadrotor, process_noise=[0.1, 0.2, 0.05, *[0.1] * 3, *[0.3] * 3, *[0.5] * 3])
     quiet, group, _ = flight([AWRY, AWRY])
     shaken, restless, _ = flight([AWRY, AWRY], model=model)
@@ -236,12 +248,12 @@ def test_process_noise_moves_the_body_after_each_step():
             each.control_input = [[model.hover_speed] * 4] * 2
         for environment in (quiet, shaken):
             environment.step()
-        drawn = process_noise(restless, 0.025, 1).draw(0)
+        drawn = present(process_noise(restless, 0.025, 1)).draw(0)
         assert shaken.state(restless) - quiet.state(group) == pytest.approx(drawn, abs=1e-9)
         assert shaken.snapshot().velocities == pytest.approx(shaken.state(restless)[:, 6:9])
 
 
-def test_it_wanders_in_every_world_alike():
+def test_it_wanders_in_every_world_alike() -> None:
     spreads = []
     for kind in (PyBulletEnvironment, KinematicEnvironment):
         model = made(Quadrotor, process_noise=[0.2, 0.2, 0.2, *[0.0] * 9])
@@ -257,7 +269,7 @@ def test_it_wanders_in_every_world_alike():
 
 
 @pytest.mark.parametrize("kind", [PyBulletEnvironment, KinematicEnvironment])
-def test_it_can_be_told_parts_of_the_greatest_speed_instead(kind):
+def test_it_can_be_told_parts_of_the_greatest_speed_instead(kind: type[ColumnEnvironment]) -> None:
     ends = []
     for unit in ("speed", "normalised"):
         model = made(Quadrotor, input=unit)
@@ -274,7 +286,7 @@ def test_it_can_be_told_parts_of_the_greatest_speed_instead(kind):
     assert [quantity.unit for quantity in model.control_input] == ["1"] * 4
 
 
-def test_it_brings_a_body_along_and_a_shape_of_the_scenario_is_what_others_keep_clear_of():
+def test_it_brings_a_body_along_and_a_shape_of_the_scenario_is_what_others_keep_clear_of() -> None:
     _, group, _ = flight([AWRY], kind=KinematicEnvironment)
     assert (group.entity.radius, group.entity.mass) == (0.07, MASS)
     guarded = AgentGroup("drone", ["drone"], Quadrotor(), Entity(shape={"circle": {"radius": 0.3}}), [AWRY])
@@ -282,7 +294,7 @@ def test_it_brings_a_body_along_and_a_shape_of_the_scenario_is_what_others_keep_
 
 
 @pytest.mark.parametrize(("time_step", "warnings"), [(0.025, 0), (0.05, 1)])
-def test_its_controller_warns_once_of_turns_that_are_too_rare(time_step, warnings, tmp_path):
+def test_its_controller_warns_once_of_turns_that_are_too_rare(time_step: float, warnings: int, tmp_path: Path) -> None:
     team = Team(state=resting((0, 0, 2)), model=Quadrotor(), knowledge=[{"velocity": [0, 0, 0]}])
     team.components = {"sense": SelfPerception, "fly": lambda: made(QuadrotorVelocity)}
     with made(PyBulletEnvironment, time_step=time_step) as environment:

@@ -1,6 +1,8 @@
 """What arrives is read oldest first, whoever reads it, how it was sent, and however late it is read."""
 
 from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 import pytest
@@ -52,7 +54,12 @@ class Room:
     environment = world(COUNT)
     ids = environment.roster.ids
 
-    def __init__(self, base, others, talk):
+    def __init__(
+        self,
+        base: ChannelParameters,
+        others: Sequence[tuple[int, ChannelParameters]],
+        talk: Sequence[list[tuple[str, Any, Any, str]]],
+    ) -> None:
         topology = laid(Complete, self.environment)
         overrides = [
             ChannelOverride(frozenset({sender}), frozenset(range(COUNT)), channel) for sender, channel in others
@@ -63,13 +70,13 @@ class Room:
             topology.roster, [TopologyPhase(0, topology)], channel=base, overrides=overrides
         )
 
-    def opened(self):
+    def opened(self) -> MemoryExchange:
         exchange = MemoryExchange(self.ids, seed=3, time_step=STEP)
         exchange.inboxes.open("group", [self.ids[row] for row in GROUP], ["news"], columns=True)
         exchange.inboxes.open("alone", [self.ids[KINDRED]], ["news"], columns=False)
         return exchange
 
-    def speak(self, step):
+    def speak(self, step: int) -> None:
         """Say what is to be said in a step."""
         for way, who, receiver, kind in self.talk[step] if step < len(self.talk) else ():
             if way == "single":
@@ -80,7 +87,7 @@ class Room:
                 receivers = None if receiver is None else np.full(len(senders), receiver)
                 self.exchange.post(MessageBatch(senders, {"said": np.zeros(len(senders))}, kind, receivers))
 
-    def pass_time(self):
+    def pass_time(self) -> Iterator[int]:
         """Go through the instants at which something arrives, which come with each."""
         for step in range(100):
             while (due := self.exchange.next_time) is not None and due < step * STEP:
@@ -93,24 +100,31 @@ class Room:
         assert self.exchange.in_flight == 0
 
 
-def read(exchange, ids, heard):
+Heard = defaultdict[tuple[str, str], list[tuple[int, int]]]
+
+
+def read(
+    exchange: MemoryExchange,
+    ids: Sequence[str],
+    heard: Heard,
+) -> None:
     """Read all; for each receiver and reader the senders and the numbers of the messages."""
     for each in exchange.collect("group"):
         for receiver, *told in zip(
             each.receivers.tolist(), each.senders.tolist(), each.sequences.tolist(), strict=True
         ):
-            heard[ids[receiver], "group"].append(tuple(told))
+            heard[ids[receiver], "group"].append((told[0], told[1]))
     for id in ids:
         for reader in ("alone", ""):
             for message in exchange.receive(id, reader):
                 heard[id, reader].append((ids.index(message.sender), message.sequence))
 
 
-def read_at_once(room):
+def read_at_once(room: Room) -> dict[tuple[str, str], list[tuple[int, int]]]:
     """All in the order in which it arrives, since it is read the very instant it does; ties as documented."""
-    order = defaultdict(list)
+    order: Heard = defaultdict(list)
     for _ in room.pass_time():
-        now = defaultdict(list)
+        now: Heard = defaultdict(list)
         read(room.exchange, room.ids, now)
         for key, each in now.items():
             order[key] += sorted(each)
@@ -122,8 +136,12 @@ MIXES = st.tuples(CHANNELS, st.lists(st.tuples(AGENTS, CHANNELS), max_size=3), T
 
 @settings(max_examples=150, deadline=None)
 @given(MIXES, st.sets(st.integers(1, 99), max_size=6))
-def test_what_is_read_late_is_in_the_order_in_which_it_arrived(mix, steps):
-    late, heard = Room(*mix), defaultdict(list)
+def test_what_is_read_late_is_in_the_order_in_which_it_arrived(
+    mix: tuple[ChannelParameters, list[tuple[int, ChannelParameters]], list[list[tuple[Any, Any, Any, Any]]]],
+    steps: set[int],
+) -> None:
+    late = Room(*mix)
+    heard: Heard = defaultdict(list)
     for now in late.pass_time():
         if now % STEP == 0 and now // STEP in {*steps, 99}:
             read(late.exchange, late.ids, heard)
@@ -132,15 +150,21 @@ def test_what_is_read_late_is_in_the_order_in_which_it_arrived(mix, steps):
 
 @settings(max_examples=150, deadline=None)
 @given(MIXES, st.sets(st.integers(1, 99), max_size=6))
-def test_it_is_so_in_the_synchronous_mode_and_in_another_process(mix, steps):
-    host, heard, told = Room(*mix), defaultdict(list), []
+def test_it_is_so_in_the_synchronous_mode_and_in_another_process(
+    mix: tuple[ChannelParameters, list[tuple[int, ChannelParameters]], list[list[tuple[Any, Any, Any, Any]]]],
+    steps: set[int],
+) -> None:
+    host = Room(*mix)
+    heard: Heard = defaultdict(list)
+    told: list[Any] = []
     host.exchange.forward(host.ids, told.append)
     member = host.opened()
     for step in range(100):
         host.exchange.deliver(step * STEP)
-        arrived = decode(encode(Step(step, step * STEP, {}, (), tuple(told)))).arrived
+        frame = decode(encode(Step(step, step * STEP, {}, (), tuple(told))))
+        assert isinstance(frame, Step)
         told.clear()
-        member.arrive(arrived)
+        member.arrive(frame.arrived)
         if step in {*steps, 99}:
             read(member, host.ids, heard)
         host.speak(step)
@@ -148,14 +172,14 @@ def test_it_is_so_in_the_synchronous_mode_and_in_another_process(mix, steps):
 
 
 @pytest.mark.parametrize("count", [2, 50])
-def test_batches_that_arrive_one_after_the_other_are_not_cut_apart(count):
+def test_batches_that_arrive_one_after_the_other_are_not_cut_apart(count: int) -> None:
     room = Room(ChannelParameters(delay=0.02), (), [[("batch", {0, 1, 2}, None, "news")]] * count)
     for _ in room.pass_time():
         pass
     assert len(room.exchange.collect("group")) == count
 
 
-def test_batches_that_mingle_are_cut_into_pieces_that_hold_what_all_receivers_may_read_together():
+def test_batches_that_mingle_are_cut_into_pieces_that_hold_what_all_receivers_may_read_together() -> None:
     room = Room(
         ChannelParameters(delay=0.02), [(3, ChannelParameters(delay=0.11))], [[("batch", {3, 4}, None, "news")]] * 3
     )

@@ -1,6 +1,8 @@
 """No message is ever lost but those that the model drops."""
 
 import math
+from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import pytest
@@ -8,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from networking import Post, laid, world
 
+from symaware_cli import Topology
 from symaware_cli.core import EVERYBODY, Message, MessageBatch
 from symaware_cli.network.channel.channel_parameters import ChannelParameters
 from symaware_cli.network.disturbance import Disturbance
@@ -63,13 +66,19 @@ topologies = st.sampled_from([(Complete, {}), (Star, {}), (Random, {"probability
 
 @settings(max_examples=120, deadline=None)
 @given(topologies, channels, channels, actions)
-def test_what_was_sent_is_delivered_dropped_or_in_flight_at_every_instant(topology, channel, other, actions):
+def test_what_was_sent_is_delivered_dropped_or_in_flight_at_every_instant(
+    topology: tuple[type[Topology], dict[str, Any]],
+    channel: dict[str, dict[str, float] | float],
+    other: dict[str, float | str],
+    actions: list[tuple[str, Any, int]],
+) -> None:
     kind, parameters = topology
     exempt = ChannelOverride(frozenset({0, 1}), frozenset(range(5)), ChannelParameters.model_validate(other))
     post = Post(laid(kind, world(5), **parameters), channel, overrides=[exempt], kinds=["news"])
-    exchange, ids, now, storms = post.exchange, post.exchange._ids, 0, []
+    exchange, ids, now = post.exchange, post.exchange._ids, 0
+    storms: list[Disturbance] = []
 
-    def check():
+    def check() -> None:
         assert exchange.sent + exchange.duplicated == exchange.delivered + exchange.dropped + exchange.in_flight
         for stage, attribute in (("sent", "sent"), ("delivered", "delivered"), ("dropped", "dropped")):
             # What is counted is what is told, and so what is recorded.
@@ -107,13 +116,13 @@ def test_what_was_sent_is_delivered_dropped_or_in_flight_at_every_instant(topolo
     assert sent == arrived
 
 
-def everything(post, stages):
+def everything(post: Post, stages: tuple[str, ...]) -> Iterator[Message]:
     for stage in stages:
         yield from (message for message, _ in post.stage(stage))
 
 
 @pytest.mark.parametrize("drop", ["tail", "head"])
-def test_a_line_that_is_crowded_loses_some_and_forgets_none(drop):
+def test_a_line_that_is_crowded_loses_some_and_forgets_none(drop: str) -> None:
     post = Post(laid(Complete, world(3)), {"bandwidth": 4000.0, "queue": 300.0, "drop": drop, "delay": 0.01})
     for now in range(0, 2000 * MILLISECOND, 10 * MILLISECOND):
         post.exchange.deliver(now)

@@ -1,12 +1,14 @@
 """What is sent singly at one instant is joined to batches."""
 
 from collections import defaultdict
+from collections.abc import Sequence
+from typing import Any
 
 from hypothesis import given
 from hypothesis import strategies as st
 from networking import Post
 
-from symaware_cli import Message
+from symaware_cli import Message, MessageBatch
 from symaware_cli.network.outbox import Outbox
 
 SENDS = st.lists(
@@ -20,7 +22,7 @@ SENDS = st.lists(
 )
 
 
-def joined(sends):
+def joined(sends: Sequence[tuple[int, Any, tuple[str, ...], str]]) -> list[MessageBatch]:
     """The batches of some messages; each says its place among them under each of its names."""
     outbox = Outbox()
     for place, (sender, receiver, names, kind) in enumerate(sends):
@@ -31,7 +33,7 @@ def joined(sends):
 
 
 @given(SENDS)
-def test_each_sender_keeps_its_order_and_nothing_is_lost(sends):
+def test_each_sender_keeps_its_order_and_nothing_is_lost(sends: list[tuple[int, Any, tuple[str, ...], str]]) -> None:
     told = defaultdict(list)
     for batch in joined(sends):
         for row, sender in enumerate(batch.senders.tolist()):
@@ -48,7 +50,7 @@ def test_each_sender_keeps_its_order_and_nothing_is_lost(sends):
 
 
 @given(SENDS)
-def test_a_batch_has_ascending_senders_and_no_link_twice(sends):
+def test_a_batch_has_ascending_senders_and_no_link_twice(sends: list[tuple[int, Any, tuple[str, ...], str]]) -> None:
     for batch in joined(sends):
         senders = batch.senders.tolist()
         assert senders == sorted(senders)
@@ -56,13 +58,13 @@ def test_a_batch_has_ascending_senders_and_no_link_twice(sends):
         assert len(set(links)) == len(links)
 
 
-def test_what_a_thousand_say_at_one_instant_is_one_batch():
+def test_what_a_thousand_say_at_one_instant_is_one_batch() -> None:
     sends = [(sender, (sender + step) % 1000, ("word",), "news") for sender in range(1000) for step in (1, 2)]
     (batch,) = joined(sends)
     assert len(batch.senders) == 2000
 
 
-def test_single_messages_of_an_instant_travel_together():
+def test_single_messages_of_an_instant_travel_together() -> None:
     post = Post(ids=["a", "b", "c"])
     for sender, receiver in (("c", "a"), ("a", "b"), ("b", "a")):
         post.exchange.send(Message(sender, receiver, {"said": sender}))
@@ -74,7 +76,7 @@ def test_single_messages_of_an_instant_travel_together():
     assert [message.payload for message in post.exchange.receive("a")] == [{"said": "b"}, {"said": "c"}]
 
 
-def test_a_batch_sets_out_after_what_was_sent_before():
+def test_a_batch_sets_out_after_what_was_sent_before() -> None:
     post = Post(ids=["a", "b"], kinds=["news"])
     post.exchange.send(Message("a", "b", {"said": 1.0}, "news"))
     post.post([0])

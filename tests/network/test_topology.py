@@ -1,25 +1,29 @@
 """Who reaches whom in each topology."""
 
 import tracemalloc
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from networking import laid, pairs, world
+from numpy.typing import NDArray
 from scipy import stats
-from simulating import STEP, Team, simulation
+from simulating import STEP, Team, present, simulation, untyped
 
+from symaware_cli import Topology
 from symaware_cli.core import Links, Obstacle, Roster
 from symaware_cli.environments.kinematic import KinematicEnvironment
 from symaware_cli.network.network import Network, TopologyPhase
-from symaware_cli.network.topology.fixed import Complete, Graph, Grid, Line, Random, Ring, Star, Tree
+from symaware_cli.network.topology.fixed import Complete, FixedTopology, Graph, Grid, Line, Random, Ring, Star, Tree
 from symaware_cli.network.topology.spatial import LineOfSight, Nearest, Range
 from symaware_cli.network.topology.topology import TopologyError
 from symaware_cli.world.chance import agent_numbers, combined, key_of, uniform
 
 
-def both(*edges):
+def both(*edges: tuple[int, int]) -> list[tuple[int, int]]:
     return sorted([*edges, *((other, one) for one, other in edges)])
 
 
@@ -46,13 +50,15 @@ def both(*edges):
         (Random, {"probability": 1.0}, both((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))),
     ],
 )
-def test_a_topology_that_stays_as_it_is(topology, parameters, expected):
+def test_a_topology_that_stays_as_it_is(
+    topology: type[FixedTopology], parameters: dict[str, Any], expected: list[tuple[int, int]]
+) -> None:
     made = laid(topology, world(4), **parameters)
     assert pairs(made.links(0)) == expected
     assert made.links(STEP) is made.links(0)
 
 
-def test_a_torus_has_four_neighbours_each():
+def test_a_torus_has_four_neighbours_each() -> None:
     assert laid(Grid, world(12), columns=4, wraps=True).links(0).degrees().tolist() == [4] * 12
     with pytest.raises(TopologyError, match="10 members do not fill 3 rows of 4"):
         laid(Grid, world(10), columns=4, wraps=True)
@@ -71,13 +77,15 @@ def test_a_torus_has_four_neighbours_each():
         (Random, {"probability": 0.0, "connected": True}, "none is connected", ("probability",)),
     ],
 )
-def test_what_cannot_be_is_said_with_its_place(topology, parameters, problem, path):
+def test_what_cannot_be_is_said_with_its_place(
+    topology: type[FixedTopology], parameters: dict[str, Any], problem: str, path: tuple[int | str, ...]
+) -> None:
     with pytest.raises(TopologyError, match=problem) as caught:
         laid(topology, world(4), **parameters)
     assert caught.value.path == path
 
 
-def test_all_edges_that_cannot_be_are_said_at_once():
+def test_all_edges_that_cannot_be_are_said_at_once() -> None:
     edges = (("robot.0", "robot.0"), ("rover", "robot.1"), ("robot.1", "robot.1"))
     with pytest.raises(TopologyError) as caught:
         laid(Graph, world(4), edges=edges)
@@ -85,7 +93,7 @@ def test_all_edges_that_cannot_be_are_said_at_once():
     assert [each.path for each in told] == [("edges", 0), ("edges", 1, 0), ("edges", 2)]
 
 
-def test_a_random_graph_has_as_many_links_as_its_probability_says():
+def test_a_random_graph_has_as_many_links_as_its_probability_says() -> None:
     links = laid(Random, world(150), probability=0.1).links(0)
     assert stats.binomtest(len(links) // 2, 150 * 149 // 2, 0.1).pvalue > 1e-3
     assert pairs(links) == both(*[each for each in pairs(links) if each[0] < each[1]])
@@ -93,18 +101,18 @@ def test_a_random_graph_has_as_many_links_as_its_probability_says():
     assert stats.binomtest(len(directed), 150 * 149, 0.1).pvalue > 1e-3
 
 
-def test_whether_two_are_linked_at_random_does_not_depend_on_who_else_is_there():
+def test_whether_two_are_linked_at_random_does_not_depend_on_who_else_is_there() -> None:
     few, more = (laid(Random, world(count), probability=0.5).links(0) for count in (10, 20))
     assert pairs(few) == [each for each in pairs(more) if max(each) < 10]
     assert pairs(laid(Random, world(10), seed=8, probability=0.5).links(0)) != pairs(few)
 
 
-def agent_keys(ids):
+def agent_keys(ids: Sequence[str]) -> NDArray[np.uint64]:
     """What random graphs of the seed 7 are drawn by."""
     return combined(agent_numbers(ids), np.zeros(len(ids), np.uint64), key_of(7, "topology"))
 
 
-def people(count):
+def people(count: int) -> KinematicEnvironment:
     """A world of which nothing is known but who is in it."""
     environment = KinematicEnvironment()
     environment.roster = Roster({"robot": tuple(f"robot.{number}" for number in range(count))})
@@ -112,7 +120,7 @@ def people(count):
 
 
 @pytest.mark.parametrize("directed", [False, True])
-def test_pairs_are_drawn_in_blocks_as_if_all_at_once(directed):
+def test_pairs_are_drawn_in_blocks_as_if_all_at_once(directed: bool) -> None:
     count = 300
     assert count * (count - 1) // 2 > 5 * Random._BLOCK
     links = laid(Random, people(count), probability=0.02, directed=directed).links(0)
@@ -127,7 +135,7 @@ def test_pairs_are_drawn_in_blocks_as_if_all_at_once(directed):
     assert pairs(links) == [tuple(each) for each in np.argwhere(drawn).tolist()]
 
 
-def test_many_pairs_are_drawn_in_little_memory():
+def test_many_pairs_are_drawn_in_little_memory() -> None:
     world_of_many = people(1500)
     tracemalloc.start()
     links = laid(Random, world_of_many, probability=0.002).links(0)
@@ -141,26 +149,28 @@ def test_many_pairs_are_drawn_in_little_memory():
 @pytest.mark.parametrize(
     ("count", "probability", "directed"), [(400, 0.001, False), (1000, 0.004, False), (1000, 0.0045, True)]
 )
-def test_that_a_random_graph_is_as_good_as_never_connected_is_known_beforehand(count, probability, directed):
+def test_that_a_random_graph_is_as_good_as_never_connected_is_known_beforehand(
+    count: int, probability: float, directed: bool
+) -> None:
     # P. Erdos and A. Renyi (1959): a graph of n is connected with a probability of about exp(-n exp(-n p)).
     with pytest.raises(TopologyError, match=r"hardly ever connected; they often are from about ln\(n\)/n"):
         laid(Random, people(count), probability=probability, directed=directed, connected=True)
 
 
 @pytest.mark.parametrize("directed", [False, True])
-def test_a_graph_is_given_up_as_soon_as_somebody_is_alone(directed):
+def test_a_graph_is_given_up_as_soon_as_somebody_is_alone(directed: bool) -> None:
     topology = laid(Random, people(150), probability=0.03, directed=directed, connected=True)
     keys = agent_keys(topology.roster.ids)
     drawn = [topology._draw(keys, attempt) for attempt in range(12)]
     assert None in drawn
     free = Random(Random.Parameters(probability=0.03, directed=directed))
     for attempt, given_up in enumerate(each is None for each in drawn):
-        one, other = free._draw(keys, attempt)
+        one, other = present(free._draw(keys, attempt))
         ends = (one, other) if directed else (np.concatenate([one, other]),) * 2
         assert given_up == any(len(np.unique(each)) < 150 for each in ends)
 
 
-def test_a_random_graph_that_is_to_be_connected_is_so():
+def test_a_random_graph_that_is_to_be_connected_is_so() -> None:
     sparse = [laid(Random, world(12), seed, probability=0.2) for seed in range(8)]
     assert any(len(np.unique(each.links(0).parts())) > 1 for each in sparse)
     for seed in range(8):
@@ -169,7 +179,7 @@ def test_a_random_graph_that_is_to_be_connected_is_so():
 
 
 @pytest.mark.parametrize("ends", [(0, 7), (7, 0), (0, -1), (5, 5)])
-def test_a_link_ends_at_somebody(ends):
+def test_a_link_ends_at_somebody(ends: tuple[int, int]) -> None:
     one, other = (np.array([1, each]) for each in ends)
     for make in (Links, Links.of):
         with pytest.raises(ValueError, match=r"of index (7|-1|5), and there are 5 agents"):
@@ -183,9 +193,9 @@ def test_a_link_ends_at_somebody(ends):
         ([(0, 1)], "of the type list instead of `Links`"),
     ],
 )
-def test_what_a_topology_says_is_looked_at(links, problem):
+def test_what_a_topology_says_is_looked_at(links: Links | list[tuple[int, int]], problem: str) -> None:
     topology = laid(Complete, world(3))
-    topology._links = links
+    topology._links = untyped(links)
     with pytest.raises((TypeError, ValueError), match=problem):
         Network(topology.roster, [TopologyPhase(0, topology)]).update(0)
 
@@ -193,18 +203,18 @@ def test_what_a_topology_says_is_looked_at(links, problem):
 class Walk:
     """A world whose agents are put somewhere by hand."""
 
-    def __init__(self, positions, **kwargs):
+    def __init__(self, positions: Sequence[tuple[int, int]], **kwargs: Any) -> None:
         self.environment = world(len(positions), positions, **kwargs)
 
-    def go(self, positions):
+    def go(self, positions: Sequence[tuple[float, int]]) -> None:
         group = self.environment.groups[0]
         self.environment.push(group, range(len(group)), np.array(positions) - self.environment.state(group))
 
 
-def near(positions, reach):
+def near(positions: NDArray[np.float64], reach: float) -> list[tuple[int, int]]:
     apart = np.linalg.norm(positions[:, None] - positions[None], axis=2)
     np.fill_diagonal(apart, np.inf)
-    return [tuple(each) for each in np.argwhere(apart <= reach).tolist()]
+    return [(one, other) for one, other in np.argwhere(apart <= reach).tolist()]
 
 
 coordinates = st.lists(
@@ -214,12 +224,12 @@ coordinates = st.lists(
 
 @settings(max_examples=40, deadline=None)
 @given(coordinates, st.floats(0.5, 8, width=16))
-def test_those_within_range_reach_each_other(positions, reach):
-    positions = np.array(positions)
-    assert pairs(laid(Range, world(len(positions), positions), range=reach).links(0)) == near(positions, reach)
+def test_those_within_range_reach_each_other(positions: list[tuple[float, float]], reach: float) -> None:
+    links = laid(Range, world(len(positions), positions), range=reach).links(0)
+    assert pairs(links) == near(np.array(positions), reach)
 
 
-def test_who_reached_somebody_still_does_a_little_farther_away():
+def test_who_reached_somebody_still_does_a_little_farther_away() -> None:
     walk = Walk([(0, 0), (5, 0)])
     topology = laid(Range, walk.environment, range=4.0, hysteresis=1.0)
     linked = []
@@ -229,7 +239,7 @@ def test_who_reached_somebody_still_does_a_little_farther_away():
     assert linked == [0, 2, 2, 2, 0, 0, 2]
 
 
-def test_who_reached_somebody_before_another_topology_held_begins_anew():
+def test_who_reached_somebody_before_another_topology_held_begins_anew() -> None:
     walk = Walk([(0, 0), (3, 0)])
     phases = [
         TopologyPhase(0, laid(Range, walk.environment, range=4.0, hysteresis=1.0)),
@@ -240,11 +250,12 @@ def test_who_reached_somebody_before_another_topology_held_begins_anew():
     for step, x in enumerate((3.0, 4.5, 9.0, 4.5, 3.9, 4.5)):
         walk.go([(0, 0), (x, 0)])
         network.update(step * STEP)
+        assert network.links is not None
         linked.append(len(network.links))
     assert linked == [2, 2, 1, 0, 2, 1]
 
 
-def test_links_that_stay_are_the_same_object():
+def test_links_that_stay_are_the_same_object() -> None:
     walk = Walk([(0, 0), (5, 0), (9, 0)])
     topology = laid(Range, walk.environment, range=6.0)
     before = topology.links(0)
@@ -256,44 +267,45 @@ def test_links_that_stay_are_the_same_object():
 
 @settings(max_examples=40, deadline=None)
 @given(coordinates, st.integers(1, 5))
-def test_each_reaches_those_nearest_to_it(positions, count):
-    positions = np.array(positions)
+def test_each_reaches_those_nearest_to_it(positions: list[tuple[float, float]], count: int) -> None:
     links = laid(Nearest, world(len(positions), positions), count=count, directed=True).links(0)
     most = min(count, len(positions) - 1)
     assert links.degrees().tolist() == [most] * len(positions)
-    apart = np.linalg.norm(positions[:, None] - positions[None], axis=2)
+    places = np.array(positions)
+    apart = np.linalg.norm(places[:, None] - places[None], axis=2)
     np.fill_diagonal(apart, np.inf)
     for row, distances in enumerate(apart):
         reached = np.sort(distances[links.of_sender(row)])
         assert np.allclose(reached, np.sort(distances)[:most])
     mutual = laid(Nearest, world(len(positions), positions), count=count).links(0)
-    assert pairs(mutual) == both(*{tuple(sorted(each)) for each in pairs(links)})
+    assert pairs(mutual) == both(*{(min(each), max(each)) for each in pairs(links)})
 
 
-def test_those_at_one_place_are_still_each_others_nearest():
+def test_those_at_one_place_are_still_each_others_nearest() -> None:
     links = laid(Nearest, world(4, [(1, 1)] * 4), count=1, directed=True).links(0)
     assert links.degrees().tolist() == [1] * 4
 
 
-def test_an_obstacle_in_between_cuts_a_link():
+def test_an_obstacle_in_between_cuts_a_link() -> None:
     wall = Obstacle.model_validate({"shape": {"box": {"length": 0.2, "width": 4.0}}, "position": [2.0, 0.0]})
     positions = [(0, 0), (4, 0), (0, 3), (4, 3)]
     links = laid(LineOfSight, world(4, positions, obstacles={"wall": wall}), range=4.5).links(0)
     assert pairs(links) == both((0, 2), (1, 3), (2, 3))
 
 
-def test_who_takes_no_part_reaches_nobody():
+def test_who_takes_no_part_reaches_nobody() -> None:
     teams = {"car": Team(count=2, state=[[0, 0], [1, 0]]), "bike": Team(count=2, state=[[0, 1], [1, 1]])}
     environment = simulation(teams).environment
     everybody = laid(Range, environment, range=2.0)
     assert len(everybody.links(0)) == 12
     # The roster sorts groups by name: bikes are 0 and 1.
-    for topology, parameters in ((Range, {"range": 2.0}), (Complete, {})):
+    chosen: list[tuple[type[Topology], dict[str, Any]]] = [(Range, {"range": 2.0}), (Complete, {})]
+    for topology, parameters in chosen:
         assert pairs(laid(topology, environment, members=("car",), **parameters).links(0)) == both((2, 3))
 
 
 @given(st.integers(1, 12), st.lists(st.tuples(st.integers(0, 11), st.integers(0, 11)), max_size=40))
-def test_parts_are_those_who_reach_each_other(count, edges):
+def test_parts_are_those_who_reach_each_other(count: int, edges: list[tuple[int, int]]) -> None:
     edges = [(one % count, other % count) for one, other in edges]
     links = Links.of(count, np.array([one for one, _ in edges], int), np.array([other for _, other in edges], int))
     assert pairs(links) == sorted({edge for edge in edges if edge[0] != edge[1]})

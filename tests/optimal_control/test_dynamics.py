@@ -1,7 +1,14 @@
 """A prediction is what happens: the same motion for symbols, for arrays and in the world."""
 
+from typing import Any
+
 import numpy as np
 import pytest
+from numpy.typing import NDArray
+from simulating import untyped
+
+from symaware_cli.models.noise import NoisyModel
+from symaware_cli.optimal_control.dynamics import Integrator
 
 casadi = pytest.importorskip("casadi", reason="CasADi is an extra")
 
@@ -23,7 +30,7 @@ class Pendulum(Model):
     state = (Quantity("x", "m"), Quantity("y", "m"), Quantity("rate", "m/s"))
     control_input = (Quantity("push", "m/s^2"),)
 
-    def derivative(self, state, control_input, math):
+    def derivative(self, state: Any, control_input: Any, math: Any) -> Any:
         return (state[2], 0.1 * math.cos(state[0]), control_input[0] - 9.81 * math.sin(state[0]))
 
 
@@ -49,14 +56,14 @@ every_model = pytest.mark.parametrize("model", MODELS.values(), ids=MODELS)
 every_integrator = pytest.mark.parametrize("integrator", ["exact", "rk4", "euler"])
 
 
-def some(model, count):
+def some(model: NoisyModel, count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     random = np.random.default_rng(3)
     return random.normal(size=(count, len(model.state))), random.normal(size=(count, len(model.control_input)))
 
 
 @every_integrator
 @every_model
-def test_symbols_move_as_arrays_do(model, integrator):
+def test_symbols_move_as_arrays_do(model: NoisyModel, integrator: Integrator) -> None:
     dynamics = Dynamics(model, 0.2, integrator, substeps=4)
     x, u = casadi.SX.sym("x", len(model.state)), casadi.SX.sym("u", len(model.control_input))
     compiled = casadi.Function("step", [x, u], [dynamics.symbolic(x, u)])
@@ -68,16 +75,16 @@ def test_symbols_move_as_arrays_do(model, integrator):
 class Replay(Controller):
     """Requests control inputs from a list, one at each step."""
 
-    def __init__(self, inputs):
+    def __init__(self, inputs: NDArray[np.float64]) -> None:
         self._inputs = list(inputs)
 
-    def _compute(self):
+    def _compute(self) -> tuple[NDArray[np.float64], TimeSeries]:
         return self._inputs.pop(0), TimeSeries()
 
 
 @every_integrator
 @every_model
-def test_an_open_loop_plan_is_what_the_kinematic_world_does(model, integrator):
+def test_an_open_loop_plan_is_what_the_kinematic_world_does(model: NoisyModel, integrator: Integrator) -> None:
     # The plan holds each input for two steps of the world, which halves its own step once more where it integrates.
     problem = OptimalControlProblem(
         model, steps=5, time_step=0.1, integrator=integrator, substeps=2 if model.time_step else 4
@@ -86,9 +93,9 @@ def test_an_open_loop_plan_is_what_the_kinematic_world_does(model, integrator):
     problem.add_cost(casadi.sumsqr(x[:2] - 0.3) + 0.1 * casadi.sumsqr(u))
     problem.bound_input(-0.9, 0.9 if len(model.control_input) == 1 else np.inf)
     start, _ = some(model, 1)
-    plan = Solver(problem, tolerance=1e-9).solve(start[0])
-    assert plan.solved
-    plan = plan.plan
+    solution = Solver(problem, tolerance=1e-9).solve(start[0])
+    assert solution.solved
+    plan = solution.plan
     parameters = KinematicEnvironment.Parameters(time_step=0.05, integrator=integrator, substeps=2)
     inputs = np.repeat(plan.inputs, 2, axis=0)
     team = Team({"steer": lambda: Replay(inputs)}, model=model, state=start.tolist())
@@ -97,17 +104,17 @@ def test_an_open_loop_plan_is_what_the_kinematic_world_does(model, integrator):
     assert np.allclose(ready.environment.state(ready.groups[0])[0], plan.states[-1], atol=1e-7)
 
 
-def test_a_rollout_goes_step_by_step():
+def test_a_rollout_goes_step_by_step() -> None:
     dynamics = Dynamics(SingleIntegrator(), 0.5)
     assert dynamics.rollout([1.0, 2.0], [[1.0, 0.0], [0.0, -2.0]]).tolist() == [[1, 2], [1.5, 2], [1.5, 1]]
 
 
 @pytest.mark.parametrize(("step", "substeps"), [(0.0, 1), (-1.0, 1), (np.nan, 1), (0.1, 0)])
-def test_there_is_no_empty_step(step, substeps):
+def test_there_is_no_empty_step(step: float, substeps: int) -> None:
     with pytest.raises(ValueError, match="is none"):
         Dynamics(Unicycle(), step, substeps=substeps)
 
 
-def test_an_unknown_integrator_is_refused():
+def test_an_unknown_integrator_is_refused() -> None:
     with pytest.raises(ValueError, match="one of exact, rk4, euler, not verlet"):
-        Dynamics(Unicycle(), 0.1, "verlet")
+        Dynamics(Unicycle(), 0.1, untyped("verlet"))

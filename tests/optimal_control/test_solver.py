@@ -3,11 +3,16 @@
 import os
 import subprocess
 import sys
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from symaware_cli.optimal_control.plan import Plan
 
 casadi = pytest.importorskip("casadi", reason="CasADi is an extra")
 
@@ -21,7 +26,7 @@ both = pytest.mark.parametrize("name", ["fatrop", "ipopt"])
 slowly = settings(max_examples=15, deadline=None)
 
 
-def linear(A, B, max_input=None):
+def linear(A: NDArray[np.float64], B: NDArray[np.float64], max_input: float | None = None) -> Linear:
     names = [f"x{n}" for n in range(len(A))], [f"u{n}" for n in range(B.shape[1])]
     return Linear(
         Linear.Parameters(
@@ -35,12 +40,14 @@ def linear(A, B, max_input=None):
     )
 
 
-def positive(random, size, least=0.0):
+def positive(random: np.random.Generator, size: int, least: float = 0.0) -> NDArray[np.float64]:
     root = random.normal(size=(size, size))
     return root @ root.T + least * np.eye(size)
 
 
-def regulator(seed, steps, max_input=None):
+def regulator(
+    seed: int, steps: int, max_input: float | None = None
+) -> tuple[OptimalControlProblem, Any, NDArray[np.float64]]:
     """A random linear system with a quadratic cost, its problem and its matrices."""
     random = np.random.default_rng(seed)
     nx, nu = int(random.integers(2, 5)), int(random.integers(1, 3))
@@ -56,7 +63,7 @@ def regulator(seed, steps, max_input=None):
 @both
 @given(seed=SEEDS, steps=st.integers(1, 12))
 @slowly
-def test_a_linear_quadratic_problem_has_the_solution_of_riccati(name, seed, steps):
+def test_a_linear_quadratic_problem_has_the_solution_of_riccati(name: str, seed: int, steps: int) -> None:
     # Backwards from P_N: K = (R + B'PB)^-1 B'PA, P = Q + A'P(A - BK); u = -Kx, and the cost is x'P_0 x
     # (D. P. Bertsekas, Dynamic Programming and Optimal Control I, 2005, section 4.1).
     problem, (A, B, Q, R, P), state = regulator(seed, steps)
@@ -76,7 +83,7 @@ def test_a_linear_quadratic_problem_has_the_solution_of_riccati(name, seed, step
 
 @given(seed=SEEDS)
 @slowly
-def test_solvers_agree_on_convex_problems(seed):
+def test_solvers_agree_on_convex_problems(seed: int) -> None:
     problem, _, state = regulator(seed, 8, max_input=0.3)
     problem.add_constraint(problem.state[0] + problem.state[1], -1.0, 1.0, penalty=20.0)
     problem.add_constraint(problem.control_input[0] - problem.previous_input[0], -0.2, 0.2)
@@ -92,7 +99,7 @@ def test_solvers_agree_on_convex_problems(seed):
         assert np.abs(np.diff(solution.plan.inputs[:, 0], prepend=0.0)).max() <= 0.2 + 1e-6
 
 
-def detour(penalty=None, **options):
+def detour(penalty: float | None = None, **options: Any) -> Solver:
     """A unicycle that goes round a disc of 1 m."""
     problem = OptimalControlProblem(Unicycle(), steps=20, time_step=0.25)
     x, u = problem.state, problem.control_input
@@ -106,7 +113,7 @@ def detour(penalty=None, **options):
 DETOUR = detour()
 
 
-def task(seed):
+def task(seed: int) -> tuple[NDArray[np.float64], dict[str, NDArray[np.float64]]]:
     random = np.random.default_rng(seed)
     state = np.array([*random.uniform(-2, -1.2, 2), random.uniform(-3, 3)])
     return state, {"goal": random.uniform(1.2, 3, 2), "disc": random.uniform(-0.1, 0.1, 2)}
@@ -114,7 +121,7 @@ def task(seed):
 
 @given(seed=SEEDS)
 @slowly
-def test_a_solution_moves_as_the_model_does_and_keeps_to_the_constraints(seed):
+def test_a_solution_moves_as_the_model_does_and_keeps_to_the_constraints(seed: int) -> None:
     state, values = task(seed)
     solution = DETOUR.solve(state, values)
     assert solution.solved
@@ -126,7 +133,7 @@ def test_a_solution_moves_as_the_model_does_and_keeps_to_the_constraints(seed):
 
 @given(seed=SEEDS)
 @slowly
-def test_a_solution_as_a_guess_is_found_again_with_less_work(seed):
+def test_a_solution_as_a_guess_is_found_again_with_less_work(seed: int) -> None:
     state, values = task(seed)
     first = DETOUR.solve(state, values)
     again = DETOUR.solve(state, values, guess=first.plan)
@@ -135,7 +142,7 @@ def test_a_solution_as_a_guess_is_found_again_with_less_work(seed):
     assert again.iterations <= first.iterations
 
 
-def test_where_the_first_solver_fails_from_the_guess_it_tries_the_alternatives_in_order():
+def test_where_the_first_solver_fails_from_the_guess_it_tries_the_alternatives_in_order() -> None:
     # Twenty iterations are too few from a plan that turns on the spot, and enough from a solution.
     solver, (state, values) = detour(iterations=20), task(2)
     idle = solver.rollout(state, [0.0, 1.0])
@@ -144,7 +151,7 @@ def test_where_the_first_solver_fails_from_the_guess_it_tries_the_alternatives_i
     assert not failed.solved
     made = []
 
-    def alternatives(plans):
+    def alternatives(plans: Sequence[Plan]) -> Iterator[Plan]:
         for plan in plans:
             made.append(plan)
             yield plan
@@ -158,11 +165,11 @@ def test_where_the_first_solver_fails_from_the_guess_it_tries_the_alternatives_i
     assert found.iterations <= 2 * 21 + alone.iterations
 
 
-def test_alternatives_are_not_made_where_the_guess_will_do_and_where_they_fail_too_the_guess_counts():
+def test_alternatives_are_not_made_where_the_guess_will_do_and_where_they_fail_too_the_guess_counts() -> None:
     state, values = task(2)
     good = DETOUR.solve(state, values)
 
-    def none():
+    def none() -> Iterator[Any]:
         raise AssertionError("nobody needs it")
         yield
 
@@ -175,7 +182,7 @@ def test_alternatives_are_not_made_where_the_guess_will_do_and_where_they_fail_t
     np.testing.assert_array_equal(other.plan.inputs, failed.plan.inputs)
 
 
-def test_a_warm_start_saves_iterations_along_the_way():
+def test_a_warm_start_saves_iterations_along_the_way() -> None:
     state, values = task(5)
     cold = warm = 0
     plan = None
@@ -184,11 +191,12 @@ def test_a_warm_start_saves_iterations_along_the_way():
         decision = DETOUR.replan(state, values, rest=None if plan is None else plan.shifted())
         warm += decision.solution.iterations
         plan = decision.plan
+        assert plan is not None
         state = plan.states[1]
     assert warm < 0.7 * cold
 
 
-def test_one_solution_leaves_no_trace_in_the_next():
+def test_one_solution_leaves_no_trace_in_the_next() -> None:
     for name in ("fatrop", "ipopt"):
         solver = detour(solvers=(name,))
         first, other = task(1), task(2)
@@ -211,7 +219,7 @@ for name in ("fatrop", "ipopt"):
 """
 
 
-def test_the_number_of_threads_changes_nothing(request):
+def test_the_number_of_threads_changes_nothing(request: pytest.FixtureRequest) -> None:
     script = SCRIPT.format(folder=str(request.path.parent))
     processes = [
         subprocess.Popen(
@@ -226,7 +234,7 @@ def test_the_number_of_threads_changes_nothing(request):
     assert len(said[0].splitlines()) == 2
 
 
-def test_who_begins_inside_an_obstacle_has_no_plan():
+def test_who_begins_inside_an_obstacle_has_no_plan() -> None:
     solution = detour().solve([0.1, 0.0, 0.0], {"goal": [3.0, 0.0], "disc": [0.0, 0.0]})
     assert not solution.solved
     assert solution.solver == "ipopt"
@@ -235,7 +243,7 @@ def test_who_begins_inside_an_obstacle_has_no_plan():
     assert solution.plan.states.shape == (21, 3)
 
 
-def test_a_soft_constraint_lets_out_whoever_is_inside():
+def test_a_soft_constraint_lets_out_whoever_is_inside() -> None:
     solution = detour(penalty=1e3).solve([0.1, 0.0, 0.0], {"goal": [3.0, 0.0], "disc": [0.0, 0.0]})
     assert solution.solved
     assert solution.violation > 0.5
@@ -243,7 +251,7 @@ def test_a_soft_constraint_lets_out_whoever_is_inside():
     assert np.hypot(*solution.plan.states[-1, :2]) > 1.0
 
 
-def test_a_price_that_is_high_enough_changes_nothing_where_there_is_a_solution():
+def test_a_price_that_is_high_enough_changes_nothing_where_there_is_a_solution() -> None:
     state, values = task(3)
     hard, soft = (
         DETOUR.solve(state, values),
@@ -254,7 +262,7 @@ def test_a_price_that_is_high_enough_changes_nothing_where_there_is_a_solution()
 
 
 @both
-def test_the_budget_of_iterations_is_kept(name):
+def test_the_budget_of_iterations_is_kept(name: str) -> None:
     state, values = task(1)
     solution = detour(solvers=(name,), iterations=2).solve(state, values)
     assert not solution.solved
@@ -262,7 +270,7 @@ def test_the_budget_of_iterations_is_kept(name):
     assert 2 <= solution.iterations <= 3
 
 
-def test_the_next_solver_is_tried_where_one_fails():
+def test_the_next_solver_is_tried_where_one_fails() -> None:
     state, values = task(1)
     chain = detour(options={"fatrop": {"fatrop.max_iter": 1}}).solve(state, values)
     alone = detour(solvers=("ipopt",)).solve(state, values)
@@ -273,7 +281,7 @@ def test_the_next_solver_is_tried_where_one_fails():
 
 
 @both
-def test_a_cost_that_is_not_a_number_is_a_failure(name, capfd):
+def test_a_cost_that_is_not_a_number_is_a_failure(name: str, capfd: pytest.CaptureFixture[str]) -> None:
     problem = OptimalControlProblem(SingleIntegrator(), steps=5, time_step=0.2)
     problem.add_cost(casadi.log(problem.state[0]) + casadi.sumsqr(problem.control_input))
     solution = Solver(problem, (name,), iterations=20).solve([-1.0, 0.0])
@@ -281,22 +289,26 @@ def test_a_cost_that_is_not_a_number_is_a_failure(name, capfd):
     capfd.readouterr()
 
 
-def test_replanning_falls_back_to_the_rest_of_the_plan_until_it_is_used_up():
+def test_replanning_falls_back_to_the_rest_of_the_plan_until_it_is_used_up() -> None:
     state, values = task(1)
     solver = detour()
     plan = first = solver.replan(state, values).plan
-    inside = {**values, "disc": [0.0, 0.0]}
+    assert plan is not None
+    assert first is not None
+    inside: dict[str, Any] = {**values, "disc": [0.0, 0.0]}
     for k in range(1, 20):
         decision = solver.replan([0.1, 0.0, 0.0], inside, rest=plan.shifted()) if k in (1, 19) else None
         plan = decision.plan if decision else plan.shifted()
+        assert plan is not None
         assert plan.left == 20 - k
         assert plan.inputs[0].tolist() == first.inputs[k].tolist()
+    assert decision is not None
     assert decision.fallen_back
     assert solver.replan([0.1, 0.0, 0.0], inside, rest=plan.shifted()).plan is None
     assert solver.replan([0.1, 0.0, 0.0], inside).plan is None
 
 
-def test_scales_change_nothing_but_the_numbers_that_solvers_see():
+def test_scales_change_nothing_but_the_numbers_that_solvers_see() -> None:
     state, values = task(4)
     problem = OptimalControlProblem(Unicycle(), steps=20, time_step=0.25)
     x, u = problem.state, problem.control_input
@@ -309,7 +321,7 @@ def test_scales_change_nothing_but_the_numbers_that_solvers_see():
     assert scaled.plan.inputs == pytest.approx(plain.plan.inputs, abs=1e-4)
 
 
-def test_a_plan_shifts_and_tells_where_it_leads():
+def test_a_plan_shifts_and_tells_where_it_leads() -> None:
     problem = OptimalControlProblem(DoubleIntegrator(), steps=4, time_step=0.5)
     problem.add_cost(casadi.sumsqr(problem.control_input))
     problem.add_terminal_cost(casadi.sumsqr(problem.state[:2] - 1.0))
@@ -325,7 +337,7 @@ def test_a_plan_shifts_and_tells_where_it_leads():
     assert np.array_equal(intent.values, plan.states[:, :2])
 
 
-def test_other_solvers_of_casadi_may_be_named():
+def test_other_solvers_of_casadi_may_be_named() -> None:
     quiet = {"print_header": False, "print_iteration": False, "print_status": False}
     options = {"sqpmethod": {"qpsol": "osqp", "qpsol_options": {"osqp.verbose": False}, **quiet}}
     problem, _, state = regulator(7, 5)

@@ -1,13 +1,16 @@
 """Columns and series hold real numbers: what is none is refused, wherever it is written, and nothing is bent."""
 
+from collections.abc import Callable
 from decimal import Decimal
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 from simulating import Team
 
-from symaware_cli import AwarenessVector, TimeSeries
+from symaware_cli import Agent, AwarenessVector, TimeSeries
 from symaware_cli.awareness.column import Column, SeriesColumn
 from symaware_cli.world.arrays import real
 
@@ -27,11 +30,11 @@ STRANGE = {
 }
 
 
-def agent():
+def agent() -> Agent:
     return Team().group("robot").agents[0]
 
 
-WAYS = {
+WAYS: dict[str, Callable[[Any], object]] = {
     "a column": lambda value: setattr(Column(np.zeros((1, 2))), "values", [value]),
     "a row of a column": lambda value: Column(np.zeros((1, 2))).set_row(0, value),
     "a control input": lambda value: setattr(agent().model, "control_input", value),
@@ -47,7 +50,7 @@ WAYS = {
 
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("what", STRANGE)
-def test_what_is_no_real_number_is_refused(what, way):
+def test_what_is_no_real_number_is_refused(what: str, way: str) -> None:
     with pytest.raises(TypeError, match="expected real numbers, not "):
         WAYS[way](STRANGE[what])
 
@@ -59,13 +62,13 @@ def test_what_is_no_real_number_is_refused(what, way):
         (1.0, 2),
         [True, 2.0],
         np.array([1, 2], np.uint8),
-        np.float32([1, 2]),
+        np.array([1, 2], np.float32),
         [Fraction(1), np.float64(2)],
         range(1, 3),
     ],
 )
 @pytest.mark.parametrize("way", WAYS)
-def test_real_numbers_of_any_kind_are_taken(way, value):
+def test_real_numbers_of_any_kind_are_taken(way: str, value: ArrayLike) -> None:
     WAYS[way](value)
     assert real(value).dtype == np.float64
     assert real(value).tolist() == [1.0, 2.0]

@@ -4,12 +4,16 @@ import itertools
 import pickle
 import subprocess
 import sys
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 from scipy import stats
+from simulating import untyped
 
 from symaware_cli.world.chance import (
     AgentChance,
@@ -50,12 +54,12 @@ GOLDEN = {
 """First drawn with version 0.2.0; whoever changes them makes every seed in the world mean something else."""
 
 
-def long(words):
+def long(words: tuple[int, ...]) -> list[int]:
     """Numbers of 64 bits from pairs of words, the low one first."""
     return [low | high << 32 for low, high in zip(words[::2], words[1::2], strict=True)]
 
 
-def golden():
+def golden() -> dict[str, float | list[Any]]:
     group = GroupChance(7, "component sense", NUMBERS[:2]).at(Turn(50_000_000))
     return {
         "group": [*group.standard_normal(3)[1].tolist(), *group.uniform(1, "dropout")[1].tolist()],
@@ -67,7 +71,9 @@ def golden():
 
 @pytest.mark.parametrize("many", [1, 3, 5000])
 @pytest.mark.parametrize(("counter", "key", "expected"), KNOWN)
-def test_philox_is_that_of_its_authors(counter, key, expected, many):
+def test_philox_is_that_of_its_authors(
+    counter: tuple[int, int, int, int], key: tuple[int, int], expected: tuple[int, int, int, int], many: int
+) -> None:
     first, second = (np.full(many, number, np.uint64) for number in long(counter))
     for each in (long(key)[0], np.full(many, long(key)[0], np.uint64)):
         even, odd = philox(first, second, each)
@@ -75,11 +81,11 @@ def test_philox_is_that_of_its_authors(counter, key, expected, many):
             assert (word == wanted).all()
 
 
-def test_what_is_drawn_stays_the_same_from_version_to_version():
+def test_what_is_drawn_stays_the_same_from_version_to_version() -> None:
     assert golden() == GOLDEN
 
 
-def test_another_process_with_other_hashes_draws_the_same():
+def test_another_process_with_other_hashes_draws_the_same() -> None:
     code = (
         "from symaware_cli.world.chance import *; g = GroupChance(7, 'component sense', agent_numbers(['a', 'b']));"
         "print(g.at(Turn(5)).uniform(2).tolist(), AgentChance(7, 'a').at(Turn(5)).random())"
@@ -95,19 +101,19 @@ def test_another_process_with_other_hashes_draws_the_same():
     assert drawn[0].strip() == f"{group.uniform(2).tolist()} {AgentChance(7, 'a').at(Turn(5)).random()}"
 
 
-def test_nothing_touches_the_global_state():
-    before = np.random.get_state()[1].tolist()  # noqa: NPY002 (the state that must not be touched)
+def test_nothing_touches_the_global_state() -> None:
+    before = untyped(np.random.get_state())[1].tolist()  # noqa: NPY002 (the state that must not be touched)
     AgentChance(7, "a").at(Turn(0)).random(100)
     GroupChance(7, "a", NUMBERS).at(Turn(0)).standard_normal(3)
-    assert np.random.get_state()[1].tolist() == before  # noqa: NPY002
+    assert untyped(np.random.get_state())[1].tolist() == before  # noqa: NPY002
 
 
-def turns_of(count):
+def turns_of(count: int) -> Iterator[Any]:
     group = GroupChance(7, "component sense", NUMBERS)
     return (group.at(Turn(50_000_000 * number)) for number in range(count))
 
 
-def test_uniform_numbers_are_uniform_along_turns_and_across_agents():
+def test_uniform_numbers_are_uniform_along_turns_and_across_agents() -> None:
     drawn = np.array([each.uniform(2) for each in turns_of(300)])
     assert (drawn >= 0).all()
     assert (drawn < 1).all()
@@ -116,7 +122,7 @@ def test_uniform_numbers_are_uniform_along_turns_and_across_agents():
     assert_unrelated(drawn - 0.5, 1 / 12)
 
 
-def test_normal_numbers_are_normal_along_turns_and_across_agents():
+def test_normal_numbers_are_normal_along_turns_and_across_agents() -> None:
     drawn = np.array([each.standard_normal(4) for each in turns_of(300)])
     for sample in (drawn[:, 17, 0], drawn[:, 18, 3], drawn[5, :, 1], drawn[6, :, 2], drawn.ravel()):
         assert stats.kstest(sample, "norm").pvalue > 1e-3
@@ -129,7 +135,7 @@ def test_normal_numbers_are_normal_along_turns_and_across_agents():
     assert_unrelated(drawn, 1.0)
 
 
-def assert_unrelated(drawn, variance):
+def assert_unrelated(drawn: NDArray[np.float64], variance: float) -> None:
     """No correlation from turn to turn, from an agent to its neighbour, or within a draw; nor of squares."""
     for each in (drawn, drawn**2 - (drawn**2).mean()):
         scale = (each**2).mean()
@@ -138,7 +144,7 @@ def assert_unrelated(drawn, variance):
             assert abs((one * other).mean()) / scale < 5 / np.sqrt(one.size)
 
 
-def test_neighbouring_keys_and_counters_have_nothing_in_common():
+def test_neighbouring_keys_and_counters_have_nothing_in_common() -> None:
     counters = np.arange(2000, dtype=np.uint64)
     nothing = np.zeros_like(counters)
     words = [np.concatenate(philox(counters, nothing, key)) for key in range(8)]
@@ -149,7 +155,7 @@ def test_neighbouring_keys_and_counters_have_nothing_in_common():
         assert abs(flipped.var() - 8) < 0.6
 
 
-def test_links_draw_uniformly_along_a_link_and_across_links():
+def test_links_draw_uniformly_along_a_link_and_across_links() -> None:
     links = combined(np.repeat(NUMBERS, 200), np.tile(NUMBERS, 200), key_of(7, "links"))
     assert len(np.unique(links)) == 200 * 200
     along = message_fractions(np.repeat(links[:1], 50_000), 50_000_000 * np.arange(50_000), 0)
@@ -164,14 +170,14 @@ def test_links_draw_uniformly_along_a_link_and_across_links():
         assert np.abs(correlation).max() < 5 / np.sqrt(drawn.shape[1])
 
 
-def test_single_draws_are_uniform_and_open_at_both_ends():
+def test_single_draws_are_uniform_and_open_at_both_ends() -> None:
     drawn = [fraction(7, "agents.robot.0.steer", "latency", 50 * number, 0) for number in range(5000)]
     assert stats.kstest(drawn, "uniform").pvalue > 1e-3
     assert min(drawn) > 0
     assert max(drawn) < 1
 
 
-def test_two_agents_draw_independently():
+def test_two_agents_draw_independently() -> None:
     draws = np.array(
         [AgentChance(7, f"agents.robot.{row}.sense").at(Turn(0)).standard_normal(4000) for row in range(6)]
     )
@@ -182,7 +188,7 @@ def test_two_agents_draw_independently():
     assert np.abs(draws.std(axis=1) - 1).max() < 0.05
 
 
-def test_first_numbers_of_an_agents_turns_are_independent():
+def test_first_numbers_of_an_agents_turns_are_independent() -> None:
     source = AgentChance(7, "agents.robot.0.sense")
     drawn = np.array([source.at(Turn(50_000_000 * number)).standard_normal() for number in range(4000)])
     assert stats.kstest(drawn, "norm").pvalue > 1e-3
@@ -195,12 +201,14 @@ kinds = st.sampled_from(["standard_normal", "uniform"])
 plans = st.lists(st.tuples(kinds, widths, st.sampled_from(["", "dropout"])), max_size=6)
 
 
-def draw(group, plan):
+def draw(group: GroupChance, plan: Sequence[tuple[str, int, str]]) -> list[NDArray[np.float64]]:
     return [getattr(group, method)(width, kind) for method, width, kind in plan]
 
 
 @given(rows, rows, plans, st.permutations(range(12)))
-def test_who_else_is_in_the_group_and_in_what_order_changes_nothing(few, more, plan, order):
+def test_who_else_is_in_the_group_and_in_what_order_changes_nothing(
+    few: int, more: int, plan: list[tuple[str, int, str]], order: list[int]
+) -> None:
     small, large = (GroupChance(7, "component sense", NUMBERS[:count]).at(Turn(3)) for count in (few, few + more))
     mixed = GroupChance(7, "component sense", NUMBERS[order]).at(Turn(3))
     for one, other, shuffled in zip(draw(small, plan), draw(large, plan), draw(mixed, plan), strict=True):
@@ -210,7 +218,9 @@ def test_who_else_is_in_the_group_and_in_what_order_changes_nothing(few, more, p
 
 
 @given(plans, plans)
-def test_what_was_drawn_in_one_turn_changes_nothing_in_the_next(before, plan):
+def test_what_was_drawn_in_one_turn_changes_nothing_in_the_next(
+    before: list[tuple[str, int, str]], plan: list[tuple[str, int, str]]
+) -> None:
     idle, busy = (GroupChance(7, "component sense", NUMBERS[:3]) for _ in range(2))
     draw(busy.at(Turn(3)), before)
     for one, other in zip(draw(idle.at(Turn(4)), plan), draw(busy.at(Turn(4)), plan), strict=True):
@@ -218,7 +228,7 @@ def test_what_was_drawn_in_one_turn_changes_nothing_in_the_next(before, plan):
 
 
 @given(kinds, widths, st.lists(widths, max_size=4))
-def test_one_kind_of_draw_does_not_shift_another(method, width, others):
+def test_one_kind_of_draw_does_not_shift_another(method: str, width: int, others: list[int]) -> None:
     plain, mixed = (GroupChance(7, "component sense", NUMBERS[:3]).at(Turn(3)) for _ in range(2))
     for other in others:
         mixed.uniform(other, "dropout")
@@ -228,7 +238,7 @@ def test_one_kind_of_draw_does_not_shift_another(method, width, others):
 
 
 @given(kinds, widths, widths)
-def test_drawing_again_in_a_turn_gives_other_numbers(method, width, again):
+def test_drawing_again_in_a_turn_gives_other_numbers(method: str, width: int, again: int) -> None:
     group = GroupChance(7, "component sense", NUMBERS[:3]).at(Turn(3))
     first, second = getattr(group, method)(width), getattr(group, method)(again)
     assert not np.intersect1d(first, second).size
@@ -237,7 +247,9 @@ def test_drawing_again_in_a_turn_gives_other_numbers(method, width, again):
 
 @pytest.mark.parametrize("method", ["standard_normal_of", "uniform_of"])
 @given(st.lists(st.tuples(st.integers(0, 5), st.integers(0, 5)), max_size=20, unique=True), widths, st.data())
-def test_what_is_drawn_about_another_does_not_depend_on_who_else_is_seen(method, seen, width, data):
+def test_what_is_drawn_about_another_does_not_depend_on_who_else_is_seen(
+    method: str, seen: list[tuple[int, int]], width: int, data: st.DataObject
+) -> None:
     observers, others = (
         (np.array(each, np.intp) for each in zip(*seen, strict=True)) if seen else (np.empty(0, int),) * 2
     )
@@ -250,7 +262,7 @@ def test_what_is_drawn_about_another_does_not_depend_on_who_else_is_seen(method,
     assert len(np.unique(everybody)) == everybody.size
 
 
-def test_more_numbers_than_are_scrambled_at_a_time_are_those_of_smaller_draws():
+def test_more_numbers_than_are_scrambled_at_a_time_are_those_of_smaller_draws() -> None:
     many = agent_numbers([f"a{number}" for number in range(10_000)])
     zeros = np.zeros(len(many), np.uint64)
     for drawing, width in ((uniform, 2), (standard_normal, 4)):
@@ -261,7 +273,7 @@ def test_more_numbers_than_are_scrambled_at_a_time_are_those_of_smaller_draws():
         assert drawing(many, zeros, 5, 1).tobytes() == np.ascontiguousarray(whole[:, :1]).tobytes()
 
 
-def test_seed_purpose_turn_and_repetition_all_count():
+def test_seed_purpose_turn_and_repetition_all_count() -> None:
     keys = [(7, "a", 3, 0), (8, "a", 3, 0), (7, "b", 3, 0), (7, "a", 4, 0), (7, "a", 3, 1), (7, "a", 3, -1)]
     groups = [GroupChance(seed, purpose, NUMBERS[:1]).at(Turn(*turn)) for seed, purpose, *turn in keys]
     assert len({each.uniform(1).item() for each in groups}) == len(keys)
@@ -270,7 +282,7 @@ def test_seed_purpose_turn_and_repetition_all_count():
 
 
 @given(st.lists(st.tuples(st.integers(0, 3), st.integers(0, 20), st.booleans()), max_size=12))
-def test_an_agents_generator_begins_anew_in_each_turn_however_much_was_drawn(plan):
+def test_an_agents_generator_begins_anew_in_each_turn_however_much_was_drawn(plan: list[tuple[int, int, bool]]) -> None:
     source, drawn = AgentChance(7, "agents.robot.0.steer"), {}
     instant = 0
     for passed, count, whole in plan:
@@ -281,14 +293,14 @@ def test_an_agents_generator_begins_anew_in_each_turn_however_much_was_drawn(pla
         random = source.at(Turn(instant))
         if whole:
             # Numbers of 32 bits leave half a word for the next.
-            kept = random.integers(0, 9, count, dtype=np.int32), expected.integers(0, 9, count, dtype=np.int32)
+            kept: Any = random.integers(0, 9, count, dtype=np.int32), expected.integers(0, 9, count, dtype=np.int32)
         else:
             kept = random.standard_normal(count), expected.standard_normal(count)
         assert kept[0].tolist() == kept[1].tolist()
 
 
 @pytest.mark.parametrize("drawn", [0, 3])
-def test_what_goes_to_another_process_within_a_turn_goes_on_there(drawn):
+def test_what_goes_to_another_process_within_a_turn_goes_on_there(drawn: int) -> None:
     agent, group = AgentChance(7, "a"), GroupChance(7, "a", NUMBERS[:2])
     agent.at(Turn(3)).random(drawn)
     for _ in range(drawn):
@@ -303,7 +315,9 @@ def test_what_goes_to_another_process_within_a_turn_goes_on_there(drawn):
 @given(
     st.lists(st.tuples(st.sampled_from([1, 1, 1, 2, 5]), st.booleans(), st.booleans()), max_size=60), st.integers(1, 4)
 )
-def test_what_is_drawn_ahead_for_turns_to_come_is_what_is_drawn_in_them(count, plan, width):
+def test_what_is_drawn_ahead_for_turns_to_come_is_what_is_drawn_in_them(
+    count: int, plan: list[tuple[int, bool, bool]], width: int
+) -> None:
     group, rows = GroupChance(7, "component sense", NUMBERS[:count]), np.arange(count)
     instant = 0
     for passed, same, twice in plan:

@@ -13,14 +13,14 @@ from symaware_cli.scenario.problem import ScenarioError
 DISC = Shape(circle=Circle(radius=1.0))
 
 
-def test_a_wall_is_scenery_and_no_agent():
+def test_a_wall_is_scenery_and_no_agent() -> None:
     wall = Shape(wall=Wall(points=[(0, 0), (1, 0)]))
     assert Obstacle(shape=wall).pose().position == (0.0, 0.0), "its points are positions in the world"
     with pytest.raises(ValidationError, match="an agent cannot be a wall"):
         Entity(shape=wall)
 
 
-def test_an_obstacle_stands_somewhere_or_moves():
+def test_an_obstacle_stands_somewhere_or_moves() -> None:
     assert Obstacle(shape=DISC, position=(1, 2, 3), heading=0.5).pose(9.0) == ((1, 2, 3), 0.5, (0, 0, 0), 0.0)
     with pytest.raises(ValidationError, match="it needs a position"):
         Obstacle(shape=DISC)
@@ -71,7 +71,9 @@ agents: {robot: {model: {use: unicycle}, entity: {shape: {circle: {radius: 0.1}}
         ),
     ],
 )
-def test_a_wrong_obstacle_in_a_file_is_reported_once_where_it_is_wrong(tmp_path: Path, entity, path, said):
+def test_a_wrong_obstacle_in_a_file_is_reported_once_where_it_is_wrong(
+    tmp_path: Path, entity: str, path: str, said: str
+) -> None:
     file = tmp_path / "shapes.yaml"
     file.write_text(SOUND, encoding="utf-8")
     build(file)
@@ -85,7 +87,7 @@ def test_a_wrong_obstacle_in_a_file_is_reported_once_where_it_is_wrong(tmp_path:
     assert said in problem.message
 
 
-def test_an_agent_that_is_a_wall_is_reported_and_so_is_a_name_that_is_taken(tmp_path: Path):
+def test_an_agent_that_is_a_wall_is_reported_and_so_is_a_name_that_is_taken(tmp_path: Path) -> None:
     file = tmp_path / "shapes.yaml"
     file.write_text(SOUND.replace("{circle: {radius: 0.1}}", "{wall: {points: [[0, 0], [1, 0]]}}"), encoding="utf-8")
     with pytest.raises(ScenarioError, match="an agent cannot be a wall"):

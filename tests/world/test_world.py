@@ -10,7 +10,7 @@ from symaware_cli.models.unicycle import Unicycle
 MEMBERS = {"robot": ["robot.0", "robot.1"], "car": ["car"]}
 
 
-def test_the_roster_does_not_depend_on_the_order_of_the_groups():
+def test_the_roster_does_not_depend_on_the_order_of_the_groups() -> None:
     one, other = Roster(MEMBERS), Roster(dict(reversed(MEMBERS.items())))
     assert one.ids == other.ids == ("car", "robot.0", "robot.1")
     assert one.groups == ("car", "robot")
@@ -19,12 +19,12 @@ def test_the_roster_does_not_depend_on_the_order_of_the_groups():
     assert len(one) == 3
 
 
-def test_eleven_agents_stand_in_the_order_of_their_index_not_of_their_names():
+def test_eleven_agents_stand_in_the_order_of_their_index_not_of_their_names() -> None:
     ids = [f"robot.{row}" for row in range(11)]
     assert Roster({"robot": ids}).ids == tuple(ids)
 
 
-def test_the_roster_tells_where_an_agent_stands():
+def test_the_roster_tells_where_an_agent_stands() -> None:
     roster = Roster(MEMBERS)
     assert roster.place("robot.1") == (1, 1)
     assert "car" in roster
@@ -33,7 +33,7 @@ def test_the_roster_tells_where_an_agent_stands():
         roster.place("bus")
 
 
-def test_a_snapshot_joins_groups_of_different_models_by_index():
+def test_a_snapshot_joins_groups_of_different_models_by_index() -> None:
     snapshot = Snapshot(
         0,
         Roster(MEMBERS),
