@@ -1,4 +1,4 @@
-"""Measures the worlds of forces beside their bare engines: ``python benchmarks/worlds.py`` prints a table.
+"""Measures the physics worlds beside their bare engines: ``python benchmarks/worlds.py`` prints a table.
 
 Every figure is a ratio of the CPU time of one process, of two programs that are measured in turn, round after round:
 the median of the rounds' ratios is shown, with the least and the greatest. The bare engine gets what a program for it

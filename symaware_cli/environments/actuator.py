@@ -1,4 +1,4 @@
-"""Actuators: how worlds of forces make bodies do what models say."""
+"""Actuators: how physics worlds make bodies do what models say."""
 
 from __future__ import annotations
 

@@ -61,7 +61,7 @@ class KinematicEnvironment(ColumnEnvironment):
             with errors.catch():
                 if obstacle.velocity or obstacle.turn_rate:
                     raise WorldError(
-                        "what moves at the start goes on by its mass, in worlds of forces only: `pymunk` and "
+                        "what moves at the start goes on by its mass, in physics worlds only: `pymunk` and "
                         "`pybullet`; here, give it a path",
                         *("environment", "entities", name),
                     )

@@ -1,4 +1,4 @@
-"""What worlds of forces have in common: physics steps, actuators, and what is read back from bodies."""
+"""What physics worlds have in common: physics steps, actuators, and what is read back from bodies."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class PhysicsEnvironment(ColumnEnvironment):
     uncaptured: ClassVar[Collection[str]] = "*"
 
     class Parameters(EnvironmentParameters):
-        """How a world of forces moves."""
+        """How a physics world moves."""
 
         substeps: int = Field(10, ge=1, le=1000, description="How many physics steps a time step is divided into.")
         damping: float = Field(

@@ -17,7 +17,7 @@ Mass = Annotated[float, Field(gt=0, le=LARGEST)]
 
 
 class Surface(StrictModel):
-    """What happens where bodies touch, in worlds of forces; of two surfaces the product counts."""
+    """What happens where bodies touch, in physics worlds; of two surfaces the product counts."""
 
     friction: float = Field(0.5, ge=0, le=LARGEST, description="Coefficient of friction; of two bodies, the product.")
     elasticity: float = Field(
@@ -34,11 +34,11 @@ class Entity(Surface):
     mass: Mass = Field(1.0, description="Mass [kg].")
     max_force: Mass | None = Field(
         None,
-        description="Greatest force with which it does what its model says, in worlds of forces [N]; no limit if null.",
+        description="Greatest force with which it does what its model says, in physics worlds [N]; no limit if null.",
     )
     max_torque: Mass | None = Field(
         None,
-        description="Greatest torque with which it turns as its model says, in worlds of forces [N m]; no limit if "
+        description="Greatest torque with which it turns as its model says, in physics worlds [N m]; no limit if "
         "null.",
     )
 
@@ -58,14 +58,14 @@ class Entity(Surface):
 class Obstacle(Surface):
     """A body that is part of the environment.
 
-    It stays where it is, moves along a path that nothing diverts, or, in worlds of forces and with a mass, is pushed
+    It stays where it is, moves along a path that nothing diverts, or, in physics worlds and with a mass, is pushed
     around by what it meets.
     """
 
     shape: Shape = Field(description="The outline.")
     mass: Mass | None = Field(
         None,
-        description="Mass [kg]. Worlds of forces move what has one, unless it has a path; null: it stays put. Links "
+        description="Mass [kg]. Physics worlds move what has one, unless it has a path; null: it stays put. Links "
         "of a URDF file have the masses of the file, whatever it is; null: its base is fixed, and its joints move.",
     )
     position: Position | None = Field(
@@ -85,9 +85,9 @@ class Obstacle(Surface):
         "space [rad]; a positive one lowers what lies ahead.",
     )
     velocity: Position | None = Field(
-        None, description="How it moves at the start, in worlds of forces: [x, y] or [x, y, z] [m/s]; needs a mass."
+        None, description="How it moves at the start, in physics worlds: [x, y] or [x, y, z] [m/s]; needs a mass."
     )
-    turn_rate: Number = Field(0.0, description="How it turns at the start, in worlds of forces [rad/s]; needs a mass.")
+    turn_rate: Number = Field(0.0, description="How it turns at the start, in physics worlds [rad/s]; needs a mass.")
     path: ScriptedPath | None = Field(None, description="Where it is at which time; without one it does not move.")
 
     @model_validator(mode="after")
@@ -119,7 +119,7 @@ class Obstacle(Surface):
 
     @property
     def is_free(self) -> bool:
-        """Whether worlds of forces move it: it has a mass, and no path."""
+        """Whether physics worlds move it: it has a mass, and no path."""
         return self.mass is not None and self.path is None
 
     @property

@@ -471,7 +471,7 @@ def test_in_space_things_hide_by_their_very_shape(thing, hides, tmp_path):
 
 @every_world
 def test_what_was_moved_hides_where_it_is_now(use):
-    """In the worlds of forces the bulldozer pushes the crate out of the way; elsewhere it goes by itself."""
+    """In the physics worlds the bulldozer pushes the crate out of the way; elsewhere it goes by itself."""
     crate = {"shape": {"box": {"length": 0.5, "width": 0.5, "height": 1.0}}}
     if use == "kinematic":
         crate |= {"path": {"times": [0, 2], "positions": [[0, 0], [0, 2]]}}

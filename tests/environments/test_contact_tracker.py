@@ -1,4 +1,4 @@
-"""Who touches whom in worlds of forces, from when, how hard, and with which speed they part."""
+"""Who touches whom in physics worlds, from when, how hard, and with which speed they part."""
 
 import pytest
 

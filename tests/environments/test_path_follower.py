@@ -1,4 +1,4 @@
-"""What has a path in worlds of forces: it is where its path is, pushes, and no jump throws anything."""
+"""What has a path in physics worlds: it is where its path is, pushes, and no jump throws anything."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Worlds of forces: what holds for both engines, against closed forms and against the kinematic world."""
+"""Physics worlds: what holds for both engines, against closed forms and against the kinematic world."""
 
 import gc
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Agents that are pushed all at once, in worlds of forces."""
+"""Agents that are pushed all at once, in physics worlds."""
 
 import numpy as np
 import pytest
