@@ -1,7 +1,7 @@
 """SymAware: declarative scenarios for multi-agent systems with situational awareness.
 
-What stands in ``__all__`` is the public API, for whoever runs scenarios from Python (docs/python.md) and for authors of
-plugins (docs/plugins.md); all else may change.
+The names in ``__all__`` are the public API, for running scenarios from Python (docs/python.md) and for authors of
+plugins (docs/plugins.md). Everything else may change.
 """
 
 from importlib import import_module
@@ -168,7 +168,7 @@ __all__ = [
 ]
 
 
-#: Where each name is at home that is not at home in `symaware_cli.core`.
+#: The module that defines each public name that `symaware_cli.core` does not provide.
 _HOMES = {
     "symaware_cli.api.outline": ("GroupOutline", "Outline"),
     "symaware_cli.api.result": ("RunFailedError", "RunInterrupted", "RunResult"),
@@ -196,7 +196,7 @@ _HOMES = {
 
 
 def __getattr__(name: str) -> Any:
-    """Import what is asked for, so that the command line starts without NumPy."""
+    """Import a public name on first use, so that the command line starts without NumPy."""
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     home = next((home for home, names in _HOMES.items() if name in names), "symaware_cli.core")

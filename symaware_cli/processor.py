@@ -1,11 +1,11 @@
-"""What the processor has to do with results: NumPy and BLAS compute the same on every processor of level x86-64-v3.
+"""Makes NumPy and BLAS compute the same results on every processor of level x86-64-v3.
 
-Both choose among kernels by what the processor can do, and kernels differ in the last bits. So the choice is made here,
-by environment variables that they read when they are imported: NumPy leaves its AVX-512 kernels alone, OpenBLAS takes
-those that it has for Haswell and one thread, because the number of threads decides how sums are split. What somebody
-has set is respected.
+Both select kernels by the features of the processor, and kernels differ in the last bits.
 
-Nothing is imported here that imports NumPy, and nothing slow: this is the first module of every process.
+This module makes the selection instead, by environment variables that both read when they are imported: NumPy does not
+use its AVX-512 kernels; OpenBLAS uses its Haswell kernels and one thread, because the number of threads decides how
+sums are split. Variables that are already set are kept. This is the first module of every process, so it imports
+nothing that is slow or that imports NumPy.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _LEVELS = {
     "x86-64-v3": "abm avx avx2 bmi1 bmi2 f16c fma movbe xsave",
     "x86-64-v4": "avx512f avx512bw avx512cd avx512dq avx512vl",
 }
-"""The flags, as Linux calls them, that each level has beside those before it (System V ABI for x86-64, 3.1.1)."""
+"""The flags, by their Linux names, that each level adds to the previous one (System V ABI for x86-64, 3.1.1)."""
 
 _ICE_LAKE = f"{_LEVELS['x86-64-v4']} avx512_vnni avx512ifma avx512vbmi avx512_vbmi2 avx512_bitalg avx512_vpopcntdq"
 
@@ -30,7 +30,7 @@ _GROUPS = {
     "AVX512_ICL": _ICE_LAKE,
     "AVX512_SPR": f"{_ICE_LAKE} avx512_fp16",
 }
-"""Groups of AVX-512 kernels as NumPy calls them, and the flags of a processor for which it would take them."""
+"""NumPy's names of groups of AVX-512 kernels, and the processor flags with which it would select them."""
 
 _GROUPS_BEFORE_2_4 = {
     "AVX512F": "avx512f",
@@ -42,21 +42,20 @@ _GROUPS_BEFORE_2_4 = {
 }
 
 _ABOVE_V3 = ("AVX512F", "AVX512BW", "AVX512CD", "AVX512DQ", "AVX512VL")
-"""What the GNU C library calls the flags of the level above."""
+"""The names of the flags of the level above in the GNU C library."""
 
 _KERNEL = "Haswell"
 """The kernels of OpenBLAS for processors of level x86-64-v3."""
 
 
 class ProcessorWarning(RuntimeWarning):
-    """What is computed may differ in its last bits on another processor of the same level."""
+    """Results may differ in their last bits on another processor of the same level."""
 
 
 def pin() -> None:
-    """Let NumPy and OpenBLAS, when they are imported, take the kernels that every processor of the level has.
+    """Make NumPy and OpenBLAS select the kernels that every processor of the level has when they are imported.
 
-    It is done by the environment, so that processes that are started from here do the same. Where NumPy was imported
-    already it comes too late, and nothing is done.
+    This uses environment variables, so child processes do the same. If NumPy was already imported, nothing is changed.
     """
     if "numpy" in sys.modules:
         return

@@ -1,4 +1,4 @@
-"""The conformance kit: what authors of plugins call in their own tests.
+"""The conformance kit: assertions that authors of plugins call in their own tests.
 
 A test of a plugin's determinism is one line in any test framework::
 
@@ -32,10 +32,10 @@ __all__ = ["assert_conforming", "assert_repeatable"]
 
 
 def _surroundings() -> tuple[dict[str, str], dict[str, str]]:
-    """The variables of the two processes.
+    """The environment variables of the two processes.
 
-    What differs besides time and memory: the hashes of strings, which order sets; where objects lie in memory, which is
-    what `id()` returns; and the processor, as far as it can be emulated.
+    Besides time and memory, the processes differ in the hashes of strings, which determine the order of sets; in the
+    addresses of objects, which `id()` returns; and in the processor, as far as it can be emulated.
     """
     common = {name: value for name, value in os.environ.items() if name not in processor.VARIABLES}
     second = {"PYTHONHASHSEED": "2", "PYTHONMALLOC": "malloc", **processor.emulated("x86-64-v3")}
@@ -51,21 +51,22 @@ def assert_repeatable(
 ) -> Digest:
     """Run a scenario twice, in two fresh processes, and compare what they recorded.
 
-    Everything but /timing must be equal to the byte. Plugins that depend on wall-clock time, on the global random
-    state, on the order of a set or on the address of an object are found out; draw from ``self.random`` and sort
-    instead. The second process computes as on a processor of level x86-64-v3, without AVX-512.
+    Everything except /timing must be equal byte for byte. This detects plugins that depend on wall-clock time, on the
+    global random state, on the order of a set or on the address of an object: use ``self.random`` and sort instead. The
+    second process computes as on a processor of level x86-64-v3, without AVX-512.
 
     Args:
-        scenario: A scenario file, or a log to take it from.
-        overrides: What ``--set`` would be given, as ``path=value``; a shorter ``run.duration`` makes a quicker test.
-        seed: A seed that wins over the scenario's.
-        timeout: Wall time that each run may take [s]; None for as long as it likes.
+        scenario: A scenario file, or a log that contains one.
+        overrides: Changes as ``path=value``, like those of ``--set``; a shorter ``run.duration`` makes the test faster.
+        seed: A seed that replaces the one of the scenario.
+        timeout: Greatest wall time of each run [s]; None for no limit.
 
     Returns:
-        The digest that both runs share.
+        The digest of both runs.
 
     Raises:
-        AssertionError: The runs differ: names each channel that does, and the first message. Or one did not finish.
+        AssertionError: The runs differ (the message names each channel that differs and the first message), or one did
+            not finish.
         subprocess.TimeoutExpired: A run took too long.
     """
     with tempfile.TemporaryDirectory() as folder:
@@ -88,16 +89,16 @@ def assert_repeatable(
 
 
 def assert_conforming(model: Model, state: Sequence[float] | None = None) -> None:
-    """Look whether a model returns what it declares: as many rates as states, bounds, positions, Jacobians.
+    """Check that a model returns what it declares: the numbers of rates, bounds, positions and Jacobians.
 
     A scenario is refused for the same reasons.
 
     Args:
         model: The model.
-        state: Where to try it, in the model's order; zeros if left out.
+        state: The state at which to evaluate it, in the model's order; zeros by default.
 
     Raises:
-        AssertionError: Names everything that has another form, with the counts.
+        AssertionError: Something has another form; the message names everything that does, with the counts.
     """
     faults = list(faults_of(model, None if state is None else np.asarray(state, float)))
     if faults:

@@ -1,1 +1,1 @@
-"""What agents are aware of, of themselves and of others, in columns; and what they know."""
+"""The situational awareness of agents, of themselves and of others, in columns; and their knowledge."""

@@ -1,4 +1,4 @@
-"""Situational awareness: what an agent believes, intends, doubts and fears, of itself and of others."""
+"""Situational awareness: the believed states, intents, uncertainties and risks, of oneself and of others."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ _EMPTY = TimeSeries()
 
 
 class AwarenessVector:
-    """The situational awareness of one agent, as a plain value: of each part what it says, by the part's name.
+    """The situational awareness of one agent, as a plain value: the values of its parts by name.
 
-    ``vector["attention"]`` reads and writes a part; those that every agent has are attributes, too. A part that
-    nothing is said of is an empty `TimeSeries` where every agent has it, else a `KeyError`.
+    ``vector["attention"]`` reads and writes a part; those that every agent has are attributes as well. A part without a
+    value is an empty `TimeSeries` if every agent has it, else reading it raises a `KeyError`.
 
     Attributes:
-        id: Whom it is about.
+        id: The id of the agent that it describes.
     """
 
     __slots__ = ("_values", "id")
@@ -57,7 +57,7 @@ class AwarenessVector:
             self._values[name] = value if isinstance(value, TimeSeries) else frozen(value)
 
     def __getitem__(self, name: str) -> Any:
-        """What a part says: a vector, shape (k,), or a `TimeSeries`."""
+        """The value of a part: a vector, shape (k,), or a `TimeSeries`."""
         return self._values[name]
 
     def __setitem__(self, name: str, value: ArrayLike | TimeSeries) -> None:
@@ -70,11 +70,11 @@ class AwarenessVector:
         return name in self._values
 
     def items(self) -> Iterator[tuple[str, Any]]:
-        """Each part that something may be said of: its name, and what it says."""
+        """The parts with their names and values."""
         return ((name, self[name]) for name in self)
 
     def replaced(self, **parts: ArrayLike | TimeSeries) -> AwarenessVector:
-        """A plain value that says the same, but for some parts."""
+        """Return a copy with some parts replaced."""
         return AwarenessVector(self.id, **{**dict(self.items()), **parts})
 
     @property
@@ -89,7 +89,7 @@ class AwarenessVector:
 
     @property
     def intent(self) -> TimeSeries:
-        """Where it means to go."""
+        """The intended motion."""
         series: TimeSeries = self["intent"]
         return series
 
@@ -99,7 +99,7 @@ class AwarenessVector:
 
     @property
     def uncertainty(self) -> TimeSeries:
-        """How unsure the belief is."""
+        """The uncertainty of the belief."""
         series: TimeSeries = self["uncertainty"]
         return series
 
@@ -109,7 +109,7 @@ class AwarenessVector:
 
     @property
     def risk(self) -> TimeSeries:
-        """How dangerous the situation is."""
+        """The risk of the situation."""
         series: TimeSeries = self["risk"]
         return series
 
@@ -123,13 +123,13 @@ class AwarenessVector:
 
 @dataclass(frozen=True, slots=True)
 class Observation:
-    """What a perception measured in a step, before anybody makes a belief of it.
+    """The measurements of a perception in one step, before an estimator processes them.
 
     Attributes:
-        time: The instant that was measured, in nanoseconds; earlier than now where perception has a delay.
+        time: The time of the measurement, in nanoseconds; earlier than now if the perception has a delay.
         state: The agents' own states, or None if they were not measured; shape (n, nx).
         state_deviation: Standard deviation of each element of them; shape (nx,).
-        tracks: The others that were seen.
+        tracks: The measured motion of the others that were seen.
         position_deviation: Standard deviation of their positions, along each axis [m].
         velocity_deviation: Standard deviation of their velocities, along each axis [m/s].
     """
@@ -142,7 +142,7 @@ class Observation:
     velocity_deviation: float
 
     def repeats(self, other: Observation | None) -> bool:
-        """Whether this is the same measurement as another, which may have come from another process."""
+        """Return whether this is the same measurement as another, which may come from another process."""
         if self is other:
             return True
         if other is None or self.time != other.time:
@@ -154,13 +154,13 @@ class Observation:
 
 
 class GroupAwareness(SharedBeliefs):
-    """The awareness that the agents of a group have: of themselves as columns, of others sparsely.
+    """The awareness of the agents of a group: of themselves in columns, of others sparsely.
 
     Attributes:
         columns: The column of each part and signal, by name: a row of numbers, a series or a table for each agent.
-        observation: What perception measured last, for those who estimate.
-        readings: The scans and images that sensors took last, by the name of the component, for those who use it.
-        signals: What components hand out, by component and name, such as ``radar.returns``.
+        observation: The latest measurements of the perception, for estimators.
+        readings: The latest scans and images of sensors, by the name of the component.
+        signals: The signals of components, by component and name, such as ``radar.returns``.
     """
 
     __slots__ = ("columns", "observation", "readings", "signals", "state_column")
@@ -168,13 +168,13 @@ class GroupAwareness(SharedBeliefs):
     def __init__(
         self, state: Array, name: str = "", parts: Iterable[Part] = (), signals: Mapping[str, Signal] | None = None
     ) -> None:
-        """Begin with a belief of each state, and nothing else.
+        """Start with a belief of each state, and all other parts empty.
 
         Args:
-            state: What each agent believes; shape (n, nx).
-            name: The group's.
-            parts: Those beside the ones that every group has.
-            signals: What components hand out, by component and name.
+            state: The belief of each agent of its own state; shape (n, nx).
+            name: The name of the group.
+            parts: The parts in addition to those that every group has.
+            signals: The signals of components, by component and name.
 
         Raises:
             ValueError: A vector or a table has no columns.
@@ -191,7 +191,7 @@ class GroupAwareness(SharedBeliefs):
         self.readings: dict[str, Reading] = {}
 
     def declare(self, signals: Mapping[str, Signal]) -> None:
-        """Make room for what components hand out, by component and name.
+        """Create the columns of signals, given by component and name.
 
         Raises:
             ValueError: A vector or a table has no columns.
@@ -202,8 +202,8 @@ class GroupAwareness(SharedBeliefs):
     def __getitem__(self, name: str) -> Any:
         """A part or signal of all agents.
 
-        Of a vector the read-only array, shape (n, k); of a table those of all agents, each read-only, shape (m, k); of
-        a series the column, to be `set`.
+        For a vector the array, shape (n, k), for a table a list with a table of each agent, shape (m, k), both
+        read-only; for a series the column, which can be `set`.
         """
         match column := self._column(name):
             case Column():
@@ -231,7 +231,7 @@ class GroupAwareness(SharedBeliefs):
 
     @property
     def state(self) -> Array:
-        """What each agent believes of its own state, read-only; shape (n, nx)."""
+        """The belief of each agent of its own state, read-only; shape (n, nx)."""
         return self.state_column.values
 
     @state.setter
@@ -240,24 +240,24 @@ class GroupAwareness(SharedBeliefs):
 
     @property
     def intent(self) -> SeriesColumn:
-        """Where each agent means to go."""
+        """The intended motion of each agent."""
         return self.columns["intent"]  # type: ignore[return-value]
 
     @property
     def uncertainty(self) -> SeriesColumn:
-        """How unsure each belief is."""
+        """The uncertainty of each belief."""
         return self.columns["uncertainty"]  # type: ignore[return-value]
 
     @property
     def risk(self) -> SeriesColumn:
-        """How dangerous the situation of each agent is."""
+        """The risk of each agent's situation."""
         return self.columns["risk"]  # type: ignore[return-value]
 
 
 class SelfAwareness(AwarenessVector):
-    """An agent's awareness of itself: a view of its row, which a component may write.
+    """An agent's awareness of itself: a view of its row, which components may write.
 
-    What components hand out is there by name, too, but it is no part of what the agent is aware of: nobody is told.
+    Signals can be read and written by name as well, but they are not part of awareness: they are not sent to others.
     """
 
     __slots__ = ("_awareness", "_row")
@@ -268,11 +268,11 @@ class SelfAwareness(AwarenessVector):
         self._row = row
 
     def __getitem__(self, name: str) -> Any:
-        """What a part or signal says: a copy of a vector, shape (k,), a `TimeSeries`, or a table, shape (m, k)."""
+        """The value of a part or signal: a copy of a vector, shape (k,), a `TimeSeries`, or a table, shape (m, k)."""
         return self._awareness._column(name).row(self._row)
 
     def __setitem__(self, name: str, value: ArrayLike | TimeSeries) -> None:
-        # Looked up here: agents in Python write so many times a step.
+        # Looked up directly, because components of single agents write often.
         column = self._awareness.columns.get(name) or self._awareness._column(name)
         column.set_row(self._row, value)  # type: ignore[arg-type]
 

@@ -1,7 +1,7 @@
 """Columns: one quantity of every agent of a group, as arrays that remember which rows changed.
 
-A whole column that somebody was given never changes under their hands: writing replaces the array.
-Rows are handed out as copies. So nothing that was read can alias what is written later.
+An array that was returned for a whole column never changes: writing replaces the array. Rows are returned as copies. So
+values that were read never alias values that are written later.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ class Column:
     """A vector for every agent of a group; shape (n, k).
 
     Attributes:
-        fresh: Something was written since this was last set to False; the runtime uses it to look for NaN.
-        writes: How often the whole or a row was written; `restore` does not count. By it a component knows whether
-            somebody has written since it did, also in another process.
+        fresh: Whether something was written since this was last set to False; the runtime uses it to check for NaN.
+        writes: How often the whole column or a row was written, not counting `restore`. A component can detect with it
+            whether another has written since, also in another process.
     """
 
     __slots__ = ("_array", "_changed", "_every", "_own", "_shape", "fresh", "writes")
@@ -32,7 +32,7 @@ class Column:
     def __init__(self, values: ArrayLike) -> None:
         self._array = frozen(values)
         self.writes = 0
-        self._own = False  # whether nobody else was given the array, so that it may be written in place
+        self._own = False  # whether the array was not returned to anybody, so that it may be written in place
         self._shape = self._array.shape[1:]
         self._changed: set[int] = set()
         self._every = True
@@ -55,12 +55,12 @@ class Column:
         self._every = self.fresh = True
 
     def row(self, index: int) -> Array:
-        """A copy of one agent's vector; shape (k,)."""
+        """Return a copy of one agent's vector; shape (k,)."""
         row: Array = self._array[index].copy()
         return row
 
     def present(self, index: int) -> Array:
-        """One agent's vector, as it is now; not to be changed."""
+        """Return one agent's vector without a copy; must not be changed."""
         present: Array = self.values[index]
         return present
 
@@ -83,14 +83,14 @@ class Column:
         self.fresh = True
 
     def restore(self, rows: Sequence[int], before: Array) -> None:
-        """Put back some rows of what was written as they were in an earlier array of the column."""
+        """Restore some rows from an earlier array of the column."""
         writes, array = self.writes, self.values.copy()
         array[rows] = before[rows]
         self.values = array
         self.writes = writes
 
     def exchange(self, values: Array) -> Array:
-        """Put an array in place that was read here before, which counts as no change, and return the present one."""
+        """Set an array that was read from this column, without counting a change; return the present one."""
         present = self.values
         self._array = values
         return present
@@ -104,14 +104,14 @@ class Column:
         return None if every else sorted(changed)
 
     def mark(self, rows: Sequence[int] | None) -> None:
-        """Let rows count as written since the last call of `take_changes`; None stands for every row."""
+        """Mark rows as written since the last call of `take_changes`; None stands for all rows."""
         if rows is None:
             self._every = True
         else:
             self._changed.update(rows)
 
     def rows_beyond(self, most: float) -> list[int]:
-        """The rows that hold NaN, infinity, or a number of a greater magnitude than a finite one."""
+        """Return the rows with NaN, infinity, or a number whose magnitude exceeds a limit."""
         if is_within(self._array, most):
             return []
         bad: list[int] = np.flatnonzero(~(np.abs(self._array) <= most).all(axis=1)).tolist()
@@ -121,8 +121,8 @@ class Column:
 class SeriesColumn:
     """A time series for every agent of a group.
 
-    A group component writes all series at once as arrays that share their instants; an agent's component
-    writes its own row. Rows written later win.
+    A group component writes all series at once as arrays with common times; a component of one agent writes its own
+    row. The value that was written last counts.
     """
 
     __slots__ = ("_changed", "_deferred", "_every", "_rows", "_times", "_values", "_width", "count")
@@ -141,11 +141,11 @@ class SeriesColumn:
         """Replace every agent's series.
 
         Args:
-            times: The instants all series share, ascending, in nanoseconds; shape (h,) or a scalar.
-            values: A scalar (n,), a scalar at each instant (n, h) or a vector at each instant (n, h, k).
+            times: The common times of all series, ascending, in nanoseconds; shape (h,) or a scalar.
+            values: One scalar (n,), a scalar for each time (n, h) or a vector for each time (n, h, k).
 
         Raises:
-            ValueError: The shapes do not agree.
+            ValueError: The shapes do not match.
         """
         self._put(times, values)
         self._rows.clear()
@@ -164,22 +164,23 @@ class SeriesColumn:
         self._times, self._values, self._width, self._deferred = instants, array, array.shape[2], None
 
     def defer(self, compute: Callable[[], tuple[ArrayLike, ArrayLike]]) -> None:
-        """Replace every agent's series by what is computed when somebody first reads it, if anybody does.
+        """Replace every agent's series by one that is computed when it is first read.
 
         Args:
-            compute: Returns what `set` takes, whenever it is called; so it must not look at what can change.
+            compute: Returns the arguments of `set`. It may be called at any later time, so it must not read data that
+                can change.
         """
         self._deferred = compute
         self._rows.clear()
         self._every = True
 
     def settle(self) -> None:
-        """Compute what was deferred."""
+        """Compute a deferred series."""
         if self._deferred is not None:
             self._put(*self._deferred())
 
     def row(self, index: int) -> TimeSeries:
-        """One agent's series."""
+        """Return one agent's series."""
         self.settle()
         own = self._rows.get(index)
         if own is not None:
@@ -189,7 +190,7 @@ class SeriesColumn:
         return TimeSeries.sampled(self._times, self._values[index])
 
     def present(self, index: int) -> Array:
-        """The first vector of one agent's series, shape (k,); NaN where it is empty."""
+        """Return the first vector of one agent's series, shape (k,); NaN if it is empty."""
         series = self.row(index)
         return series.values[0] if len(series) else np.full(self._width or 1, np.nan)
 
@@ -198,14 +199,14 @@ class SeriesColumn:
 
         Raises:
             TypeError: The value is not a `TimeSeries`.
-            ValueError: Its vectors are not as long as those of the group's other series.
+            ValueError: Its vectors have another length than those of the group's other series.
         """
         if not isinstance(series, TimeSeries):
             raise TypeError(f"expected a TimeSeries, not {type(series).__name__}")
         self.settle()
         empty = series.times.size == 0
         if empty and self._times is None and index not in self._rows:
-            return  # nothing before and nothing now: not a change worth a record
+            return  # empty before and now: not a change to record
         if not empty:
             width = series.values.shape[1]
             if self._width not in (None, width):
@@ -216,7 +217,7 @@ class SeriesColumn:
 
     @property
     def shared(self) -> tuple[NDArray[np.int64], Array] | None:
-        """The instants (h,) and values (n, h, k) when every series shares its instants, else None."""
+        """The times (h,) and values (n, h, k) if all series have the same times, else None."""
         self.settle()
         return None if self._times is None or self._rows else (self._times, self._values)
 
@@ -229,7 +230,7 @@ class SeriesColumn:
         return None if every else sorted(changed)
 
     def maximum(self) -> tuple[float, int] | None:
-        """The largest value of any series and the row that holds it; None where all are empty."""
+        """Return the largest value of any series and its row; None if all are empty."""
         self.settle()
         if self._times is None and not self._rows:
             return None

@@ -1,4 +1,4 @@
-"""The awareness database: all that one agent is aware of, by id, as the paper has it."""
+"""The awareness database of one agent: its awareness of itself and of others, by id."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ Array = NDArray[np.float64]
 _NOTHING = TimeSeries()
 _NO_PART: Mapping[str, Said] = {}
 
-#: The parts that every agent has; of others they are empty where nothing is known.
+#: The parts that every agent has; of others they are empty if nothing is known.
 _EVERYBODYS = frozenset(part.name for part in PARTS)
 
 
 class OtherAwareness(AwarenessVector):
-    """What an agent believes of another: a view that looks it up when it is asked, and writes what is assigned."""
+    """What an agent believes of another: a view that reads and writes the present beliefs."""
 
     __slots__ = ("_database",)
 
@@ -45,7 +45,7 @@ class OtherAwareness(AwarenessVector):
         """Position and velocity, read-only; shape (2d,).
 
         Raises:
-            KeyError: Nothing is known of it any more.
+            KeyError: The other agent is not known any more.
         """
         database = self._database
         if database._version is not database._awareness.version:
@@ -77,7 +77,7 @@ class OtherAwareness(AwarenessVector):
         return name == "state" or (isinstance(name, str) and self._database.part(name, self.id) is not None)
 
     def __reduce__(self) -> Any:
-        """A copy, and what another process gets, is the value as it is now."""
+        """Copy and pickle the present values instead of the view."""
         return _value, (self.id, dict(self.items()))
 
 
@@ -86,17 +86,18 @@ def _value(id: str, parts: dict[str, Any]) -> AwarenessVector:
 
 
 class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
-    """All that one agent is aware of, by id: itself, whom it perceives and whom it heard of.
+    """The awareness of one agent of itself and of the others that it perceives or receives messages about, by id.
 
-    Of itself the `state` is that of its model. Of every other it is the motion, whoever perceived it or told of it: the
-    position, then the velocity, in the dimensions of the world; NaN where nothing is known. `elements` names them.
+    The `state` of the agent itself is a state of its model.
 
-    Nothing is kept for each pair: what is asked of another is looked up in what the group's components share, what the
-    agent's own components wrote, and what it was told. `_look_up` and `part` have the rules which of them counts.
+    That of every other agent is its motion, whatever its source: the position, then the velocity, in the dimensions of
+    the world; NaN where nothing is known. `elements` returns them by name. Nothing is stored for each pair of agents: a
+    value is looked up in the beliefs that the group's components share, in those that the agent's own components wrote,
+    and in received messages. `_look_up` and `part` define which of these takes precedence.
 
     Attributes:
-        others: What the agent's own components wrote of others.
-        told: What others told of themselves, as of then, by id.
+        others: The beliefs about others that the agent's own components wrote.
+        told: What others sent about themselves, for the time of sending, by id.
     """
 
     __slots__ = (
@@ -120,18 +121,18 @@ class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
         self._world: Snapshot | None = None
         self.others = OwnBeliefs()
         self.told = OwnBeliefs()
-        #: The states that were looked up since something changed, or those that all agents share.
+        #: The states that were looked up since the last change, or those that all agents share.
         self._states: dict[str, Array] = {}
         self._keeps = True
         self._version: object = None
-        #: A view of each whom it knows, itself first, and of what sources these are.
+        #: A view of each known agent, itself first, and the version of the sources that they are made from.
         self._views: dict[str, AwarenessVector] = {own.id: own}
         self._views_of: tuple[object, ...] = ()
 
-    # Which source counts
+    # Precedence of the sources
 
     def _look_up(self, id: str) -> Array:
-        """What the agent's own components wrote wins over what the group's perceive, and that over what is told."""
+        """The agent's own components take precedence over those of the group, and these over received messages."""
         state = self.others.motion(id)
         if state is None:
             state = self.perceived(id)
@@ -147,11 +148,11 @@ class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
         return state
 
     def part(self, name: str, id: str) -> Said | None:
-        """What is believed of a part of another other than its state: a series, which may be empty, or a vector.
+        """Return the belief about a part of another agent, except its state: a series, maybe empty, or a vector.
 
-        What the agent's own components wrote counts first. What was told stands beside where another is believed to be,
-        unless the latest counts of the part: then it comes from the same source as the state. None where nothing is
-        known, and the part is none that everybody has.
+        Values written by the agent's own components take precedence. Received values are used whatever the source of
+        the state, unless `Part.merge` is ``latest``: then they come from the same source as the state. Returns None if
+        nothing is known of a part that not every agent has.
         """
         own = self.others.parts.get(name, _NO_PART).get(id)
         if own is not None:
@@ -171,14 +172,14 @@ class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
 
     @property
     def parts(self) -> Sequence[str]:
-        """The names of all parts that something may be believed of, the declared ones first."""
+        """The names of all parts that may have values, the declared ones first."""
         declared = self._awareness.parts
         return [*declared, *sorted({*self.others.parts, *self.told.parts}.difference(declared))]
 
     def held_part(self, name: str) -> dict[str, TimeSeries]:
-        """What it holds of a part of other agents by itself and what counts, by id in the roster's order.
+        """Return the own values in effect of a part of other agents, by id in the roster's order.
 
-        A vector is given as a series of one point, now.
+        A vector is returned as a series with one point, now.
         """
         roster, own, told = (
             self._awareness.roster,
@@ -195,7 +196,7 @@ class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
         return found
 
     def _shared(self) -> dict[str, Array] | None:
-        """The states of everybody in one mapping that is not this agent's alone, where that is all that counts."""
+        """Return the states of all agents in one shared mapping, if no other source has to be considered."""
         if self.others.rows is not None:
             return self.others.rows
         world = self.world
@@ -204,14 +205,14 @@ class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
         return world.motions
 
     def _forget(self) -> None:
-        """Look everything up anew, because a source has changed."""
+        """Clear the cache, because a source has changed."""
         self._version = self._awareness.version
         shared = self._shared()
         self._keeps = shared is None
         self._states = {} if shared is None else shared
 
     def _changed(self, *parts: str) -> None:
-        """This agent holds something else by itself."""
+        """Note that this agent's own beliefs changed."""
         awareness, row = self._awareness, self._row
         changed = awareness.others_changed
         for part in parts:
@@ -223,7 +224,7 @@ class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
                 changed[part] = {row}
         self._version = None
 
-    # What the group's components tell
+    # Beliefs from the group's components
 
     @property
     def world(self) -> Snapshot | None:
@@ -236,7 +237,7 @@ class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
         self._changed("state")
 
     def perceived(self, id: str) -> Array | None:
-        """The motion of another as the group's components tell it, whatever the own ones wrote; None if they do not."""
+        """Return the motion of another by the group's components, without the agent's own; None if unknown."""
         place = self._place(id)
         if place is not None:
             motion: Array = self._awareness.tracks.motions[place]  # type: ignore[union-attr]
@@ -245,7 +246,7 @@ class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
         return None if world is None else world.motions.get(id)
 
     def _place(self, id: str) -> int | None:
-        """The row of the group's tracks that tells of another."""
+        """Return the row of the group's tracks for another agent."""
         tracks, roster = self._awareness.tracks, self._awareness.roster
         index = None if tracks is None or roster is None else roster.indices.get(id)
         if index is None:
@@ -258,7 +259,7 @@ class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
 
     @property
     def held(self) -> tuple[OwnBeliefs, Snapshot | None, OwnBeliefs]:
-        """All that this agent holds by itself, for another process."""
+        """Return all beliefs that this agent holds itself, for another process."""
         return self.others, self._world, self.told
 
     @held.setter
@@ -267,10 +268,10 @@ class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
         self._version = None
 
     def tracks(self, now: int) -> Tracks:
-        """What it believes of where the other agents are, in columns; the state of `items`, with covariances and ages.
+        """Return the believed motion of the other agents in columns: the states of `items`, with covariances and ages.
 
         Args:
-            now: The instant that ages are counted to, in nanoseconds.
+            now: The time that ages refer to, in nanoseconds.
         """
         tracks, world, roster = self._awareness.tracks, self.world, self._awareness.roster
         if roster is None:
@@ -324,12 +325,12 @@ class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
         return 0 if clock is None else clock.now
 
     def set_state(self, id: str, state: ArrayLike, *, is_state: bool = False) -> None:
-        """Believe that another is somewhere; what else is believed of it stays.
+        """Set the believed motion of another agent; other beliefs about it are kept.
 
         Args:
-            id: Whom.
+            id: The id of the other agent.
             state: Its motion, the state of its model, or its position.
-            is_state: Whether as many numbers as the state of the model has are one, even if a motion has as many.
+            is_state: Whether to interpret the numbers as a state of the model if a motion has the same length.
 
         Raises:
             ValueError: It is none of these.
@@ -338,7 +339,7 @@ class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
         self._changed("state")
 
     def set_states(self, states: Mapping[str, ArrayLike]) -> None:
-        """Believe what a perception returns: states by id, as the models have them; also of oneself.
+        """Set the states that a perception returned, by id in the order of the models, including the agent's own.
 
         Raises:
             ValueError: One is neither a motion, nor a state of its model, nor a position.
@@ -361,19 +362,19 @@ class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
         self._changed("state")
 
     def set_part(self, name: str, id: str, value: ArrayLike | TimeSeries) -> None:
-        """Believe a part of another; what else is believed of it stays."""
+        """Set a part of another agent; other beliefs about it are kept."""
         if name == "state":
             self.set_state(id, value)  # type: ignore[arg-type]
         elif self.others.set_part(name, id, value if isinstance(value, TimeSeries) else frozen(value)):
             self._changed(name)
 
     def hear(self, vector: AwarenessVector, time: int, *, alone: bool) -> None:
-        """Keep what another told.
+        """Store what another agent sent about itself.
 
         Args:
-            vector: What it told; its state as a motion.
-            time: When that was sent, in nanoseconds.
-            alone: Whether nothing else tells where it is.
+            vector: The received awareness, with its state as a motion.
+            time: The time of sending, in nanoseconds.
+            alone: Whether there is no other source for its position.
         """
         told = self.told
         told.set_motion(vector.id, vector.state, time)
@@ -381,7 +382,7 @@ class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
         self._changed(*(["state", *changed] if alone else changed))
 
     def forget(self, id: str) -> None:
-        """Forget what another told."""
+        """Forget what another agent sent."""
         if id in self.told:
             self.told.remove(id)
             self._changed(*self.told.parts)
@@ -404,10 +405,10 @@ class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
         return self._known()[id]
 
     def elements(self, id: str) -> Mapping[str, float]:
-        """What is believed of an agent's state, by the names of its elements.
+        """Return the believed state of an agent, by the names of its elements.
 
         Raises:
-            KeyError: Nothing is known of it.
+            KeyError: The agent is not known.
         """
         roster, state = self._awareness.roster, self[id].state
         if roster is None:
@@ -418,7 +419,7 @@ class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
         return {quantity.name: float(value) for quantity, value in zip(quantities, state, strict=True)}
 
     def _known(self) -> dict[str, AwarenessVector]:
-        """A view of each whom it knows: itself, whom the group's components tell of in the roster's order, others."""
+        """A view of each known agent: itself, those known by the group's components in the roster's order, others."""
         awareness, held, told = self._awareness, self.others, self.told
         world = self._world or awareness._world
         shared = awareness.tracks if world is None else world.roster if world.present is None else world
@@ -431,7 +432,7 @@ class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
                 ids = awareness.roster.ids
                 known = [ids[other] for other in self._tracked().tolist()]
             ids = (*known, *sorted({*held, *told}.difference(known)))
-            # Not changed in place, because somebody may be going through them.
+            # Not changed in place, because a caller may be iterating over it.
             views, own = self._views, self._own.id
             self._views = {own: self._own}
             if len(views) == 1:
@@ -443,18 +444,18 @@ class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
         return self._views
 
     def _tracked(self) -> NDArray[np.intp]:
-        """Whom the group's tracks tell of, as indices in the roster, ascending; shape (k,)."""
+        """The agents in the group's tracks, as indices in the roster, ascending; shape (k,)."""
         tracks = self._awareness.tracks
         if tracks is None:
             return np.empty(0, np.intp)
         return tracks.others[tracks.pointers[self._row] : tracks.pointers[self._row + 1]]
 
     def items(self) -> ItemsView[str, AwarenessVector]:
-        """Whom it knows, itself first, each with a view of what it believes; no object is made for it."""
+        """The known agents, itself first, each with a view of the beliefs about it."""
         return self._known().items()
 
     def values(self) -> ValuesView[AwarenessVector]:
-        """A view of what it believes of each whom it knows, itself first."""
+        """A view of the beliefs about each known agent, itself first."""
         return self._known().values()
 
     def __iter__(self) -> Iterator[str]:

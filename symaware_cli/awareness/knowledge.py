@@ -1,4 +1,4 @@
-"""Knowledge: what an agent knows besides its situational awareness, such as its goal."""
+"""Knowledge: what an agent knows in addition to its situational awareness, such as its goal."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 
 
 class Changes:
-    """What changed in the knowledge of a group, for those who would otherwise have to look through all of it.
+    """Tracks the changes in the knowledge of a group, so that readers need not compare all of it.
 
     Attributes:
         rows: The agents whose knowledge changed since the last record.
@@ -28,13 +28,13 @@ class Changes:
         self._watchers: dict[str, list[set[int]]] = {}
 
     def watch(self, name: str) -> set[int]:
-        """Return a set to which each agent is added from now on that comes to know something else under a name."""
+        """Return a set to which each agent is added whose entry of a name changes from now on."""
         stale: set[int] = set()
         self._watchers.setdefault(name, []).append(stale)
         return stale
 
     def note(self, row: int, names: Iterable[str]) -> None:
-        """Take note that an agent knows something else under some names."""
+        """Record that some entries of an agent's knowledge changed."""
         self.rows.add(row)
         for name in names if self._watchers else ():
             for stale in self._watchers.get(name, ()):
@@ -42,25 +42,25 @@ class Changes:
 
 
 class KnowledgeDatabase(dict[str, Any]):
-    """The knowledge of one agent by name, which remembers that it changed.
+    """The knowledge of one agent by name, which tracks its changes.
 
-    What it hands out is read-only, all the way down: lists come as tuples, and arrays and mappings refuse to be
-    changed. To change an entry is to assign it, as in ``self_knowledge["bag"] = [*self_knowledge["bag"], "key"]``, so
-    that the log and the components that live on it learn of it.
+    Values are deeply read-only: lists are returned as tuples, and arrays and mappings cannot be changed. To change an
+    entry, assign it, as in ``self_knowledge["bag"] = [*self_knowledge["bag"], "key"]``, so that the log and other
+    components notice the change.
 
     Attributes:
-        changed: An entry was set or removed since this was last set to False.
+        changed: Whether an entry was set or removed since this was last set to False.
     """
 
     __slots__ = ("_changes", "_row", "changed")
 
     def __init__(self, entries: Mapping[str, Any] | None = None, row: int = 0, changes: Changes | None = None) -> None:
-        """Know some things from the start.
+        """Create the knowledge with initial entries.
 
         Args:
-            entries: What is known.
-            row: Whose knowledge it is, as a row of a group.
-            changes: What is told of every change.
+            entries: The entries.
+            row: The row of the agent in its group.
+            changes: Records every change.
 
         Raises:
             ValueError: An entry contains itself.
@@ -97,7 +97,7 @@ class KnowledgeDatabase(dict[str, Any]):
         self._note(entries)
 
     def replace(self, entries: Mapping[str, Any]) -> None:
-        """Know these things from now on, and no others."""
+        """Replace all entries."""
         names = [*self, *entries]
         super().clear()
         super().update({name: readonly(value, name) for name, value in entries.items()})
@@ -115,7 +115,7 @@ class KnowledgeDatabase(dict[str, Any]):
         return name, value
 
     def clear(self) -> None:
-        """Forget everything."""
+        """Remove all entries."""
         self.replace({})
 
     def setdefault(self, name: str, default: Any = None) -> Any:
@@ -126,17 +126,17 @@ class KnowledgeDatabase(dict[str, Any]):
 
 
 class KnownColumn:
-    """What all agents of a group know under a name, as an array that is made anew only where something changed."""
+    """One entry of the knowledge of all agents of a group, as an array that is rebuilt only after changes."""
 
     __slots__ = ("_counts", "_databases", "_is_ragged", "_name", "_stale", "_values")
 
     def __init__(self, databases: Sequence[KnowledgeDatabase], name: str, changes: Changes) -> None:
-        """Begin to watch.
+        """Start to watch an entry.
 
         Args:
             databases: The knowledge of each agent.
-            name: Under which name.
-            changes: What is told of changes in them.
+            name: The name of the entry.
+            changes: Records the changes in them.
         """
         self._databases = databases
         self._name = name
@@ -147,7 +147,7 @@ class KnownColumn:
 
     @property
     def values(self) -> Array:
-        """One array, the same object for as long as nothing in it changes; shape (n, ...), read-only.
+        """One array, the same object as long as no value changes; shape (n, ...), read-only.
 
         Raises:
             KeyError: An agent does not know it.
@@ -160,14 +160,13 @@ class KnownColumn:
 
     @property
     def padded(self) -> tuple[Array, NDArray[np.intp]]:
-        """As `values`, of lists that may differ in length: the shorter ones repeat what they end with.
+        """Like `values`, for lists that may differ in length: shorter ones are padded by their last element.
 
-        Returns:
-            The values, shape (n, longest, ...), and how long each list is, shape (n,).
+        Returns: The values, shape (n, longest, ...), and the length of each list, shape (n,).
 
         Raises:
             KeyError: An agent does not know it.
-            ValueError: The values are not numbers, or have different shapes but for their lengths.
+            ValueError: The values are not numbers, or their shapes differ in more than the length.
         """
         if self._stale or self._values is None or self._counts is None:
             self._values, self._counts = self._renewed()
@@ -175,7 +174,7 @@ class KnownColumn:
         return self._values, self._counts
 
     def _renewed(self) -> tuple[Array, NDArray[np.intp]]:
-        """What is known now; the arrays of before where somebody assigned the same again."""
+        """Return the present values; the previous arrays if equal values were assigned again."""
         values, counts = self._values, self._counts
         if values is None or counts is None:
             return self._read()

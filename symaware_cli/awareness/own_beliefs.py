@@ -1,4 +1,4 @@
-"""What one agent holds of others by itself: what its own components wrote of them, or what it was told."""
+"""The beliefs about others of a single agent: those that its own components wrote, or that it received."""
 
 from __future__ import annotations
 
@@ -14,23 +14,22 @@ from symaware_cli.awareness.time_series import TimeSeries
 
 Array = NDArray[np.float64]
 
-#: What is said of a part.
+#: The value of a part.
 Said: TypeAlias = "Array | TimeSeries"
 
 _NOTHING = TimeSeries()
 
 
 class OwnBeliefs(Mapping[str, AwarenessVector]):
-    """Awareness of others in sparse columns: motions, when they were written, and what is said of other parts.
+    """Awareness of others in sparse columns: motions, the times at which they were written, and values of other parts.
 
-    As a mapping it goes from ids to values of what is held. A table that was handed over whole is shared until a row of
-    it is written.
+    As a mapping it maps ids to values. A table that was passed as a whole is shared until one of its rows is written.
 
     Attributes:
         places: The row of each motion, by id.
-        rows: The motions by id, where they were handed over whole and nothing was written since; else None.
-        parts: For each other part what is said, by id: a series that is not empty, or a vector.
-        version: Another object whenever somebody is added or removed.
+        rows: The motions by id, if they were passed as a whole and not changed since; else None.
+        parts: For each other part the values by id: a series that is not empty, or a vector.
+        version: A new object whenever an agent is added or removed.
     """
 
     __slots__ = ("_motions", "_shared", "_times", "parts", "places", "rows", "version")
@@ -39,7 +38,7 @@ class OwnBeliefs(Mapping[str, AwarenessVector]):
         self.clear()
 
     def clear(self) -> None:
-        """Hold nothing."""
+        """Remove everything."""
         self.places: dict[str, int] = {}
         self.rows: dict[str, Array] | None = None
         self.parts: dict[str, dict[str, Said]] = {}
@@ -49,7 +48,7 @@ class OwnBeliefs(Mapping[str, AwarenessVector]):
         self._shared = False
 
     def motion(self, id: str) -> Array | None:
-        """Position and velocity, read-only; shape (2d,). None where none is held."""
+        """Position and velocity, read-only; shape (2d,). None if it is not known."""
         place = self.places.get(id)
         if place is None:
             return None
@@ -89,10 +88,10 @@ class OwnBeliefs(Mapping[str, AwarenessVector]):
         self._times[place] = time  # type: ignore[index]
 
     def set_motions(self, places: dict[str, int], motions: Array, rows: dict[str, Array], time: int) -> None:
-        """Write the motions of many others at once, which costs no more than a reference.
+        """Write the motions of many others at once, without a copy.
 
         Args:
-            places: The row of each in `motions`, by id; not to be changed any more.
+            places: The row of each in `motions`, by id; must not be changed afterwards.
             motions: Read-only; shape (k, 2d).
             rows: The same by id.
             time: When, in nanoseconds.
@@ -106,7 +105,7 @@ class OwnBeliefs(Mapping[str, AwarenessVector]):
         self._motions, self._times, self.rows, self._shared = motions, time, rows, True
 
     def set_part(self, part: str, id: str, value: Said) -> bool:
-        """Write a part of one other, and return whether that says something else than before."""
+        """Write a part of one other, and return whether its value changed."""
         known = self.parts.setdefault(part, {})
         old = known.get(id)
         if value is old:
@@ -123,10 +122,10 @@ class OwnBeliefs(Mapping[str, AwarenessVector]):
         return True
 
     def remove(self, id: str) -> None:
-        """Hold nothing of another any more.
+        """Remove all beliefs about another.
 
         Raises:
-            KeyError: Nothing was held of it.
+            KeyError: There were none.
         """
         if id not in self:
             raise KeyError(id)
@@ -140,14 +139,14 @@ class OwnBeliefs(Mapping[str, AwarenessVector]):
         self.version = Version()
 
     def _own(self) -> None:
-        """Take a copy of a table that was handed over whole."""
+        """Copy a shared table."""
         if self._shared:
             self.places, self._motions = dict(self.places), self._motions.copy()
             self._times = np.full(len(self._motions), self._times, np.int64)
             self.rows, self._shared = None, False
 
     def __getstate__(self) -> Any:
-        """What another process needs of it: no row for each other."""
+        """Leave out what another process can rebuild: the row of each other."""
         return None, {name: None if name == "rows" else getattr(self, name) for name in self.__slots__}
 
     def __getitem__(self, id: str) -> AwarenessVector:

@@ -1,4 +1,4 @@
-"""Parts of awareness: what an agent is aware of, of itself and of others, declared once as data."""
+"""Parts of awareness: the quantities that agents are aware of, of themselves and of others, declared as data."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ __all__ = ["INTENT", "PARTS", "RISK", "STATE", "UNCERTAINTY", "Drawn", "Merge", 
 
 @dataclass(frozen=True, slots=True)
 class Part(Signal):
-    """A part of awareness: a signal of the agent and of no component; others are told of it, and conditions look at it.
+    """A part of awareness: unlike a signal, it belongs to the agent, can be sent to others, and is known to conditions.
 
-    The topic ``/agents/<group>/<name>`` has its name, and expressions know it by that. It is a vector or a series.
-    Of a series the components may say the columns (`BaseComponent.series_quantities`).
+    Its name is used in the topic ``/agents/<group>/<name>`` and in expressions. It is a vector or a series. The columns
+    of a series may be defined by components (`BaseComponent.series_quantities`).
 
     Attributes:
-        merge: Which of two sources counts of another agent's part: the ``latest``, or with ``seen-first`` what an
-            agent's own components wrote, and only where they wrote nothing what it was told.
+        merge: Which of two sources is used for another agent's part: the ``latest``, or with ``seen-first`` the values
+            that an agent's own components wrote, and received values only if there are none.
     """
 
     what: ClassVar = "part"

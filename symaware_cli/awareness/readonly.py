@@ -1,4 +1,4 @@
-"""Read-only values: what is kept under a name, deeply, so that whoever wants to change it has to assign it anew."""
+"""Deeply read-only values for entries of knowledge, which can be changed only by assigning the entry."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from symaware_cli.awareness.awareness import AwarenessVector
 
-#: So deep may lists and mappings stand in each other.
+#: The greatest depth of nested lists and mappings.
 _DEPTH = 100
 
 
@@ -97,7 +97,7 @@ class KnownSet(frozenset[Any]):
 
 
 def _if_own(name: str) -> Callable[..., Any]:
-    """A method that changes arrays, for those that NumPy made of a known one, such as a product, and that may be."""
+    """Return a method that may change arrays derived from a known one, such as a product, but not that one."""
 
     def change(array: KnownArray, *arguments: Any, **named: Any) -> Any:
         if not array.flags.writeable:
@@ -165,15 +165,15 @@ class KnownVector(AwarenessVector):
 
 
 def readonly(value: Any, name: str) -> Any:
-    """Return a value that nobody can change, and that changes to the original do not reach.
+    """Return a read-only value that is independent of the original.
 
-    Lists and tuples, and what else is a sequence that can be changed, become tuples; mappings and arrays refuse to be
-    changed, and so do sets and awareness vectors; texts, numbers and time series cannot be changed anyway. Objects of
-    other classes stay what they are.
+    Lists, tuples and other mutable sequences become tuples; mappings, arrays, sets and awareness vectors become
+    read-only ones; texts, numbers and time series are immutable already. Objects of other classes are returned
+    unchanged.
 
     Args:
-        value: What.
-        name: Under which name it is known, for the message to whoever tries to change it.
+        value: The value.
+        name: The name of the entry, for the error message of an attempt to change it.
 
     Raises:
         ValueError: The value contains itself, or is nested too deep.

@@ -1,4 +1,4 @@
-"""What all agents of a group believe of others by components of the group, in arrays."""
+"""The beliefs of all agents of a group about others, written by components of the group, in arrays."""
 
 from __future__ import annotations
 
@@ -22,23 +22,23 @@ Array = NDArray[np.float64]
 
 
 class Version:
-    """Stands for what was known at some time: there is another one whenever something else is known."""
+    """Identifies a version of the beliefs: there is a new object after each change."""
 
     __slots__ = ()
 
 
 class SharedBeliefs:
-    """What all agents of a group believe of others, as components of the whole group wrote it.
+    """The beliefs of all agents of a group about others, as components of the whole group wrote them.
 
-    It lies beneath what components of single agents wrote; `AwarenessDatabase` has both, and the rules.
+    Beliefs that components of single agents wrote take precedence; `AwarenessDatabase` combines both.
 
     Attributes:
-        roster: Who the indices in `tracks` stand for; set when the world is.
-        clock: Simulated time; set when the world is.
-        holders: The rows of those agents that hold by themselves where others are.
-        others_changed: For each part, the rows that hold something else by themselves than at the last record.
-        parts: What parts awareness has, by name.
-        version: Another object whenever something is written for the whole group.
+        roster: The agents that the indices in `tracks` refer to; set with the world.
+        clock: Simulated time; set with the world.
+        holders: The rows of the agents with own beliefs about the motion of others.
+        others_changed: For each part, the rows whose own beliefs changed since the last record.
+        parts: The parts of awareness, by name.
+        version: A new object whenever something is written for the whole group.
     """
 
     __slots__ = (
@@ -74,7 +74,7 @@ class SharedBeliefs:
 
     @property
     def world(self) -> Snapshot | None:
-        """What all agents know of everybody, where they perceive everything; one snapshot, no copy for each pair."""
+        """The common knowledge of agents that perceive everything: one snapshot, without a copy for each pair."""
         return self._world
 
     @world.setter
@@ -83,7 +83,7 @@ class SharedBeliefs:
 
     @property
     def seen(self) -> Tracks | None:
-        """What each agent believes of the others it perceives or perceived, as perception or an estimator wrote it."""
+        """The beliefs of each agent about others that it perceives or perceived, from a perception or an estimator."""
         return self._seen
 
     @seen.setter
@@ -92,7 +92,7 @@ class SharedBeliefs:
 
     @property
     def told(self) -> Tracks | None:
-        """What each agent believes of others by what they say."""
+        """The beliefs of each agent about others from received messages."""
         return self._told
 
     @told.setter
@@ -101,9 +101,9 @@ class SharedBeliefs:
 
     @property
     def tracks(self) -> Tracks | None:
-        """What each agent believes of others: what is seen wins over what was told, unless that is more recent.
+        """The beliefs of each agent about others: perception takes precedence over messages that are not more recent.
 
-        None where nobody believes anything, or where all that counts is the `world`.
+        None if there are no beliefs, or if all of them are in `world`.
         """
         if self._told is None:
             return self._seen
@@ -119,12 +119,12 @@ class SharedBeliefs:
         return told if seen is None else seen.updated(told)
 
     def motion(self, id: str, state: ArrayLike, *, is_state: bool = False) -> Array:
-        """Bring what somebody says of another agent into the layout of all beliefs of others; see `as_motion`."""
+        """Convert a statement about another agent into the common layout of beliefs about others; see `as_motion`."""
         roster = self.roster
         if roster is None:
             return frozen(state)
         return as_motion(id, state, roster.model(id), roster.dimensions, is_state=is_state)
 
     def everybody(self, world: Snapshot) -> Tracks:
-        """Write out a snapshot that all agents share: a row for each of them and each other."""
+        """Expand a shared snapshot into a row for each agent and each other."""
         return Tracks.of_everybody(world, world.roster.start(self._name), self._count)

@@ -1,4 +1,4 @@
-"""Signals: what a component hands out beside awareness, declared once as data and recorded on a channel of its own."""
+"""Signals: quantities that a component records in addition to awareness, declared as data, each on its own channel."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ Drawn = Literal["curve", "path", "ellipse", "bars", "points"]
 SignalColumn: TypeAlias = "Column | SeriesColumn | TableColumn"
 
 MEASUREMENT = "measurement"
-"""The signal that is known by the name of its component alone, as that of a sensor that measures a few numbers."""
+"""The name of a signal that is referred to by the name of its component alone, such as the measurement of a sensor."""
 
-#: What says where points are: in the world, or seen from the body.
+#: The columns that define the positions of points: in the world, or relative to the body.
 _PLACES = (("x", "y"), ("distance", "bearing"))
 
 #: How each kind can be drawn.
@@ -32,19 +32,19 @@ _DRAWN: dict[str, tuple[str | None, ...]] = {
 
 @dataclass(frozen=True, slots=True)
 class Signal:
-    """What a component says of each agent in its turns; whatever records, shows or exports goes through those declared.
+    """A quantity that a component records for each agent. Recording, replay and export use its declaration.
 
     Attributes:
-        name: A Python identifier; the topic ``/agents/<group>/<name>/<component>`` has it.
+        name: A Python identifier, which is used in the topic ``/agents/<group>/<name>/<component>``.
         kind: ``vector``, a row of numbers for each agent, NaN until something is written; ``series``, a `TimeSeries`
             for each agent; or ``table``, any number of rows of numbers for each agent.
-        columns: Name and unit of each number; None for a series of which nobody says it.
-        drawn: How it is drawn, which the log says too: as a ``curve`` for each number; as a ``path`` through the
-            positions of a series; as the ``ellipse`` of the covariance of the position in one; as ``bars`` for numbers
-            that share a whole, such as probabilities; or as ``points``, which takes columns ``x`` and ``y`` (and ``z``)
-            in the world, or ``distance`` and ``bearing`` (and ``elevation``) from the body, counter-clockwise from its
-            heading. None for not at all.
-        description: What it says, in a few words.
+        columns: Name and unit of each number; None for a series whose columns are not defined.
+        drawn: How it is drawn, which is stored in the log: as a ``curve`` for each number; as a ``path`` through the
+            positions of a series; as the ``ellipse`` of the covariance of a position; as ``bars`` for shares of a
+            whole, such as probabilities; or as ``points``, which requires the columns ``x`` and ``y`` (and ``z``) in
+            the world, or ``distance`` and ``bearing`` (and ``elevation``) relative to the body, counter-clockwise from
+            its heading. None if it is not drawn.
+        description: Its meaning, in a few words.
     """
 
     what: ClassVar = "signal"
@@ -86,21 +86,21 @@ class Signal:
 
     @property
     def column_names(self) -> tuple[str, ...]:
-        """The names of the columns; empty where they are not known."""
+        """The names of the columns; empty if they are not known."""
         return tuple(column.name for column in self.columns or ())
 
     def field(self, component: str) -> str:
-        """What it is called where a component of that name hands it out, such as ``radar.returns``."""
+        """Return its full name for a component of a name, such as ``radar.returns``."""
         return component if self.name == MEASUREMENT else f"{component}.{self.name}"
 
     def column(self, count: int) -> SignalColumn:
-        """Make the column of a group, in which nothing is said yet.
+        """Create the empty column of a group.
 
         Args:
             count: How many agents there are.
 
         Raises:
-            ValueError: It is no series, and nobody says how many numbers it has.
+            ValueError: It is not a series, and its columns are not defined.
         """
         if self.kind == "series":
             return SeriesColumn(count)
@@ -109,9 +109,9 @@ class Signal:
         if self.kind == "table":
             return TableColumn(count, len(self.columns))
         column = Column(np.full((count, len(self.columns)), np.nan))
-        column.take_changes()  # what nobody wrote is not worth a record
+        column.take_changes()  # an empty column is not recorded
         return column
 
     def of(self, columns: Sequence[Quantity]) -> Self:
-        """The same with columns that are known now; None where there are none."""
+        """Return a copy with these columns; None for undefined columns."""
         return replace(self, columns=tuple(columns) or None)

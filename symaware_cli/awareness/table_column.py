@@ -13,10 +13,10 @@ Array = NDArray[np.float64]
 
 
 class TableColumn:
-    """A table for every agent of a group, which remembers whose was written; all have the same columns.
+    """A table for every agent of a group, which tracks the rows that were written; all tables have the same columns.
 
     Attributes:
-        width: How many numbers a row of a table has.
+        width: The number of columns.
     """
 
     __slots__ = ("_changed", "_tables", "width")
@@ -50,7 +50,7 @@ class TableColumn:
     present = row
 
     def set_row(self, index: int, table: ArrayLike) -> None:
-        """Replace one agent's table; as `set`."""
+        """Replace one agent's table; see `set`."""
         self._tables[index] = self._sound(table)
         self._changed.add(index)
 

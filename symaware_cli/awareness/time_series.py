@@ -20,8 +20,8 @@ _NO_VALUES.flags.writeable = False
 class TimeSeries:
     """Vectors at instants of simulated time; immutable, so that it can be shared without a copy.
 
-    Read as a mapping it goes from seconds to a vector: ``TimeSeries({0.0: [1, 2], 0.5: [1, 3]})[0.5]``.
-    Whole arrays are made with `sampled` and read from `times` and `values`.
+    As a mapping it maps seconds to vectors: ``TimeSeries({0.0: [1, 2], 0.5: [1, 3]})[0.5]``. For whole arrays use
+    `sampled`, `times` and `values`.
 
     Attributes:
         times: The instants, ascending, in nanoseconds; shape (h,).
@@ -47,7 +47,7 @@ class TimeSeries:
 
     @classmethod
     def sampled(cls, times: ArrayLike, values: ArrayLike) -> TimeSeries:
-        """Make a series from arrays, which are copied.
+        """Create a series from arrays, which are copied.
 
         Args:
             times: Ascending instants in nanoseconds; shape (h,).
@@ -113,7 +113,7 @@ class TimeSeries:
     __hash__ = None  # type: ignore[assignment]
 
     def __or__(self, other: Any) -> TimeSeries:
-        """Both series together; at an instant that both have, the right one counts."""
+        """Merge two series; at instants of both, the values of the right one are used."""
         if not isinstance(other, TimeSeries):
             return NotImplemented
         merged = dict(zip(self.times.tolist(), self.values, strict=True))

@@ -1,4 +1,4 @@
-"""Tracks: what the agents of a group believe of others, as plain values in columns."""
+"""Tracks: the beliefs of the agents of a group about others, as plain values in columns."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ Array = NDArray[np.float64]
 
 
 class Tracks:
-    """What the agents of a group believe of others, sparsely: a row for each agent and each other it knows of.
+    """The beliefs of the agents of a group about others, sparsely: a row for each agent and each other that it knows.
 
-    Rows stand in the order of the agents, and within an agent in the order of the roster. Arrays are read-only.
+    Rows are ordered by agent, then by the other's index in the roster. Arrays are read-only.
 
     Attributes:
-        time: The instant of which this is believed, in nanoseconds.
-        pointers: Where the rows of each agent begin, and at last their number; shape (n + 1,).
-        others: Whom each row is about, as an index in the roster; shape (m,).
-        positions: Where the other is believed to be [m]; shape (m, d).
-        velocities: How fast it is believed to move [m/s]; shape (m, d).
+        time: The instant that the beliefs refer to, in nanoseconds.
+        pointers: The first row of each agent, then the number of rows; shape (n + 1,).
+        others: The index in the roster of the other agent of each row; shape (m,).
+        positions: The believed position of the other [m]; shape (m, d).
+        velocities: The believed velocity of the other [m/s]; shape (m, d).
         covariances: Covariance of position and velocity, in this order [m^2, m^2/s, m^2/s^2]; shape (m, 2d, 2d), or
-            None where nothing is said of it.
-        ages: Time from when the other was last seen, or said where it was, until that instant [s]; shape (m,).
+            None if they are not known.
+        ages: Time from the last measurement of the other, or its last message, until that instant [s]; shape (m,).
     """
 
     __slots__ = ("_motions", "ages", "covariances", "others", "pointers", "positions", "time", "velocities")
@@ -62,7 +62,7 @@ class Tracks:
         return self._motions
 
     def repeats(self, other: Tracks) -> bool:
-        """Whether these are the same tracks as others, of the same instant; NaN equals NaN."""
+        """Return whether these are the same tracks as others, of the same instant; NaN equals NaN."""
         return self.time == other.time and all(
             np.array_equal(getattr(self, name), getattr(other, name), equal_nan=True)
             for name in ("others", "pointers", "positions", "velocities", "ages")
@@ -80,10 +80,10 @@ class Tracks:
         covariances: Array | None = None,
         ages: Array | None = None,
     ) -> Tracks:
-        """Make tracks from the agent that each row belongs to.
+        """Create tracks from the observer of each row.
 
         Args:
-            time: See the class, as for what is not said here.
+            time: See the class, also for the arguments without a description.
             count: How many agents the group has.
             observers: The agent of each row, ascending; shape (m,).
             others: Within an agent ascending; shape (m,).
@@ -98,12 +98,12 @@ class Tracks:
 
     @classmethod
     def of_everybody(cls, snapshot: Snapshot, start: int, count: int) -> Tracks:
-        """Write out what agents believe who perceive everything: each of them of all others.
+        """Expand a snapshot into the beliefs of agents that perceive everything: of each about all others.
 
         Args:
-            snapshot: What they perceive.
-            start: The first of them, as an index in the roster.
-            count: How many they are.
+            snapshot: The perceived snapshot.
+            start: The index of the first agent in the roster.
+            count: The number of agents.
         """
         positions, everybody = snapshot.positions, np.arange(len(snapshot.positions))
         observers, others = np.repeat(np.arange(count), len(everybody)), np.tile(everybody, count)
@@ -115,10 +115,10 @@ class Tracks:
 
     @classmethod
     def joined(cls, time: int, parts: Sequence[Tracks]) -> Tracks:
-        """Put the tracks of some agents, each of its own and of the same instant, one after another."""
+        """Concatenate the tracks of several agents, all of the same instant."""
         covariances = None
         if any(each.covariances is not None for each in parts):
-            # Zeros stand for nothing said.
+            # Zeros stand for unknown covariances.
             size = 2 * parts[0].positions.shape[1]
             covariances = np.concatenate(
                 [np.zeros((len(each), size, size)) if each.covariances is None else each.covariances for each in parts]
@@ -143,11 +143,11 @@ class Tracks:
 
     @property
     def instants(self) -> NDArray[np.int64]:
-        """When each other was last seen, or said where it was, in nanoseconds; shape (m,)."""
+        """The time of the last measurement or message of each other, in nanoseconds; shape (m,)."""
         return self.time - np.rint(self.ages * SECOND).astype(np.int64)
 
     def select(self, rows: NDArray[np.bool_]) -> Tracks:
-        """The tracks that a mask picks out; shape (m,)."""
+        """Return the tracks that a mask selects; shape (m,)."""
         return Tracks.of(
             self.time,
             len(self.pointers) - 1,
@@ -160,7 +160,7 @@ class Tracks:
         )
 
     def at(self, time: int) -> Tracks:
-        """The tracks carried on to another instant, with everybody going straight on.
+        """Return the tracks extrapolated to another instant at constant velocity.
 
         Args:
             time: In nanoseconds.
@@ -184,27 +184,27 @@ class Tracks:
         )
 
     def updated(self, told: Tracks) -> Tracks:
-        """These tracks, and those that another source has of the same agents where it is more recent.
+        """Return these tracks, updated by those of another source of the same agents that are more recent.
 
         Args:
-            told: What the other source says.
+            told: The tracks of the other source.
 
         Returns:
-            The belief at the later instant of the two.
+            The tracks at the later instant of the two.
         """
         time = max(self.time, told.time)
         parts = [self.at(time), told.at(time)]
         instants = np.concatenate([each.instants for each in (self, told)])
         observers = np.concatenate([each.observers for each in parts])
         others = np.concatenate([each.others for each in parts])
-        # The sort is stable: of equally recent ones the first stays first.
+        # The sort is stable: of equally recent ones, the first is used.
         order = np.lexsort((-instants, others, observers))
         first = np.ones(len(order), bool)
         first[1:] = (np.diff(observers[order]) != 0) | (np.diff(others[order]) != 0)
         chosen = order[first]
         covariances = None
         if any(each.covariances is not None for each in parts):
-            # Of what is seen without error nobody need say how sure it is.
+            # Measurements without error need no covariance.
             size = 2 * self.positions.shape[1]
             covariances = np.concatenate(
                 [np.zeros((len(each), size, size)) if each.covariances is None else each.covariances for each in parts]

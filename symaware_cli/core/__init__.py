@@ -1,4 +1,4 @@
-"""The vocabulary of plugins: agents, components, environments, messages, events, and what these are made of."""
+"""The vocabulary of plugins: agents, components, environments, messages, events, and the types that they consist of."""
 
 from symaware_cli.awareness.awareness import AwarenessVector, GroupAwareness, Observation
 from symaware_cli.awareness.database import AwarenessDatabase

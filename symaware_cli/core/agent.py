@@ -29,14 +29,14 @@ Array = NDArray[np.float64]
 
 
 class Surroundings:
-    """What all agents of a run share.
+    """The objects that all agents of a run share.
 
     Attributes:
         seed: The seed of the run.
         clock: Simulated time.
-        events: Who is told of what happens.
+        events: The event bus.
         environment: The world.
-        exchange: What carries messages.
+        exchange: Sends and receives messages.
     """
 
     __slots__ = ("clock", "environment", "events", "exchange", "seed")
@@ -50,13 +50,13 @@ class Surroundings:
 
 
 class AgentGroup(EntityGroup):
-    """Agents that share a model, a body and a list of components; their data stand in columns.
+    """Agents that share a model, a body and a list of components. Their data are stored in columns.
 
     Attributes:
         knowledge: The knowledge database of each agent.
-        knowledge_changes: What changed in it.
-        awareness: What each agent is aware of.
-        surroundings: What is shared with all other agents.
+        knowledge_changes: The changes of the knowledge.
+        awareness: The awareness of all agents.
+        surroundings: The objects that all agents of the run share.
     """
 
     def __init__(
@@ -82,13 +82,14 @@ class AgentGroup(EntityGroup):
         self.surroundings: Surroundings
 
     def set_roster(self, roster: Roster) -> None:
-        """Let what the agents are aware of know who is who."""
+        """Give the awareness of the group the roster of all agents."""
         self.awareness.roster = roster
 
     def known(self, name: str) -> Array:
-        """What each agent knows under a name, as one read-only array; shape (n, ...).
+        """Return one entry of the knowledge of each agent as one read-only array; shape (n, ...).
 
-        Ask at each turn, so that what changes in a run counts: it is the same array for as long as nothing changes.
+        Call it at each turn, because knowledge may change during a run. The same array is returned as long as nothing
+        changes.
 
         Raises:
             KeyError: An agent does not know it.
@@ -97,11 +98,11 @@ class AgentGroup(EntityGroup):
         return self._known_column(name).values
 
     def known_lists(self, name: str) -> tuple[Array, NDArray[np.intp]]:
-        """As `known`, of lists of one kind of elements that may differ in length, such as waypoints.
+        """Like `known`, for lists that may differ in length, such as waypoints.
 
         Returns:
-            The lists, of which the shorter ones repeat what they end with, shape (n, longest, ...), and their lengths,
-            shape (n,).
+            The lists, shape (n, longest, ...), with shorter ones padded by their last element, and their lengths, shape
+            (n,).
 
         Raises:
             KeyError: An agent does not know it.
@@ -116,10 +117,10 @@ class AgentGroup(EntityGroup):
         return column
 
     def others(self, reach: float) -> Tracks:
-        """What each agent believes of the others within reach of where it believes to be itself.
+        """Return the beliefs of each agent about the others within reach of its own believed position.
 
-        This is the common ground of components that deal with others, whoever perceives them: tracks where
-        there are some, else the snapshot of those who perceive everything, else nothing.
+        All components that consider other agents use this, whichever perception is in use: it returns the tracks if
+        there are any, else the snapshot of a group that perceives everything, else nothing.
 
         Args:
             reach: The greatest distance [m].
@@ -128,7 +129,7 @@ class AgentGroup(EntityGroup):
         if awareness.tracks is not None:
             tracks = awareness.tracks
             own, apart = self.model.positions(awareness.state), tracks.positions.copy()
-            apart[:, : own.shape[1]] -= own[tracks.observers]  # who moves in the plane stands at height 0
+            apart[:, : own.shape[1]] -= own[tracks.observers]  # agents that move in the plane are at height 0
             return tracks.select(np.einsum("ij,ij->i", apart, apart) <= reach * reach)
         world = awareness.world
         if world is None:
@@ -140,19 +141,19 @@ class AgentGroup(EntityGroup):
         if len(self) < len(positions):
             first, last = np.searchsorted(one, (start, start + len(self)))
             one, other = one[first:last], other[first:last]
-        # `take` is many times as fast as an index, and what is not writeable already need not be copied.
+        # `take` is many times faster than indexing, and arrays that are not writeable need not be copied.
         found, moving = positions.take(other, 0), world.velocities.take(other, 0)
         found.flags.writeable = moving.flags.writeable = False
         return Tracks.of(world.time, len(self), one - start, other, found, moving)
 
     @cached_property
     def agents(self) -> tuple[Agent, ...]:
-        """A view of each row; made when first asked for, for groups that have components of single agents."""
+        """A view of each row; created on first use, for groups with components of single agents."""
         return tuple(Agent(self, row) for row in range(len(self)))
 
 
 class AgentModel:
-    """An agent's model: its own control input, and all else of the group's shared dynamics."""
+    """The model of one agent: its own control input, and the shared dynamics of its group."""
 
     __slots__ = ("_column", "_model", "_row")
 
@@ -175,18 +176,18 @@ class AgentModel:
 
 
 class Agent:
-    """One agent: a light view of one row of its group.
+    """One agent: a lightweight view of one row of its group.
 
     Attributes:
-        id: Its name in the run, such as ``robot.2``, or ``robot`` where the group is one agent without a count.
+        id: Its name in the run, such as ``robot.2``, or ``robot`` for a group without a count.
         group: The group it belongs to.
         row: Its row there.
         entity: Its body.
         model: Its dynamics and the control input it requests.
-        self_awareness: What it is aware of, of itself.
-        self_knowledge: What it knows.
-        awareness_database: What it is aware of, by id, of itself and others.
-        knowledge_database: What it knows, by id, of itself and others.
+        self_awareness: Its awareness of itself.
+        self_knowledge: Its knowledge.
+        awareness_database: Its awareness of itself and others, by id.
+        knowledge_database: Its knowledge about itself and others, by id.
     """
 
     __slots__ = (
@@ -216,7 +217,7 @@ class Agent:
 
     @property
     def self_state(self) -> Array:
-        """A copy of what the agent believes of its own state; shape (nx,)."""
+        """A copy of the agent's belief of its own state; shape (nx,)."""
         return self._state.row(self.row)
 
     @property
@@ -226,7 +227,7 @@ class Agent:
 
     @property
     def surroundings(self) -> Surroundings:
-        """What is shared with all other agents."""
+        """The objects that all agents of the run share."""
         return self.group.surroundings
 
     def __repr__(self) -> str:

@@ -29,22 +29,23 @@ Owner = TypeVar("Owner")
 
 
 class BaseComponent(Plugin, ABC, Generic[Owner]):
-    """What components of agents and of groups have in common.
+    """Base class of components of single agents and of groups.
 
-    A turn of a component computes a value from what its agent is aware of, then updates the awareness with it.
+    In each turn a component computes a value from the awareness of its agent, then updates the awareness with this
+    value.
 
     Attributes:
         bodies: Which of its parameters name an ``agent``, an ``agent or entity``, or ``agents`` by a list of ids,
             groups and patterns; looked up before a run.
-        events: The events that the component fires besides those of every component, with what each means.
-        knowledge: What an agent must know for the component to work, with what each means.
+        events: The events that the component fires in addition to those of every component, with their meanings.
+        knowledge: The entries of knowledge that the component requires, with their meanings.
         name: The component's key in the scenario.
-        parts: The parts of awareness that it writes, beside those that every agent has.
-        path: Where it stands, such as ``agents.robot.2.steer``; the source of its events.
-        requires: What the world must have for the component to work, as in `Environment.provides`, with where it is.
-        signals: What it hands out in its turns beside awareness, to be recorded and for others to look at.
-        sees_world: Whether it looks at the world itself, and not only at what its agent is aware of; where it computes
-            in a process of its own, that process then follows the world.
+        parts: The parts of awareness that it writes, in addition to those that every agent has.
+        path: Its path, such as ``agents.robot.2.steer``; the source of its events.
+        requires: Features that the world must provide (see `Environment.provides`), each with the worlds that do.
+        signals: The signals that it records in its turns; other components can read them.
+        sees_world: Whether it reads the world itself, and not only the awareness of its agent. If it computes in a
+            worker process, that process then has a copy of the world.
         use: The plugin's entry-point name.
     """
 
@@ -56,7 +57,7 @@ class BaseComponent(Plugin, ABC, Generic[Owner]):
     sees_world: ClassVar[bool] = False
     signals: ClassVar[Sequence[Signal]] = ()
 
-    # Class defaults, so that a subclass with an __init__ of its own need not call this one.
+    # Class defaults, so that a subclass with its own __init__ need not call this one.
     name: str = ""
     path: str = ""
     use: str = ""
@@ -64,53 +65,53 @@ class BaseComponent(Plugin, ABC, Generic[Owner]):
     _surroundings: Surroundings
 
     def check(self, group: AgentGroup) -> None:
-        """Look whether the component can work for a group; called before a run, to find fault early.
+        """Check whether the component can work for a group; called before a run.
 
         Args:
-            group: Has its model, states and knowledge; nothing runs yet.
+            group: The group, with its model, states and knowledge; the run has not started.
 
         Raises:
-            ValueError: It cannot, and why, in words for the author of the scenario.
+            ValueError: It cannot. The message explains the reason to the author of the scenario.
         """
 
     def series_quantities(self, group: AgentGroup) -> Mapping[str, Sequence[Quantity]]:
-        """Name the columns of the time series that the component sets, for whoever reads or draws the log.
+        """Return the names of the columns of the time series that the component sets, for readers of the log.
 
-        Where the names are those that docs/log-format.md lists, a replay knows what they mean: an intent with the names
-        of the position is drawn as a path, an uncertainty with covariances of it as ellipses.
+        A replay recognises the names that docs/log-format.md lists: it draws an intent with the names of the position
+        as a path, and an uncertainty with covariances of the position as ellipses.
 
         Args:
-            group: Has its model.
+            group: The group, with its model.
 
         Returns:
-            Name and unit of each column, by the name of the part; nothing by default.
+            Name and unit of each column, by the name of the part; empty by default.
         """
         return {}
 
     @abstractmethod
     def _compute(self) -> Any:
-        """Compute a value from what is known; changes nothing, the component itself included."""
+        """Compute a value from the awareness; must not change anything, including the component itself."""
 
     @abstractmethod
     def _update(self, value: Any) -> None:
-        """Update the awareness, the knowledge or the control input with a value that was computed."""
+        """Update the awareness, the knowledge or the control input with a computed value."""
 
     def misfit(self, value: Any) -> str | None:
-        """Say what `_compute` should have returned, for a value that `_update` cannot take.
+        """Explain what `_compute` should have returned, for a value that `_update` cannot use.
 
         Args:
-            value: What it returned.
+            value: The value that it returned.
 
         Returns:
-            One sentence; None where there is nothing to object to.
+            One sentence; None if the value is valid.
         """
         return None
 
     def explained(self, value: Any, error: Exception) -> Exception:
-        """Return what to raise where `_update` could not take a value: in plain words, if that is of the wrong kind."""
+        """Return the exception to raise if `_update` fails: a clear `TypeError` if the value has the wrong type."""
         own = next(kind for kind in type(self).__mro__ if "_update" in vars(kind))
-        # A class with an `_update` of its own may agree with its `_compute` on something else than its base does.
-        # Python's own words; those of other exceptions are their classes' affair, which may fail at that.
+        # A class with its own `_update` may use another type of value than its base class. Only messages of Python's
+        # own exceptions are read: converting others to text may fail.
         said = str(error) if type(error) in (TypeError, ValueError, AttributeError) else ""
         if "misfit" not in vars(own) and "unpack" not in said and not (value is None and "None" in said):
             return error
@@ -122,14 +123,14 @@ class BaseComponent(Plugin, ABC, Generic[Owner]):
         return self._compute()
 
     async def _async_update(self, value: Any) -> None:
-        """Update in the asynchronous mode; may await, too."""
+        """Update in the asynchronous mode; may await as well."""
         self._update(value)
 
     def sleep(self, duration: float) -> Wait:
         """Let simulated time pass within a turn of the asynchronous mode: ``await self.sleep(0.2)``.
 
         Args:
-            duration: How long [s]; 0 lets all others go first who have something to do at this instant.
+            duration: How long [s]; with 0, all other turns of this instant come first.
 
         Raises:
             ValueError: The duration is negative or not finite.
@@ -150,12 +151,12 @@ class BaseComponent(Plugin, ABC, Generic[Owner]):
     def any_of(self, *waits: Awaitable[Any]) -> Wait:
         """Wait for the first of several: ``which, value = await self.any_of(self.messages(), self.sleep(0.2))``.
 
-        `which` is its position, `value` what it came to. What has come by the time that the component goes on, in its
-        place in the order of the instant, counts as having come at once; of several the first one listed is taken. The
-        others are cancelled; messages that were not taken stay unread.
+        `which` is the position of the first one, `value` its result. Everything that has completed by the time at which
+        the component resumes counts as simultaneous; of several, the first one listed is returned. The others are
+        cancelled; messages that were not returned stay unread.
 
         Args:
-            waits: What to wait for, `any_of` and `all_of` included; in a paced run also what asyncio can await.
+            waits: What to wait for, including `any_of` and `all_of`; in a paced run also awaitables of asyncio.
 
         Raises:
             ValueError: There is nothing to wait for.
@@ -164,7 +165,7 @@ class BaseComponent(Plugin, ABC, Generic[Owner]):
         return AnyOf(waits)
 
     def all_of(self, *waits: Awaitable[Any]) -> Wait:
-        """Wait for several, and return what they came to, as a tuple in their order; otherwise as `any_of`."""
+        """Wait for all of several, and return their results as a tuple in their order; otherwise like `any_of`."""
         return AllOf(waits)
 
     def compute(self) -> Any:
@@ -232,16 +233,16 @@ class BaseComponent(Plugin, ABC, Generic[Owner]):
 
     @property
     def computed_at(self) -> int:
-        """When the value was computed that `_update` is given, in nanoseconds: now, unless the component has a latency.
+        """The time at which the value passed to `_update` was computed [ns]: now, unless the component has a latency.
 
-        What `_update` writes is about that instant, however late it lands.
+        What `_update` writes refers to that time, however late it is written.
         """
         instant: int = self.__dict__.get("_computed_at", self.now)
         return instant
 
     @property
     def turn(self) -> Turn:
-        """The turn that is under way, which keys what it draws, whenever its update lands."""
+        """The present turn, which keys random draws, also those of a delayed update."""
         turn: Turn | None = self.__dict__.get("_turn_begun")
         return Turn(self._surroundings.clock.now) if turn is None else turn
 
@@ -252,11 +253,11 @@ class BaseComponent(Plugin, ABC, Generic[Owner]):
 
     @property
     def environment(self) -> Environment:
-        """The world. Perception reads it; other components live on what their agent is aware of."""
+        """The world. Perception reads it; other components use the awareness of their agent."""
         return self._surroundings.environment
 
     def subscribe(self, name: str, callback: Subscriber) -> Subscription:
-        """Be told of an event of this component."""
+        """Call a function at an event of this component."""
         return self._surroundings.events.subscribe(name, callback, self.path)
 
     def emit(self, name: str, text: str = "", *, level: Level = Level.INFO, **data: Any) -> None:
@@ -265,7 +266,7 @@ class BaseComponent(Plugin, ABC, Generic[Owner]):
         Args:
             name: What happened; declare it in `events`.
             text: One line for people.
-            level: How much it matters; the run's summary counts events of the level `Level.WARNING` by name.
+            level: Its importance; the summary of the run counts events of the level `Level.WARNING` by name.
             data: Further facts, as plain JSON values.
         """
         self._emit_from(self.path, self._agent_id, name, text, level, data)
@@ -281,12 +282,12 @@ class BaseComponent(Plugin, ABC, Generic[Owner]):
 
     @property
     def _agent_id(self) -> str | None:
-        """The agent whose component this is; None where it serves a whole group."""
+        """The agent of this component; None for a component of a whole group."""
         return None
 
 
 class Component(BaseComponent[Agent]):
-    """A component of one agent; the runtime makes one instance for each agent of the group.
+    """A component of one agent; the runtime creates one instance for each agent of the group.
 
     Subclasses implement `_compute` and `_update` over ``self._agent``.
     """
@@ -299,12 +300,12 @@ class Component(BaseComponent[Agent]):
         initial_awareness_database: AwarenessDatabase,
         initial_knowledge_database: Mapping[str, KnowledgeDatabase],
     ) -> None:
-        """Take up work for an agent. A subclass that overrides this calls it first.
+        """Initialise the component for an agent. A subclass that overrides this calls it first.
 
         Args:
-            agent: Whom the component belongs to.
-            initial_awareness_database: What the agent is aware of at the start, by id.
-            initial_knowledge_database: What it knows at the start, by id.
+            agent: The agent of the component.
+            initial_awareness_database: The initial awareness of the agent, by id.
+            initial_knowledge_database: The initial knowledge of the agent, by id.
         """
         self._agent = agent
         self._surroundings = agent.surroundings
@@ -320,9 +321,9 @@ class Component(BaseComponent[Agent]):
 
     @property
     def random(self) -> np.random.Generator:
-        """The component's own source of chance, keyed by the run's seed, its path and the turn.
+        """The random generator of the component, keyed by the seed of the run, the path of the component and the turn.
 
-        In each turn it stands at a place of its own, however much was drawn in others; so ask for it in each.
+        In each turn it starts anew, independent of how much was drawn in others; so do not keep it in an attribute.
         """
         source: AgentChance | None = self.__dict__.get("_random")
         if source is None:
@@ -330,9 +331,9 @@ class Component(BaseComponent[Agent]):
         return source.at(self.turn)
 
     def record(self, signal: Signal, value: Any) -> None:
-        """Hand out what one of the component's `signals` says now, in `_update`.
+        """Record the present value of one of the component's `signals`; call it in `_update`.
 
-        That is a vector, shape (k,), a `TimeSeries`, or the rows of a table, shape (m, k).
+        The value is a vector, shape (k,), a `TimeSeries`, or the rows of a table, shape (m, k).
         """
         self._agent.self_awareness[signal.field(self.name)] = value
 
@@ -343,7 +344,7 @@ class GroupComponent(BaseComponent[AgentGroup]):
     _group: AgentGroup
 
     def initialise_component(self, group: AgentGroup) -> None:
-        """Take up work for a group. A subclass that overrides this calls it first."""
+        """Initialise the component for a group. A subclass that overrides this calls it first."""
         self._group = group
         self._surroundings = group.surroundings
 
@@ -354,21 +355,20 @@ class GroupComponent(BaseComponent[AgentGroup]):
 
     @property
     def triggered(self) -> Sequence[int] | None:
-        """The rows of the agents whom the events concern that triggered this turn, ascending.
+        """The rows of the agents that the triggering events of this turn concern, ascending.
 
-        None where the turn was due without. It is known as the turn begins: until `_compute` has returned, or a
-        coroutine waits.
+        None if no event triggered the turn. Available only until `_compute` has returned, or until a coroutine waits.
         """
         rows: Sequence[int] | None = self.__dict__.get("_triggered")
         return rows
 
     def agent_path(self, row: int) -> str:
-        """Where the component stands for one agent, such as ``agents.robot.2.sense``."""
+        """The path of the component for one agent, such as ``agents.robot.2.sense``."""
         return f"agents.{self._group.ids[row]}.{self.name}"
 
     @property
     def random(self) -> GroupChance:
-        """A source of chance for each agent, keyed by the run's seed, the agent's path and the turn."""
+        """A random generator for each agent, keyed by the seed of the run, the path of the agent and the turn."""
         source: GroupChance | None = self.__dict__.get("_random")
         if source is None:
             roster = self._surroundings.environment.roster
@@ -378,9 +378,9 @@ class GroupComponent(BaseComponent[AgentGroup]):
         return source.at(self.turn)
 
     def record(self, signal: Signal, value: Any) -> None:
-        """Hand out what one of the component's `signals` says now of each agent, in `_update`.
+        """Record the present value of one of the component's `signals` for each agent; call it in `_update`.
 
-        That is an array, shape (n, k), times [ns] and values as `SeriesColumn.set` takes them, or a list of tables.
+        The value is an array, shape (n, k), times [ns] and values as for `SeriesColumn.set`, or a list of tables.
         """
         awareness, field = self._group.awareness, signal.field(self.name)
         if signal.kind == "series":
@@ -394,16 +394,16 @@ class GroupComponent(BaseComponent[AgentGroup]):
 
 
 class GroupCommunicationReceiver(GroupComponent):
-    """Listens for all agents of a group at once; `_compute` returns what arrived, and `_update` is given it."""
+    """Receives messages for all agents of a group; `_compute` returns them, and `_update` processes them."""
 
     @property
     @abstractmethod
     def kinds(self) -> Collection[str]:
-        """The kinds of messages that it reads; nobody else in the group gets these, unless it asks for them, too."""
+        """The kinds of messages that it reads; other components get these only if they ask for them as well."""
 
     def _compute(self) -> Any:
         return self._surroundings.exchange.collect(self.path)
 
     @abstractmethod
     def _update(self, value: Sequence[Delivery]) -> None:
-        """Make something of what was heard, in columns, oldest first for each agent."""
+        """Process the messages that arrived, in columns, oldest first for each agent."""

@@ -1,4 +1,4 @@
-"""What an environment knows of a group: who they are, the body and the dynamics they share, and what they request."""
+"""What an environment knows of a group: ids, the shared body and dynamics, and requested control inputs."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ Array = NDArray[np.float64]
 
 
 class EntityGroup:
-    """Entities that share a model and a body; an environment moves them as their control inputs say.
+    """Entities that share a model and a body; an environment moves them by their control inputs.
 
     Attributes:
         name: The key under ``agents:``.
         ids: The id of each.
         model: The dynamics of all of them.
         entity: The body of each of them.
-        initial_state: Where each starts, read-only; shape (n, nx).
+        initial_state: The initial state of each, read-only; shape (n, nx).
         present: Which of them are in the world, read-only; shape (n,). None for all of them.
         control_column: The control input that each requests.
     """
@@ -38,7 +38,7 @@ class EntityGroup:
         self.control_column = Column(np.zeros((len(self.ids), len(model.control_input))))
 
     def set_roster(self, roster: Roster) -> None:
-        """Learn who is in the world, as soon as everybody is in place."""
+        """Receive the roster of all agents; called once all groups are initialised."""
 
     def __len__(self) -> int:
         return len(self.ids)

@@ -1,4 +1,4 @@
-"""Environments: where agents are, and what moves them."""
+"""Environments: the true states of agents, and how they move."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ Indices = NDArray[np.intp]
 
 
 class EnvironmentParameters(Parameters):
-    """What every environment can be told."""
+    """The parameters of every environment."""
 
     time_step: float = Field(0.05, ge=1e-6, le=1e6, description="Simulated time between two steps [s].")
 
 
 class WorldError(UnsupportedError):
-    """A world cannot do what a scenario asks of it; `path` is one of the scenario."""
+    """A world does not support something that a scenario requires; `path` is its place in the scenario."""
 
     def __init__(self, message: str, *path: str | int) -> None:
         super().__init__(message, *(path or ("environment",)))
@@ -46,20 +46,20 @@ class WorldError(UnsupportedError):
 class Environment(Plugin, ABC):
     """A world that holds the true state of every agent and moves it step by step.
 
-    It never changes an array in place that somebody may hold: each step makes new ones.
+    It never changes an array that it has returned: each step creates new ones.
 
-    A world that holds more than memory, such as the client of a physics engine, lets go of it in `close`; used in a
-    ``with`` statement, it is closed at the end.
+    A world that holds resources other than memory, such as the client of a physics engine, releases them in `close`. It
+    can be used in a ``with`` statement, which closes it at the end.
 
     Attributes:
-        folder: Where the files lie that a scenario names.
-        ground: The height of a plane that carries what falls [m]; None where there is none.
+        folder: The folder of the files that a scenario refers to.
+        ground: The height of the ground plane [m]; None if there is none.
         groups: The groups in the roster's order.
         obstacles: The bodies that are part of the environment, by name.
-        provides: What this world has and not every world: ``images``, for components that require it; ``vehicles``, if
-            it moves bodies by `Model.vehicle`; ``tilt``, if entities may have a roll and a pitch.
-        proximity: Which agents are near each other, shared by all who ask about `snapshot().positions`.
-        roster: Who is who.
+        provides: Optional features of this world: ``images``, if it renders camera images; ``vehicles``, if it moves
+            bodies by `Model.vehicle`; ``tilt``, if entities may have a roll and a pitch.
+        proximity: Finds the pairs of agents that are near each other, with results shared by all callers.
+        roster: The ids and indices of all agents.
         is_open: Whether agents can enter and leave this world, by `admit` and `dismiss`.
         is_shared: Whether other processes can follow this world, by `share` and `follow`.
         present: Which agents are in it, by index, read-only; shape (N,). None for all of them.
@@ -85,7 +85,7 @@ class Environment(Plugin, ABC):
         self.time_step = nanoseconds(self.parameters.time_step)
 
     def initialise(self, groups: Sequence[EntityGroup], obstacles: Mapping[str, Obstacle], seed: int) -> None:
-        """Put everybody in place.
+        """Place all agents and obstacles.
 
         Args:
             groups: All groups, with their initial states.
@@ -94,7 +94,7 @@ class Environment(Plugin, ABC):
 
         Raises:
             ValueError: An obstacle has the name of a group.
-            WorldError: The world cannot do what is asked of it; only then is nothing in place.
+            WorldError: The world does not support something; nothing is placed then.
         """
         for name in sorted({group.name for group in groups} & set(obstacles)):
             raise ValueError(f"there is both a group and an entity of the name `{name}`")
@@ -119,7 +119,7 @@ class Environment(Plugin, ABC):
         self._count_present()
 
     def _count_present(self) -> None:
-        """Look who is there, as the groups say."""
+        """Update which agents are present from the groups."""
         if all(group.present is None for group in self.groups):
             return
         here = [np.ones(len(group), bool) if group.present is None else group.present for group in self.groups]
@@ -128,80 +128,81 @@ class Environment(Plugin, ABC):
         self.present = self.proximity.present = present
 
     def admit(self, group: EntityGroup, rows: Sequence[int]) -> None:
-        """Let agents enter who were not there, in their initial states; `group.present` says so already.
+        """Add agents that were absent, in their initial states; `group.present` is already updated.
 
         Args:
             group: Their group.
             rows: Which agents of it.
 
         Raises:
-            NotImplementedError: Nobody enters this world later than it begins.
+            NotImplementedError: Agents cannot enter this world during a run.
         """
         raise NotImplementedError(f"nobody enters or leaves {type(self).__name__}")
 
     def dismiss(self, group: EntityGroup, rows: Sequence[int]) -> None:
-        """Let agents leave for good; `group.present` says so already. Their states stay as they are.
+        """Remove agents for good; `group.present` is already updated. Their states stay as they are.
 
         Args:
             group: Their group.
             rows: Which agents of it.
 
         Raises:
-            NotImplementedError: Nobody leaves this world.
+            NotImplementedError: Agents cannot leave this world.
         """
         raise NotImplementedError(f"nobody enters or leaves {type(self).__name__}")
 
     def overlaps(self, id: str) -> Sequence[str]:
-        """The agents and obstacles that the body of an agent overlaps now, by name, as seen from above."""
+        """The names of the agents and obstacles that the body of an agent overlaps now, as seen from above."""
         return ()
 
     @property
     def scenery(self) -> Scenery:
-        """The obstacles where they are now; shared by all who ask within a step."""
+        """The obstacles at their present positions; shared by all callers within a step."""
         if self._scenery.moves:
             self._scenery = self._scenery.at(self.snapshot().time)
         return self._scenery
 
     @property
     def gravity(self) -> Sequence[float] | None:
-        """How what is free falls in space, [x, y, z] [m/s^2]; None where the world does not say what is up."""
+        """The acceleration of free bodies in space, [x, y, z] [m/s^2]; None if the world does not define a vertical."""
         return None
 
     def moves(self, name: str) -> bool:
-        """Tell whether an obstacle ever moves."""
+        """Return whether an obstacle ever moves."""
         return self.obstacles[name].path is not None
 
     def pose(self, name: str) -> Pose:
-        """Return where an obstacle is now."""
+        """Return the present pose of an obstacle."""
         return self.obstacles[name].pose(seconds(self.snapshot().time))
 
     def articulations(self) -> Mapping[str, Articulation]:
-        """Return what bodies consist of and look like, by group and obstacle, where worlds of space know more of them.
+        """Return the links and appearance of bodies, by group and obstacle, for worlds in space that have them.
 
         Meshes are named by the paths of their files.
         """
         return {}
 
     def body_poses(self, name: str) -> Array | None:
-        """Return where the bodies of a group, or an obstacle, are in space now, and how they are turned.
+        """Return the present poses in space of the bodies of a group, or of an obstacle.
 
         Args:
             name: The group or the obstacle.
 
         Returns:
-            Position [m] and quaternion (x, y, z, w) of each; shape (n, 7). None where `state` or `pose` say as much.
+            Position [m] and quaternion (x, y, z, w) of each; shape (n, 7). None if `state` or `pose` already contains
+            them.
         """
         return None
 
     def entity_poses(self, names: Sequence[str]) -> Array:
-        """Return where obstacles are now, and how they are turned.
+        """Return the present poses of obstacles.
 
         Args:
-            names: Such as have equally many coordinates, and of all or none of which `body_poses` tells more.
+            names: Obstacles with the same number of coordinates, for all or none of which `body_poses` returns poses.
 
         Returns:
-            Position [m] and heading [rad], and as far as `body_poses` tells it the quaternion (x, y, z, w); shape
-            (n, d + 1) or (n, d + 5).
+            Position [m], heading [rad] and, if `body_poses` returns it, the quaternion (x, y, z, w); shape (n, d + 1)
+            or (n, d + 5).
         """
         poses = []
         for name in names:
@@ -210,18 +211,18 @@ class Environment(Plugin, ABC):
         return np.array(poses)
 
     def joint_positions(self, name: str) -> Array | None:
-        """Return how the joints of the bodies of a group, or of an obstacle, stand now; ordered as in its articulation.
+        """Return the present joint positions of a group's bodies or of an obstacle, ordered as in its articulation.
 
         Args:
             name: The group or the obstacle.
 
         Returns:
-            Angles [rad] and ways [m]; shape (n, joints). None where nothing has joints that move.
+            Angles [rad] and displacements [m]; shape (n, joints). None if there are no moving joints.
         """
         return None
 
     def close(self) -> None:
-        """Let go of everything; the world cannot be used afterwards. To close it twice does nothing."""
+        """Release all resources; the world cannot be used afterwards. Closing it twice has no effect."""
 
     def __enter__(self) -> Self:
         return self
@@ -234,15 +235,15 @@ class Environment(Plugin, ABC):
         """Advance by one time step under the control inputs that the groups request."""
 
     def push(self, group: EntityGroup, rows: Sequence[int], change: Array) -> None:
-        """Change the true states of some agents all at once, as a fault of a scenario may ask for.
+        """Add to the true states of some agents, for the fault ``push`` of a scenario.
 
         Args:
             group: Their group.
             rows: Which agents of it.
-            change: What to add to the state of each; shape (nx,).
+            change: Added to the state of each; shape (nx,).
 
         Raises:
-            NotImplementedError: This world cannot do that.
+            NotImplementedError: This world does not support it.
         """
         raise NotImplementedError(f"{type(self).__name__} cannot push anybody")
 
@@ -256,48 +257,48 @@ class Environment(Plugin, ABC):
 
     @abstractmethod
     def snapshot(self) -> Snapshot:
-        """The whole world now; shared by all who ask within a step."""
+        """The true states of all agents now; shared by all callers within a step."""
 
     def contacts(self) -> Sequence[Contact]:
         """The contacts that began or ended with the last step."""
         return ()
 
     def share(self) -> Mapping[str, Array]:
-        """Take all that it needs to see this world as it is now, for `follow` in another process.
+        """Return the data with which `follow` reproduces the present world in another process.
 
         Raises:
-            NotImplementedError: This world cannot be followed.
+            NotImplementedError: This world cannot be shared.
         """
         raise NotImplementedError(f"{type(self).__name__} cannot be followed by other processes")
 
     def follow(self, time: int, shared: Mapping[str, Array], contacts: Sequence[Contact]) -> None:
-        """Become as the world of another process is, instead of making a step.
+        """Take over the state of the world of another process, instead of making a step.
 
         Args:
             time: The instant, in nanoseconds.
-            shared: What `share` took there.
+            shared: The data that `share` returned there.
             contacts: Those that began or ended with the last step there.
 
         Raises:
             NotImplementedError: This world cannot follow.
-            ValueError: That is not of a world like this one.
+            ValueError: The data are not those of a world like this one.
         """
         raise NotImplementedError(f"{type(self).__name__} cannot follow the world of another process")
 
     def ray_cast(self, senders: Indices, origins: Array, directions: Array, reach: float, height: float = 0.0) -> Array:
-        """Measure how far level rays go until they meet the outline of an agent or an obstacle.
+        """Measure the distances along horizontal rays to the outline of the nearest agent or obstacle.
 
-        By default that is the geometry of the plane: whatever its height, everything stands in the way.
+        The default implementation is planar: bodies of any height block a ray.
 
         Args:
-            senders: The agents that send them, by index; their own bodies are no obstacle; shape (n,).
-            origins: Where the rays of each begin [m]; shape (n, d).
-            directions: Where they point, of length 1; shape (n, k, 2).
+            senders: The indices of the agents that cast them, whose own bodies are ignored; shape (n,).
+            origins: The origins of the rays of each [m]; shape (n, d).
+            directions: Unit vectors; shape (n, k, 2).
             reach: The greatest distance [m].
-            height: How high above the middle of the sender's body they begin, where there are heights [m].
+            height: Height of the origins above the centre of the sender's body, in worlds with heights [m].
 
         Returns:
-            Distances [m], infinite where there is nothing within reach; shape (n, k).
+            Distances [m], infinite if there is nothing within reach; shape (n, k).
         """
         if self._bodies_in_plane is None:
             self._bodies_in_plane = BodiesInPlane([group.entity.shape for group in self.groups for _ in group.ids])
@@ -306,14 +307,13 @@ class Environment(Plugin, ABC):
         return rays_in_plane(senders, origins, directions, reach, pieces, owners, self.scenery)
 
     def in_sight(self, ones: Indices, others: Indices) -> NDArray[np.bool_]:
-        """Tell whether no obstacle stands between the middles of agents; other agents hide nobody.
+        """Return whether the lines between centres of agents are free of obstacles; other agents do not occlude.
 
-        By default obstacles are what `Scenery` knows of them: outlines seen from above, with heights where these are
-        known.
+        The default implementation uses `Scenery`: outlines seen from above, with heights if these are known.
 
         Args:
             ones: Agents, by index; shape (m,).
-            others: Whom each looks at; shape (m,).
+            others: The agent that each looks at; shape (m,).
 
         Returns:
             Shape (m,).
@@ -322,9 +322,9 @@ class Environment(Plugin, ABC):
         return ~self.scenery.blocks(positions.take(ones, 0), positions.take(others, 0))
 
     def body_positions(self, names: Sequence[str]) -> Array:
-        """Return where bodies are in space, by ids of agents and names of entities; shape (n, 3) [m].
+        """Return positions in space, by ids of agents and names of entities; shape (n, 3) [m].
 
-        What has no height of its own stands at 0, or where the world has put it.
+        The height of bodies in a plane is 0, or the one at which the world has placed them.
         """
         places = np.zeros((len(names), 3))
         positions = self.snapshot().positions
@@ -336,7 +336,7 @@ class Environment(Plugin, ABC):
     def camera_image(
         self, position: Sequence[float], target: Sequence[float], size: tuple[int, int], field_of_view: float
     ) -> Image:
-        """Look at a point from another.
+        """Render the image of a camera that looks at a point.
 
         Args:
             position: Where the camera is [m]; 3 coordinates.
@@ -345,6 +345,6 @@ class Environment(Plugin, ABC):
             field_of_view: The angle from the lower to the upper edge [rad].
 
         Raises:
-            NotImplementedError: There is nothing to be seen in this world.
+            NotImplementedError: This world does not render images.
         """
         raise NotImplementedError(f"{type(self).__name__} has no images")

@@ -1,4 +1,4 @@
-"""Events: what happened, when, to whom; and those who want to know."""
+"""Events and their subscribers."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from typing import Any, ClassVar
 
 from symaware_cli.core.stateful import StateError
 
-#: What a component announces about its turns; hot paths make these only if somebody listens.
+#: The events of a component's turns; hot paths create these only if there are subscribers.
 TURNS = frozenset({"computing", "computed", "updating", "updated"})
 
-#: Events that recur with every step, turn or message: never part of ``*``, and not recorded as events.
+#: Events that occur at every step, turn or message: never part of ``*``, and not recorded as events by default.
 RECURRING = TURNS | {
     *("initialising", "initialised", "iterating", "iterated", "stepping", "stepped"),
     *("sending", "sent", "received", "dropped", "traffic", "adding", "removing"),
@@ -23,7 +23,7 @@ RECURRING = TURNS | {
 
 
 class Level(enum.IntEnum):
-    """How much an event matters to somebody who reads the log."""
+    """The importance of an event to a reader of the log."""
 
     DEBUG = 0
     INFO = 1
@@ -36,15 +36,15 @@ class Event:
     """Something that happened.
 
     Attributes:
-        name: What, in the past or present participle, such as ``goal-reached``.
-        source: The dotted path of whom it happened to, such as ``agents.robot.2.steer`` or ``environment``.
-        time: When, in nanoseconds of simulated time.
-        level: How much it matters.
+        name: The name, ending in a past or present participle, such as ``goal-reached``.
+        source: The dotted path of its origin, such as ``agents.robot.2.steer`` or ``environment``.
+        time: Simulated time in nanoseconds.
+        level: Its importance.
         text: One line for people.
-        data: Further facts; plain JSON values, so that they can be recorded.
-        subject: The object it is about, for subscribers within the process; never recorded.
-        agent: The id of the agent that it happened to; None where it is not about a single one.
-        value: What was computed, of ``computed``, ``updating`` and ``updated``; never recorded.
+        data: Further facts as plain JSON values, which are recorded.
+        subject: The object that it concerns, for subscribers within the process; never recorded.
+        agent: The id of the agent that it concerns; None if it does not concern a single one.
+        value: The computed value, for ``computed``, ``updating`` and ``updated``; never recorded.
     """
 
     name: str
@@ -62,7 +62,7 @@ Subscriber = Callable[[Event], Any]
 
 
 class SubscriberError(Exception):
-    """A subscriber raised while it was told of an event."""
+    """A subscriber raised an exception while it handled an event."""
 
     def __init__(self, event: Event, subscriber: Subscriber) -> None:
         name = getattr(subscriber, "__qualname__", repr(subscriber))
@@ -72,7 +72,7 @@ class SubscriberError(Exception):
 
 
 class Subscription:
-    """The right to be told of an event; `cancel` ends it, at any moment, also while the event fires."""
+    """A subscription to an event; it can be cancelled at any time, also while the event fires."""
 
     __slots__ = ("active", "callback", "number", "source")
 
@@ -83,7 +83,7 @@ class Subscription:
         self.active = True
 
     def cancel(self) -> None:
-        """Stop being told; harmless when repeated."""
+        """End the subscription; may be called repeatedly."""
         self.active = False
 
 
@@ -93,20 +93,20 @@ _number = attrgetter("number")
 class EventBus:
     """Delivers events to subscribers, in the order in which they subscribed.
 
-    Subscribers may subscribe and cancel while an event fires: the ones added hear from the next event on,
-    the ones cancelled hear no more at once.
+    Subscribers may subscribe and cancel while an event fires: new ones receive events from the next one on, cancelled
+    ones receive none from that moment on.
     """
 
     __slots__ = ("_count", "_muted", "_subscriptions", "turns_wanted", "wanted")
 
-    #: Who listens belongs to the process; what components subscribed to is told by `captured`.
+    #: Subscribers belong to the process; `captured` returns the subscriptions of components.
     uncaptured: ClassVar[Collection[str]] = "*"
 
     def __init__(self) -> None:
         self._count = 0
         self._muted: Collection[str] = ()
         self._subscriptions: dict[str, tuple[Subscription, ...]] = {}
-        #: The names that somebody subscribed to; hot paths look here before they make an event.
+        #: The names with subscribers; hot paths check this before they create an event.
         self.wanted: frozenset[str] = frozenset()
         #: Whether any of `TURNS` is among them.
         self.turns_wanted = False
@@ -116,7 +116,7 @@ class EventBus:
 
         Args:
             name: The event's name; ``*`` stands for every event that is not `RECURRING`.
-            callback: Is given the `Event`.
+            callback: Called with the `Event`.
             source: A path, in which ``*`` matches anything.
         """
         self._count += 1
@@ -129,9 +129,9 @@ class EventBus:
 
     @contextmanager
     def muted(self, sources: Collection[str]) -> Iterator[None]:
-        """Tell nobody of what comes from some sources for a while.
+        """Suppress the events of some sources within a ``with`` block.
 
-        A component of a whole group speaks for all its agents, and knows nothing of those that take no part any more.
+        A component of a whole group fires events for all its agents, including those that no longer take part.
         """
         before, self._muted = self._muted, sources
         try:
@@ -140,7 +140,7 @@ class EventBus:
             self._muted = before
 
     def captured(self) -> list[list[str]]:
-        """What components listen to, which they do from their start on."""
+        """Return the subscriptions of components, which they make at their start."""
         return [
             [name, each.source, path]
             for name, subscriptions in sorted(self._subscriptions.items())
@@ -149,28 +149,29 @@ class EventBus:
         ]
 
     def check_state(self, state: list[list[str]]) -> None:
-        """Make sure that the same components listen to the same.
+        """Check that the components have the same subscriptions.
 
         Raises:
-            StateError: One of them subscribed to something, or cancelled that, in a turn.
+            StateError: A component subscribed to an event, or cancelled a subscription, in a turn.
         """
         for name, source, path in sorted(set(map(tuple, state)) ^ set(map(tuple, self.captured()))):
             raise StateError(f"{path} listens to `{name}` of {source} at one of two instants, and not at the other")
 
     def restored(self, state: list[list[str]]) -> None:
-        """Go on; there is nothing to take over."""
+        """Do nothing: there is no state to restore."""
 
     def fire(self, event: Event) -> None:
-        """Tell all who subscribed.
+        """Call all subscribers.
 
         Raises:
-            SubscriberError: From the exception of the first subscriber that raised, after all were told.
+            SubscriberError: A subscriber raised; the cause is the first such exception. All subscribers are called
+                before.
         """
         if self._muted and event.source in self._muted:
             return
         listeners = self._subscriptions.get(event.name, ())
         if event.name not in RECURRING and (others := self._subscriptions.get("*")):
-            # In one order for all, so that a recorder, which comes first, writes a cause before its consequences.
+            # In order of subscription, so that the recorder, which comes first, writes a cause before its consequences.
             listeners = tuple(sorted((*listeners, *others), key=_number)) if listeners else others
         failure: tuple[Subscriber, BaseException] | None = None
         for listener in listeners:

@@ -1,4 +1,4 @@
-"""Families of components of single agents: what each computes, and what becomes of that."""
+"""Families of components of single agents: what each computes, and how the result is used."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ Array = NDArray[np.float64]
 class PerceptionSystem(Component):
     """Perceives states in the environment.
 
-    `_compute` returns the perceived states by id, each as the model of that agent has it (or its position and velocity,
-    or its position alone), or a `Snapshot` for one who perceives everything. Of everybody, `Snapshot.states_by_id` has
-    the states without a copy.
+    `_compute` returns the perceived states by id, each in the order of that agent's model (or its position and
+    velocity, or its position alone), or a `Snapshot` if it perceives everything. `Snapshot.states_by_id` has the states
+    of all agents without a copy.
     """
 
     sees_world = True
 
     @abstractmethod
     def _compute(self) -> Mapping[str, ArrayLike] | Snapshot:
-        """Perceive."""
+        """Return the perceived states."""
 
     def perceive_self_state(self) -> Array:
         """The agent's own true state, read-only; shape (nx,)."""
@@ -55,7 +55,7 @@ class PerceptionSystem(Component):
 
 
 class UncertaintyEstimator(Component):
-    """Estimates how unsure the agent's belief is; `_compute` returns a `TimeSeries`."""
+    """Estimates the uncertainty of the agent's belief; `_compute` returns a `TimeSeries`."""
 
     @abstractmethod
     def _compute(self) -> TimeSeries:
@@ -72,7 +72,7 @@ class UncertaintyEstimator(Component):
 
 
 class RiskEstimator(Component):
-    """Estimates how dangerous the agent's situation is; `_compute` returns a `TimeSeries`."""
+    """Estimates the risk of the agent's situation; `_compute` returns a `TimeSeries`."""
 
     @abstractmethod
     def _compute(self) -> TimeSeries:
@@ -89,11 +89,11 @@ class RiskEstimator(Component):
 
 
 class CommunicationSender(Component):
-    """Tells other agents; `_compute` returns the messages to send."""
+    """Sends messages to other agents; `_compute` returns the messages."""
 
     @abstractmethod
     def _compute(self) -> Iterable[Message]:
-        """Write the messages to send."""
+        """Return the messages to send."""
 
     def misfit(self, value: Any) -> str | None:
         """A sender returns messages."""
@@ -115,13 +115,13 @@ class CommunicationSender(Component):
 
 
 class CommunicationReceiver(Component):
-    """Listens to other agents; `_update` is given the messages that arrived, oldest first."""
+    """Receives messages of other agents; `_update` is called with those that arrived, oldest first."""
 
     @property
     def kinds(self) -> Collection[str] | None:
-        """The kinds of messages that it reads, which nobody else gets then, unless it asks for them, too.
+        """The kinds of messages that it reads; other components get these only if they ask for them as well.
 
-        None for whatever nobody asks for.
+        None for all kinds that no component asks for.
         """
         return None
 
@@ -135,24 +135,24 @@ class CommunicationReceiver(Component):
     def messages(self) -> Wait:
         """Wait for messages within a turn of the asynchronous mode: ``heard = await self.messages()``.
 
-        What is there already counts: they are all that arrived and were not handed over before, oldest first.
+        The result is all unread messages, oldest first, including those that arrived before the call.
         """
         return MessageWait(self._agent.id, self._reader)
 
     @abstractmethod
     def _update(self, value: Sequence[Message]) -> None:
-        """Make something of what was heard."""
+        """Process the messages that arrived."""
 
 
 class Controller(Component):
-    """Chooses the control input; `_compute` returns it, shape (nu,), with the intent behind it, a `TimeSeries`.
+    """Chooses the control input; `_compute` returns it, shape (nu,), with the intent, a `TimeSeries`.
 
-    A class with an `_update` of its own may hand it more.
+    A class with its own `_update` may return more.
     """
 
     @abstractmethod
     def _compute(self) -> tuple[Any, ...]:
-        """Choose the control input and state the intent."""
+        """Return the control input and the intent."""
 
     def misfit(self, value: Any) -> str | None:
         """A controller returns a control input and an intent."""

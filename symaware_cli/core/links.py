@@ -1,4 +1,4 @@
-"""Links: who reaches whom with messages."""
+"""Links: which agents can send messages to which others."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ class Links:
         count: How many agents there are.
         senders: Ascending; shape (m,).
         receivers: Ascending for each sender; shape (m,).
-        pointers: Where the links of each agent as a sender begin, and at last their number; shape (count + 1,).
+        pointers: The index of the first link of each sender, then the number of links; shape (count + 1,).
     """
 
     __slots__ = ("_keys", "count", "pointers", "receivers", "senders")
 
     def __init__(self, count: int, senders: Indices, receivers: Indices) -> None:
-        """Take links that are sorted already; `of` sorts them.
+        """Create links from sorted arrays; `of` sorts them.
 
         Raises:
-            ValueError: An index stands for nobody.
+            ValueError: An index is out of range.
         """
         for ends in (senders, receivers):
             _within(count, ends)
@@ -39,19 +39,19 @@ class Links:
 
     @classmethod
     def of(cls, count: int, senders: Indices, receivers: Indices, *, both_ways: bool = False) -> Links:
-        """Sort links, each counted once, and leave out those of agents with themselves.
+        """Create links from arrays in any order, without duplicates and links of agents to themselves.
 
         Args:
             count: How many agents there are.
             senders: Shape (m,).
             receivers: Shape (m,).
-            both_ways: Whether each stands for both directions.
+            both_ways: Whether each link goes in both directions.
 
         Raises:
-            ValueError: An index stands for nobody.
+            ValueError: An index is out of range.
         """
         one, other = np.asarray(senders, np.int64), np.asarray(receivers, np.int64)
-        # A key of an end that does not exist would be that of another link.
+        # The key of an index out of range would be that of another link.
         for ends in (one, other):
             _within(count, ends)
         keys = np.concatenate([one * count + other, other * count + one]) if both_ways else one * count + other
@@ -59,7 +59,7 @@ class Links:
 
     @classmethod
     def keyed(cls, count: int, keys: NDArray[np.int64]) -> Links:
-        """Make links of their keys, ascending; see `keys`."""
+        """Create links from their keys, ascending; see `keys`."""
         senders, receivers = np.divmod(keys, max(count, 1))
         apart = senders != receivers
         return cls(count, senders[apart].astype(np.intp), receivers[apart].astype(np.intp))
@@ -72,27 +72,27 @@ class Links:
         return self._keys
 
     def of_sender(self, sender: int) -> Indices:
-        """Whom one agent reaches, ascending."""
+        """The receivers that one agent reaches, ascending."""
         return self.receivers[self.pointers[sender] : self.pointers[sender + 1]]
 
     def degrees(self) -> Indices:
-        """How many each agent reaches; shape (count,)."""
+        """The number of receivers of each agent; shape (count,)."""
         return np.diff(self.pointers)
 
     def among(self, present: NDArray[np.bool_]) -> Links:
-        """The links that both begin and end at some agents, of which a flag for each, shape (count,), tells."""
+        """The links whose two ends are both present; `present` has a flag for each agent, shape (count,)."""
         kept = present[self.senders] & present[self.receivers]
         return self if kept.all() else Links(self.count, self.senders[kept], self.receivers[kept])
 
     def parts(self) -> Indices:
-        """A number for each agent: those of one number reach each other, if not at once then through others."""
+        """The connected part that each agent belongs to, as a number: its members reach each other, directly or not."""
         from scipy.sparse import csr_array
         from scipy.sparse.csgraph import connected_components
 
         weights = np.ones(len(self), np.float64)
         matrix: Any = csr_array((weights, self.receivers, self.pointers), shape=(self.count, self.count))
         labels = connected_components(matrix, directed=True, connection="strong")[1]
-        # Numbered in the order of the roster, whatever order the search had.
+        # Numbered in the order of the roster, independent of the order of the search.
         _, first, inverse = np.unique(labels, return_index=True, return_inverse=True)
         numbers: Indices = np.argsort(np.argsort(first))[inverse]
         return numbers
@@ -102,7 +102,7 @@ class Links:
 
 
 def _within(count: int, ends: NDArray[np.integer[Any]]) -> None:
-    """Look whether indices are those of agents."""
+    """Check that indices are those of agents."""
     if len(ends) and not (ends.min() >= 0 and ends.max() < count):
         wrong = int(ends[(ends < 0) | (ends >= count)][0])
         raise ValueError(f"a link ends at the agent of index {wrong}, and there are {count} agents")

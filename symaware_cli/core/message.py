@@ -15,25 +15,25 @@ from symaware_cli.core.links import Links
 Indices = NDArray[np.intp]
 Times = NDArray[np.int64]
 
-#: The receiver of a message that is for all whom its sender reaches.
+#: The receiver of a message to all neighbours of its sender.
 EVERYBODY = "*"
 
-#: Types of which nothing can be changed.
+#: Immutable types.
 _FIXED = frozenset({str, int, float, bool, bytes, type(None)})
 
 
 @dataclass(frozen=True, slots=True)
 class Message:
-    """What one agent tells another: to be sent, or as a view of one of those that arrived, see `Delivery.message`.
+    """A message from one agent to another: one to send, or a view of one that arrived, see `Delivery.message`.
 
     Attributes:
-        sender: The id of the agent that sends.
-        receiver: The id of the agent that shall read it; ``*`` for all whom the sender reaches.
+        sender: The id of the sender.
+        receiver: The id of the receiver; ``*`` for all neighbours of the sender.
         payload: Plain values, arrays, time series or awareness vectors, by name.
-        kind: A word for what it is about.
+        kind: The kind of message; components read messages by their kinds.
         sequence: Counts the messages of one sender; set when it is sent.
-        sent_time: When it was sent, in nanoseconds; set when it is sent.
-        arrival_time: When it arrived, in nanoseconds, which may be a little before it could be read; set then.
+        sent_time: Time of sending in nanoseconds; set when it is sent.
+        arrival_time: Time of arrival in nanoseconds, which may be a little before it could be read; set on arrival.
     """
 
     sender: str
@@ -47,18 +47,18 @@ class Message:
 
 @dataclass(frozen=True, slots=True)
 class MessageBatch:
-    """What agents tell others at one instant, in columns with a row for each thing that is said.
+    """The messages that agents send at one instant, in columns with a row for each message.
 
-    Who says several things has a row for each, in the order in which it says them. No two rows go from one agent to the
-    same receiver; in a batch for all whom the senders reach, each sender has one row.
+    A sender with several messages has a row for each, in the order of sending. No two rows have the same sender and
+    receiver; in a batch to all neighbours, each sender has one row.
 
     Attributes:
-        senders: Who sends, as indices in the roster, ascending; shape (s,).
-        columns: What they say, by name, a row for each in `senders`: numbers, of shape (s, ...), or any values that a
-            `Message` may have, as an array of objects of shape (s,). Not to be changed any more.
+        senders: The senders as indices in the roster, ascending; shape (s,).
+        columns: The payload by name, with a row for each of `senders`: numbers, of shape (s, ...), or any values that a
+            `Message` may have, as an array of objects of shape (s,). Must not be changed afterwards.
         kind: A word for what it is about.
-        receivers: For each row the one whom it is for, as an index in the roster; shape (s,). None for all whom each
-            reaches.
+        receivers: The receiver of each row as an index in the roster; shape (s,). None for all neighbours of each
+            sender.
     """
 
     senders: Indices
@@ -67,14 +67,14 @@ class MessageBatch:
     receivers: Indices | None = None
 
     def payload(self, row: int) -> dict[str, Any]:
-        """What one of the rows says, by name; the caller may change it."""
+        """The payload of one row, by name; the caller may change it."""
         return {
             name: copied(values[row]) if values.dtype == object else values[row]
             for name, values in self.columns.items()
         }
 
     def some(self, rows: NDArray[np.bool_]) -> MessageBatch:
-        """What some of the rows say."""
+        """The batch with some of the rows."""
         if rows.all():
             return self
         columns = {name: values[rows] for name, values in self.columns.items()}
@@ -87,12 +87,12 @@ class Delivery:
     """Messages of one batch that arrived together, in columns.
 
     Attributes:
-        batch: What they say.
-        rows: Which row of it each message is, that is, whose; shape (m,).
-        receivers: Whom each was for, as an index in the roster; shape (m,).
+        batch: The batch with their payload.
+        rows: The row of each message in the batch; shape (m,).
+        receivers: The receiver of each as an index in the roster; shape (m,).
         sequences: The number of each among the messages of its sender; shape (m,).
-        sent_time: When they were sent, in nanoseconds.
-        due: When each arrived, in nanoseconds, which may be a little before it could be read; shape (m,).
+        sent_time: Time of sending in nanoseconds.
+        due: Time of arrival of each in nanoseconds, which may be a little before it could be read; shape (m,).
     """
 
     batch: MessageBatch
@@ -107,13 +107,13 @@ class Delivery:
 
     @property
     def senders(self) -> Indices:
-        """Whose each message is, as an index in the roster; shape (m,)."""
+        """The sender of each message as an index in the roster; shape (m,)."""
         return self.batch.senders.take(self.rows)
 
     def column(self, name: str) -> NDArray[Any]:
-        """What each message says under a name; shape (m, ...).
+        """One entry of the payload of each message; shape (m, ...).
 
-        Objects are those that other receivers get, too: see `copied`.
+        Objects are shared with other receivers: see `copied`.
         """
         return self.batch.columns[name].take(self.rows, 0)
 
@@ -131,8 +131,8 @@ class Delivery:
         """One of the messages.
 
         Args:
-            place: Which.
-            ids: All agents, in the roster's order.
+            place: Its position in this delivery.
+            ids: The ids of all agents, in the order of the roster.
         """
         batch, row = self.batch, self.rows[place]
         return Message(
@@ -151,40 +151,40 @@ class Delivery:
 
 
 class Exchange(Protocol):
-    """What carries messages between agents."""
+    """Carries messages between agents."""
 
     def send(self, message: Message) -> None:
-        """Take a message; the receiver can read it from the next step on."""
+        """Send a message; the receiver can read it from the next step on."""
 
     def post(self, batch: MessageBatch) -> None:
-        """Take the messages of many agents at once."""
+        """Send the messages of many agents at once."""
 
     @property
     def links(self) -> Links | None:
-        """Who reaches whom now; the same object until that changes. None where everybody reaches everybody."""
+        """The present links; the same object until they change. None if every agent reaches every other."""
 
     def neighbours(self, sender: str) -> Sequence[str]:
-        """The ids of all whom an agent reaches now, in the roster's order."""
+        """The ids of all agents that an agent reaches now, in the order of the roster."""
 
     def receive(self, receiver: str, reader: str = "") -> Sequence[Message]:
-        """Hand over all messages that arrived for an agent and were not handed over before, oldest first.
+        """Return all unread messages of an agent, oldest first.
 
-        They are ordered by when they arrived, then by the sender's place in the roster, then by the sender's own order.
+        They are ordered by time of arrival, then by the sender's index in the roster, then by the sender's own order.
 
         Args:
-            receiver: Whose messages.
-            reader: The path of the component that reads them, where it reads certain kinds.
+            receiver: The id of the agent.
+            reader: The path of the component that reads them, if it reads certain kinds only.
         """
 
     def collect(self, reader: str) -> Sequence[Delivery]:
-        """Hand over all that arrived for the group of a component, by the component's path.
+        """Return all unread messages for the group of a component, given by the component's path.
 
-        Of each receiver it is in the order of `receive`; what goes to different receivers may stand in any order.
+        The messages of each receiver are in the order of `receive`; the order among receivers is undefined.
         """
 
 
 def objects(values: Sequence[Any]) -> NDArray[Any]:
-    """A column of any values; shape (s,)."""
+    """Return a column of any values; shape (s,)."""
     column = np.empty(len(values), object)
     for row, value in enumerate(values):
         column[row] = value
@@ -192,7 +192,7 @@ def objects(values: Sequence[Any]) -> NDArray[Any]:
 
 
 def copied(value: Any) -> Any:
-    """Return a value whose changes do not reach the one that was given; arrays of numbers are read-only."""
+    """Return a copy, so that changes do not affect the original; arrays of numbers are read-only."""
     if type(value) in _FIXED:
         return value
     if isinstance(value, np.ndarray):

@@ -1,4 +1,4 @@
-"""What can be put away of an object, so that another one like it can go on from there."""
+"""The protocol of objects whose state can be captured and restored."""
 
 from __future__ import annotations
 
@@ -7,36 +7,36 @@ from typing import Any, ClassVar, Protocol
 
 
 class StateError(Exception):
-    """The state of a simulation cannot be taken, or not be put where it was to go; nothing was changed."""
+    """The state of a simulation cannot be captured or restored; nothing was changed."""
 
 
 class Stateful(Protocol):
-    """What a class declares of whose objects not every attribute can be put away by value.
+    """A class whose objects have attributes that cannot be captured by value.
 
-    All attributes are put away, with whatever they refer to, but for those that ``uncaptured`` names; an object whose
-    class has these two methods says the rest itself.
+    All attributes are captured, with everything they refer to, except those that ``uncaptured`` names. The methods
+    `captured` and `restored` handle the rest.
 
     Attributes:
-        uncaptured: Names of attributes that hold no state: what follows from the scenario and never changes in a run,
-            such as a solver that remembers nothing, or what belongs to the process, such as an open file. They stay
-            what they are where a state is put back. ``*`` stands for all.
+        uncaptured: Names of attributes without state: those that follow from the scenario and never change in a run,
+            such as a stateless solver, or belong to the process, such as an open file. They are left unchanged when a
+            state is restored. ``*`` stands for all.
     """
 
     uncaptured: ClassVar[Collection[str]]
 
     def captured(self) -> Any:
-        """Return the state that no attribute has, in numbers, texts, arrays, and lists and mappings of such.
+        """Return the state that is not in captured attributes: numbers, texts, arrays, lists and mappings of these.
 
         Raises:
-            StateError: It cannot be told exactly at present, and why.
+            StateError: It cannot be captured exactly at present; the message gives the reason.
         """
 
     def check_state(self, state: Any) -> None:
-        """See whether `restored` could take over a state, before anything is changed; may be left out.
+        """Check whether `restored` can restore a state, before anything is changed; optional.
 
         Raises:
-            StateError: It could not, and why.
+            StateError: It cannot; the message gives the reason.
         """
 
     def restored(self, state: Any) -> None:
-        """Take over a state that `captured` returned, once all attributes are what they were."""
+        """Restore a state that `captured` returned, after all attributes were restored."""

@@ -1,6 +1,6 @@
-"""What a component may wait for within a turn of the asynchronous mode: simulated time, an event, messages, or several.
+"""Awaitables for a turn of the asynchronous mode: simulated time, an event, messages, or several of these.
 
-A component does not make these itself: `Component.sleep`, `happening`, `messages`, `any_of` and `all_of` do.
+Components create them with `Component.sleep`, `happening`, `messages`, `any_of` and `all_of`.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 
 class Wait:
-    """Something to await; the runtime is handed it, and resumes the component with what it waited for."""
+    """An awaitable; the runtime receives it, and resumes the component with the result."""
 
     __slots__ = ()
 
@@ -21,7 +21,7 @@ class Wait:
 
 @dataclass(frozen=True, slots=True)
 class Sleep(Wait):
-    """Simulated time that shall pass.
+    """Waits for simulated time to pass.
 
     Attributes:
         duration: In nanoseconds.
@@ -35,7 +35,7 @@ class Sleep(Wait):
 
 @dataclass(frozen=True, slots=True)
 class EventWait(Wait):
-    """An event that shall fire.
+    """Waits for an event.
 
     Attributes:
         name: The event's name.
@@ -51,11 +51,11 @@ class EventWait(Wait):
 
 @dataclass(frozen=True, slots=True)
 class MessageWait(Wait):
-    """Messages that shall arrive.
+    """Waits for messages.
 
     Attributes:
         receiver: The id of the agent they are for.
-        reader: The name of the component that reads them, where it reads certain kinds.
+        reader: The name of the component that reads them, if it reads certain kinds only.
     """
 
     receiver: str
@@ -66,11 +66,11 @@ class MessageWait(Wait):
 
 
 class First(NamedTuple):
-    """What came first of several.
+    """The first result of several.
 
     Attributes:
-        which: Its position among those that were waited for.
-        value: What it came to.
+        which: Its position in the list.
+        value: The result.
     """
 
     which: int
@@ -79,7 +79,7 @@ class First(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Several(Wait):
-    """Some of which any, or all, shall come.
+    """Waits for any or all of several.
 
     Attributes:
         waits: Each a `Wait`, or an awaitable of asyncio.
@@ -98,7 +98,7 @@ class Several(Wait):
 
 
 class AnyOf(Several):
-    """Several things of which one shall come."""
+    """Waits for the first of several."""
 
     __slots__ = ()
 
@@ -107,7 +107,7 @@ class AnyOf(Several):
 
 
 class AllOf(Several):
-    """Several things that shall come."""
+    """Waits for all of several."""
 
     __slots__ = ()
 
@@ -116,5 +116,5 @@ class AllOf(Several):
 
 
 def said(wait: Any) -> str:
-    """Name what is waited for."""
+    """Return a description of an awaitable."""
     return str(wait) if isinstance(wait, Wait) else type(wait).__name__

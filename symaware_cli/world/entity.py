@@ -38,8 +38,7 @@ class Entity(Surface):
     )
     max_torque: Mass | None = Field(
         None,
-        description="Greatest torque with which it turns as its model says, in physics worlds [N m]; no limit if "
-        "null.",
+        description="Greatest torque with which it turns as its model says, in physics worlds [N m]; no limit if null.",
     )
 
     @field_validator("shape")
