@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 from symaware_cli.specification.formula import Array, Formula, Predicate, horizon, operands
 from symaware_cli.specification.reason import Reason, reasons
 from symaware_cli.specification.selection import selected
-from symaware_cli.specification.sliding import Extremum, History, UntilWindow
+from symaware_cli.specification.sliding import Extremum, History, Recent, UntilWindow
 from symaware_cli.specification.stream import Clock, Stream, Together, stream
 from symaware_cli.specification.whole import bounds
 
@@ -69,21 +70,24 @@ class Monitor:
         """
         now = self.instants
         self.instants = now + 1
+        samples: list[Any] = (
+            [each.item() for each in values] if self._clock.single else [np.array(each) for each in values]
+        )
         if self.horizon is None or now <= self.horizon:
-            self._keep(values)
-        exact: Array | None = None
+            self._keep(samples)
+        exact: Any = None
         if self.interval or not self._settled:
             self._clock.now = now
-            exact = self._stream.push(values if self.interval else [np.greater(each, 0.0) for each in values])
+            exact = self._stream.push(samples if self.interval else [each > 0.0 for each in samples])
             if not self._settled:
                 self._judge(exact)
         if self.horizon is None:
             return
         if not self.interval:
             self._robustness_clock.now = now
-            exact = self._robustness.push(values)
+            exact = self._robustness.push(samples)
         if exact is not None:
-            self._known.append(exact.copy())
+            self._known.append(exact)
 
     def finish(self) -> None:
         """End the declared run with the last instant given."""
@@ -104,10 +108,19 @@ class Monitor:
         first, known = self._told, self._known
         self._told += len(known)
         self._known = []
-        return first, np.array(known) if known else np.empty((0, self.rows))
+        return first, np.array(known, float).reshape(-1, self.rows)
 
     def select(self, rows: NDArray[np.intp]) -> Monitor:
         """A monitor of some rows, with their past."""
+        if self._clock.single and len(rows) == 0:
+            # Numbers of a single row cannot become none: no row at all is told so many instants.
+            none = Monitor(self.formula, 0, interval=self.interval)
+            for _ in range(self.instants):
+                none.update([np.empty(0)] * _predicates(self.formula))
+            if self.ended:
+                none.finish()
+            none._told, none._known = self._told, none._known[self._told :]
+            return none
         made: Monitor = selected(self, rows, instances=_PARTS)
         for each in (made, made._clock, made._robustness_clock):
             each.rows = len(rows)
@@ -138,7 +151,7 @@ class Monitor:
                 found[place] = each
         return found
 
-    def _keep(self, values: Sequence[Array]) -> None:
+    def _keep(self, values: Sequence[Any]) -> None:
         samples = self._samples
         if not self.complete:
             return
@@ -154,10 +167,10 @@ class Monitor:
         kept = self._samples.between(0, self._samples.end)
         return [kept[:, i] for i in range(kept.shape[1])]
 
-    def _judge(self, exact: Array | None = None) -> None:
+    def _judge(self, exact: Any = None) -> None:
         """Take what is known of the first instant: its exact robustness, or bounds."""
         if exact is not None:
-            lower = upper = exact
+            lower = upper = np.atleast_1d(exact)
         else:
             below, above = self._stream.bound(0, 0, 1), self._stream.bound(1, 0, 1)
             if below is None and above is None:
@@ -166,11 +179,12 @@ class Monitor:
             upper = self._clock.full(1, True)[0] if above is None else above[0]
         if self.interval:
             self.lower, self.upper = lower.copy(), upper.copy()
-        holds, fails = (lower > 0.0, upper < 0.0) if self.interval else (lower, np.logical_not(upper))
-        verdict = holds.view(np.int8) - fails.view(np.int8)
-        changed = verdict != self.verdict
-        if changed.any():
-            self._decided[changed] = self.instants + self.ended
+            holds, fails = lower > 0.0, upper < 0.0
+        else:
+            holds, fails = lower, np.logical_not(upper)
+        verdict = np.subtract(holds, fails, dtype=np.int8)
+        if verdict.tobytes() != self.verdict.tobytes():
+            self._decided[verdict != self.verdict] = self.instants + self.ended
             self.verdict = verdict
         self._settled = exact is not None or (not self.interval and bool(verdict.all()))
 
@@ -183,4 +197,4 @@ def _predicates(formula: Formula) -> int:
 
 
 #: What monitors consist of.
-_PARTS = (Monitor, Clock, Stream, Together, History, Extremum, UntilWindow)
+_PARTS = (Monitor, Clock, Stream, Together, History, Recent, Extremum, UntilWindow)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from collections import deque
 from typing import Any
 
 import numpy as np
@@ -29,8 +30,8 @@ class _Selection:
     def of(self, value: Any) -> Any:
         if isinstance(value, np.ndarray):
             return value[..., self.rows]
-        if isinstance(value, list):
-            return [self.of(each) for each in value]
+        if isinstance(value, list | deque):
+            return type(value)(self.of(each) for each in value)
         if not isinstance(value, self.instances):
             return value
         if id(value) not in self.copies:

@@ -2,10 +2,19 @@
 
 from __future__ import annotations
 
+from collections import deque
+from collections.abc import Callable
+from itertools import accumulate, islice
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+
+#: The lesser and the greater of two: of arrays, and of single numbers, for which NumPy would take some times as long.
+EXTREMA: tuple[tuple[Callable[[Any, Any], Any], ...], ...] = ((np.minimum, np.maximum), (min, max))
+
+#: Up to so many columns, extrema are accumulated column by column.
+_FEW = 100
 
 #: Robustness, or truth.
 Values: TypeAlias = NDArray[Any]
@@ -33,6 +42,18 @@ def sliding_until(left: Values, right: Values, width: int) -> Values:
         left = np.minimum(left[:-step], left[step:])
         covered += step
     return right
+
+
+def accumulated(ufunc: np.ufunc, values: Values, out: Values | None = None) -> Values:
+    """The least or greatest of each value and those before it, along the first axis."""
+    if values[:1].size < _FEW:
+        return ufunc.accumulate(values, out=out)
+    # NumPy would go from column to column, which is several times slower for many of them.
+    found = np.empty_like(values) if out is None else out
+    found[:1] = values[:1]
+    for i in range(1, len(values)):
+        ufunc(found[i - 1], values[i], out=found[i])
+    return found
 
 
 class History:
@@ -73,15 +94,43 @@ class History:
             self._begin += before - self.first
             self.first = before
 
-    def at(self, instant: int) -> Values:
-        """The array of an instant."""
-        row: Values = self._data[self._begin + instant - self.first]
-        return row
-
     def between(self, begin: int, end: int) -> Values:
         """The arrays from an instant on, up to but not including another [instants, ...]."""
         offset = self._begin - self.first
         return self._data[begin + offset : end + offset]
+
+
+class Recent:
+    """Values of the last instants, each of all rows [rows] or the number of a single one.
+
+    Attributes:
+        first: The instant of the first value that is kept.
+        end: The instant after the last one.
+    """
+
+    def __init__(self) -> None:
+        self.first = 0
+        self.end = 0
+        self._values: deque[Any] = deque()
+
+    def append(self, value: Any) -> None:
+        """Add the value of the next instant."""
+        self._values.append(value)
+        self.end += 1
+
+    def drop(self, before: int) -> None:
+        """Forget what lies before an instant."""
+        while self.first < before:
+            self._values.popleft()
+            self.first += 1
+
+    def at(self, instant: int) -> Any:
+        """The value of an instant."""
+        return self._values[instant - self.first]
+
+    def between(self, begin: int, end: int, rows: int) -> Values:
+        """The values from an instant on, up to but not including another [instants, rows]."""
+        return np.array(list(islice(self._values, begin - self.first, end - self.first))).reshape(-1, rows)
 
 
 class Extremum:
@@ -91,74 +140,68 @@ class Extremum:
     next: van Herk, Pattern Recognition Letters 13 (1992); Gil and Werman, IEEE PAMI 15 (1993).
     """
 
-    def __init__(self, width: int, rows: int, greatest: bool, dtype: type) -> None:
-        neutral = lowest(dtype) if greatest else highest(dtype)
+    def __init__(self, width: int, single: bool, greatest: bool, neutral: Any) -> None:
         self._width = width
+        self._single = single
         self._greatest = greatest
-        self._next = 0
-        self._block: Values = np.zeros((width, rows), dtype)
-        #: The extremum of each value of the last block and those after it.
-        self._ends: Values = np.full((width, rows), neutral)
-        self._beginning: Values = np.zeros(rows, dtype)
-        self._result: Values = np.zeros(rows, dtype)
+        self._block: list[Any] = []
+        self._beginning = neutral
+        #: Of the last block, the extremum of each value and those after it.
+        self._ends = [neutral] * width
 
-    def push(self, value: Values) -> Values:
-        """Take a value [rows], and return the extremum, which is overwritten by the next one."""
-        ufunc = np.maximum if self._greatest else np.minimum
-        at = self._next
-        self._block[at] = value
-        if at:
-            ufunc(self._beginning, value, out=self._beginning)
-        else:
-            self._beginning[:] = value
-        self._next = at = at + 1
-        if at < self._width:
-            ufunc(self._ends[at], self._beginning, out=self._result)
-            return self._result
-        self._next = 0
-        ufunc.accumulate(self._block[::-1], out=self._ends[::-1])
-        return self._beginning
+    def push(self, value: Any) -> Any:
+        """Take a value, and return the extremum."""
+        better = EXTREMA[self._single][self._greatest]
+        block = self._block
+        beginning = better(self._beginning, value) if block else value
+        block.append(value)
+        if len(block) < self._width:
+            self._beginning = beginning
+            return better(self._ends[len(block)], beginning)
+        self._ends = list(accumulate(reversed(block), better))
+        self._ends.reverse()
+        self._block = []
+        return beginning
 
 
 class UntilWindow:
     """The robustness of "left until right" within the last so many values, in amortised constant time.
 
-    As the least and greatest, it is found by blocks: of a stretch of instants, what counts is the least of left and the
+    It is found by blocks, as an extremum is: of a stretch of instants, what counts is the least of left and the
     robustness within the stretch, and stretches are joined by these alone.
     """
 
-    def __init__(self, width: int, rows: int, dtype: type) -> None:
+    def __init__(self, width: int, single: bool, neutral: Any) -> None:
         self._width = width
-        self._next = 0
-        self._lefts: Values = np.zeros((width, rows), dtype)
-        self._rights: Values = np.zeros((width, rows), dtype)
-        self._least: Values = np.zeros(rows, dtype)
-        self._until: Values = np.zeros(rows, dtype)
+        self._single = single
+        self._lefts: list[Any] = []
+        self._rights: list[Any] = []
+        self._held = neutral
+        self._until = neutral
+        #: Of the end of the last block from each of its instants on.
+        self._holds = [neutral] * width
+        self._untils = [neutral] * width
 
-    def push(self, left: Values, right: Values) -> Values:
-        """Take the robustness of both at an instant [rows], and return that of the whole [rows].
-
-        It has a meaning as soon as the window is full.
-        """
-        at = self._next
-        if at:
-            np.maximum(self._until, np.minimum(self._least, right), out=self._until)
-            np.minimum(self._least, left, out=self._least)
+    def push(self, left: Any, right: Any) -> Any:
+        """Take both at an instant, and return the whole, which has a meaning as soon as the window is full."""
+        least, greatest = EXTREMA[self._single]
+        lefts, rights = self._lefts, self._rights
+        if lefts:
+            self._until = greatest(self._until, least(self._held, right))
+            self._held = least(self._held, left)
         else:
-            self._least[:] = left
-            self._until[:] = right
-        self._next = at + 1
-        if self._next < self._width:
-            # Behind `_next` lies the end of the last block, before it the beginning of this one.
-            joined: Values = np.maximum(self._rights[at + 1], np.minimum(self._lefts[at + 1], self._until))
-            self._lefts[at], self._rights[at] = left, right
-            return joined
-        self._lefts[at], self._rights[at] = left, right
-        self._next = 0
-        for i in range(self._width - 2, -1, -1):
-            np.maximum(self._rights[i], np.minimum(self._lefts[i], self._rights[i + 1]), out=self._rights[i])
-            np.minimum(self._lefts[i], self._lefts[i + 1], out=self._lefts[i])
-        return self._until.copy()
+            self._until, self._held = right, left
+        lefts.append(left)
+        rights.append(right)
+        length = len(lefts)
+        if length < self._width:
+            return greatest(self._untils[length], least(self._holds[length], self._until))
+        for i in range(length - 2, -1, -1):
+            rights[i] = greatest(rights[i], least(lefts[i], rights[i + 1]))
+            lefts[i] = least(lefts[i], lefts[i + 1])
+        self._holds, self._untils = lefts, rights
+        self._lefts, self._rights = [], []
+        return self._until
 
 
 def lowest(dtype: type) -> float | bool:

@@ -11,6 +11,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import reduce
+from typing import Any
 
 import numpy as np
 
@@ -29,10 +31,13 @@ from symaware_cli.specification.formula import (
     Until,
 )
 from symaware_cli.specification.sliding import (
+    EXTREMA,
     Extremum,
     History,
+    Recent,
     UntilWindow,
     Values,
+    accumulated,
     highest,
     lowest,
     sliding,
@@ -46,6 +51,7 @@ class Clock:
     Attributes:
         rows: Number of rows.
         boolean: Whether streams hold the truth alone.
+        single: Whether values are pushed as numbers of a single row instead of arrays [rows].
         now: The last instant that was pushed.
         ended: Whether the declared run ends with it.
     """
@@ -53,6 +59,7 @@ class Clock:
     def __init__(self, rows: int, boolean: bool) -> None:
         self.rows = rows
         self.boolean = boolean
+        self.single = rows == 1
         self.now = -1
         self.ended = False
 
@@ -64,6 +71,10 @@ class Clock:
     def extreme(self, greatest: bool) -> float | bool:
         """The greatest or the least value."""
         return highest(self.dtype) if greatest else lowest(self.dtype)
+
+    def value(self, greatest: bool) -> Any:
+        """The greatest or least value, as it is pushed."""
+        return self.extreme(greatest) if self.single else self.full(1, greatest)[0]
 
     def full(self, instants: int, greatest: bool) -> Values:
         """So many instants of the greatest or least value [instants, rows]."""
@@ -77,22 +88,23 @@ class Stream:
         clock: The common clock.
         horizon: The number of steps after which exact values are known; None if only at the end of the run.
         reach: The number of steps ahead of now after which bounds no longer change from one instant to the next.
+        exact: The last instant whose exact value was returned, or -1.
     """
 
     def __init__(self, clock: Clock, horizon: int | None, reach: int) -> None:
+        self.exact = -1
         self.clock = clock
         self.horizon = horizon
         self.reach = reach
 
-    def push(self, samples: Sequence[Values]) -> Values | None:
+    def push(self, samples: Sequence[Any]) -> Any:
         """Go on by an instant, after the clock has.
 
         Args:
-            samples: Robustness or truth of each predicate [rows].
+            samples: Robustness or truth of each predicate. Nobody writes to these arrays, nor to those returned.
 
         Returns:
-            The exact value at the instant that lies the horizon back [rows], which the stream may overwrite when it is
-            pushed again; None as long as there is no such instant.
+            The exact value at the instant that lies the horizon back; None as long as there is no such instant.
         """
         raise NotImplementedError
 
@@ -104,11 +116,6 @@ class Stream:
             nothing is known of any of them.
         """
         raise NotImplementedError
-
-    @property
-    def exact(self) -> int:
-        """The last instant whose exact value was returned, or -1."""
-        return -1 if self.horizon is None else max(-1, self.clock.now - self.horizon)
 
     def bound_or_extreme(self, side: int, begin: int, end: int) -> Values:
         """Bounds, which are infinite where nothing is known."""
@@ -122,10 +129,11 @@ class ConstantStream(Stream):
     def __init__(self, clock: Clock, value: bool) -> None:
         super().__init__(clock, 0, 0)
         self._value = value
-        self._row: Values = clock.full(1, value)[0]
+        self._row = clock.value(value)
 
-    def push(self, samples: Sequence[Values]) -> Values | None:
+    def push(self, samples: Sequence[Any]) -> Any:
         """See the base class."""
+        self.exact += 1
         return self._row
 
     def bound(self, side: int, begin: int, end: int) -> Values | None:
@@ -140,8 +148,9 @@ class PredicateStream(Stream):
         super().__init__(clock, 0, 0)
         self._index = index
 
-    def push(self, samples: Sequence[Values]) -> Values | None:
+    def push(self, samples: Sequence[Any]) -> Any:
         """See the base class."""
+        self.exact += 1
         return samples[self._index]
 
     def bound(self, side: int, begin: int, end: int) -> Values | None:
@@ -155,14 +164,16 @@ class NotStream(Stream):
     def __init__(self, clock: Clock, operand: Stream) -> None:
         super().__init__(clock, operand.horizon, operand.reach)
         self._operand = operand
-        self._result: Values = clock.full(1, False)[0]
 
-    def push(self, samples: Sequence[Values]) -> Values | None:
+    def push(self, samples: Sequence[Any]) -> Any:
         """See the base class."""
         value = self._operand.push(samples)
         if value is None:
             return None
-        return np.logical_not(value, out=self._result) if self.clock.boolean else np.negative(value, out=self._result)
+        self.exact += 1
+        if self.clock.boolean:
+            return not value if self.clock.single else np.logical_not(value)
+        return -value
 
     def bound(self, side: int, begin: int, end: int) -> Values | None:
         """See the base class."""
@@ -188,14 +199,12 @@ class Together:
         self.horizon = max(horizons) if len(horizons) == len(operands) else None
         self.reach = max(each.reach for each in operands)
         self._last = last
-        self._early: list[History | None] = [
-            None if each.horizon == self.horizon else History(clock.rows, dtype=clock.dtype) for each in operands
-        ]
+        self._early = [None if each.horizon == self.horizon else Recent() for each in operands]
 
-    def push(self, samples: Sequence[Values], now: int) -> list[Values] | None:
+    def push(self, samples: Sequence[Any], now: int) -> list[Any] | None:
         """Exact values at the same instant, if all know one."""
         due = -1 if self.horizon is None else now - self.horizon
-        found: list[Values] = []
+        found: list[Any] = []
         for operand, early in zip(self.operands, self._early, strict=True):
             value = operand.push(samples)
             if early is None:
@@ -216,11 +225,11 @@ class Together:
         if early is None or begin >= exact:
             return operand.bound(side, begin, end)
         if end <= exact:
-            return early.between(begin, end)
+            return early.between(begin, end, operand.clock.rows)
         later = operand.bound(side, exact, end)
         if later is None:
             later = operand.clock.full(end - exact, side == 1)
-        return np.concatenate([early.between(begin, exact), later])
+        return np.concatenate([early.between(begin, exact, operand.clock.rows), later])
 
 
 class JunctionStream(Stream):
@@ -230,21 +239,17 @@ class JunctionStream(Stream):
         self._together = Together(clock, operands, last)
         super().__init__(clock, self._together.horizon, self._together.reach)
         self._greatest = greatest
-        self._result: Values = clock.full(1, False)[0]
         # What is known late is known least.
         late = [(0 if each.horizon is None else 1, -(each.horizon or 0)) for each in operands]
         self._order = sorted(range(len(operands)), key=late.__getitem__)
 
-    def push(self, samples: Sequence[Values]) -> Values | None:
+    def push(self, samples: Sequence[Any]) -> Any:
         """See the base class."""
         found = self._together.push(samples, self.clock.now)
         if found is None:
             return None
-        ufunc = np.maximum if self._greatest else np.minimum
-        result = ufunc(found[0], found[1], out=self._result)
-        for each in found[2:]:
-            ufunc(result, each, out=result)
-        return result
+        self.exact += 1
+        return reduce(EXTREMA[self.clock.single][self._greatest], found)
 
     def bound(self, side: int, begin: int, end: int) -> Values | None:
         """See the base class."""
@@ -269,39 +274,51 @@ class AheadStream(Stream):
         self._operand = operand
         self._first, self._last = first, last
         self._greatest = greatest
-        self._window = Extremum(last - first + 1, clock.rows, greatest, clock.dtype) if last > first else None
+        self._window: Extremum | None = None
+        if last > first:
+            self._window = Extremum(last - first + 1, clock.single, greatest, clock.value(not greatest))
         #: Of each window that has begun and not ended the extremum so far; of those that are asked for.
         self._starts = History(clock.rows, dtype=clock.dtype)
         self._last_start = starts
 
-    def push(self, samples: Sequence[Values]) -> Values | None:
+    def push(self, samples: Sequence[Any]) -> Any:
         """See the base class."""
         value = self._operand.push(samples)
         if value is None:
             return None
-        if self._window is None:
-            return value if self.exact >= 0 else None
         at = self._operand.exact
-        starts, last_start = self._starts, self._last_start
-        if last_start is None or starts.first <= last_start:
-            begun = at - self._first
-            if begun >= 0:
-                starts.drop(min(at - self._last, starts.end))
-                if starts.end > starts.first:
-                    ufunc = np.maximum if self._greatest else np.minimum
-                    known = starts.between(starts.first, starts.end)
-                    ufunc(known, value, out=known)
-                if last_start is None or begun <= last_start:
-                    starts.append(value)
-                starts.drop(min(at - self._last + 1, starts.end))
-        value = self._window.push(value)
-        return value if self.exact >= 0 else None
+        if self._window is not None:
+            if self._last_start is None or self._starts.first <= self._last_start:
+                self._extend(at, value)
+            value = self._window.push(value)
+        if at < self._last:
+            return None
+        self.exact += 1
+        return value
+
+    def _extend(self, at: int, value: Any) -> None:
+        """Extend windows that have begun to an instant."""
+        begun = at - self._first
+        if begun < 0:
+            return
+        starts = self._starts
+        starts.drop(min(at - self._last, starts.end))
+        if starts.end > starts.first:
+            known = starts.between(starts.first, starts.end)
+            (np.maximum if self._greatest else np.minimum)(known, value, out=known)
+        if self._last_start is None or begun <= self._last_start:
+            starts.append(value)
+        starts.drop(min(at - self._last + 1, starts.end))
 
     def bound(self, side: int, begin: int, end: int) -> Values | None:
         """See the base class."""
         ufunc = np.maximum if self._greatest else np.minimum
         window = begin + self._first
         pending = max(window, self._operand.exact + 1)
+        one = end - begin == 1 and self._greatest == (side == 1) and pending < begin + self._last
+        if one and self._operand.bound(side, begin + self._last, end + self._last) is None:
+            # Most often the last instant tells that nothing is known yet.
+            return None
         found = self._operand.bound(side, pending, end + self._last)
         starts = self._starts.between(begin, min(end, self._starts.end)) if begin < self._starts.end else None
         if found is None:
@@ -328,7 +345,7 @@ class ToTheEndStream(Stream):
         self._starts = History(clock.rows, dtype=clock.dtype)
         self._last_start = starts
 
-    def push(self, samples: Sequence[Values]) -> Values | None:
+    def push(self, samples: Sequence[Any]) -> Any:
         """See the base class."""
         value = self._operand.push(samples)
         if value is None:
@@ -360,7 +377,7 @@ class ToTheEndStream(Stream):
         result = self.clock.full(end - begin, not self._greatest)
         if found is not None:
             within = np.arange(begin, end if goes_on else min(end, last + 1))
-            result[: len(within)] = ufunc.accumulate(found[::-1])[::-1][np.clip(within - pending, 0, last - pending)]
+            result[: len(within)] = accumulated(ufunc, found[::-1])[::-1][np.clip(within - pending, 0, last - pending)]
         elif goes_on:
             result[:] = self._operand.bound_or_extreme(side, last, last + 1)
         elif pending <= last and self._greatest == (side == 1):
@@ -377,20 +394,21 @@ class AgoStream(Stream):
         self._operand = operand
         self._first, self._last = first, last
         self._greatest = greatest
-        self._window = Extremum(last - first + 1, clock.rows, greatest, clock.dtype) if last > first else None
-        self._recent = History(clock.rows, dtype=clock.dtype)
-        self._none: Values = clock.full(1, not greatest)[0]
+        self._window: Extremum | None = None
+        if last > first:
+            self._window = Extremum(last - first + 1, clock.single, greatest, clock.value(not greatest))
+        self._recent = Recent()
 
-    def push(self, samples: Sequence[Values]) -> Values | None:
+    def push(self, samples: Sequence[Any]) -> Any:
         """See the base class."""
         value = self._operand.push(samples)
         if value is None:
             return None
-        at = self._operand.exact
+        self.exact = at = self._operand.exact
         self._recent.append(value)
         self._recent.drop(at - self._last)
         if at < self._first:
-            return self._none
+            return self.clock.value(not self._greatest)
         value = self._recent.at(at - self._first)
         return value if self._window is None else self._window.push(value)
 
@@ -402,12 +420,11 @@ class AgoStream(Stream):
         found = self._operand.bound(side, pending, stop) if pending < stop else None
         if found is None and window >= after:
             return None
-        known = self._recent.between(max(window, 0), min(after, stop)) if min(after, stop) > max(window, 0) else None
         parts = []
         if window < 0:
             parts.append(self.clock.full(min(0, stop) - window, not self._greatest))
-        if known is not None:
-            parts.append(known)
+        if min(after, stop) > max(window, 0):
+            parts.append(self._recent.between(max(window, 0), min(after, stop), self.clock.rows))
         if pending < stop:
             parts.append(self.clock.full(stop - pending, side == 1) if found is None else found)
         return sliding(
@@ -422,14 +439,16 @@ class SoFarStream(Stream):
         super().__init__(clock, operand.horizon, operand.reach)
         self._operand = operand
         self._greatest = greatest
-        self._so_far: Values = clock.full(1, not greatest)[0]
+        self._so_far = clock.value(not greatest)
 
-    def push(self, samples: Sequence[Values]) -> Values | None:
+    def push(self, samples: Sequence[Any]) -> Any:
         """See the base class."""
         value = self._operand.push(samples)
         if value is None:
             return None
-        return (np.maximum if self._greatest else np.minimum)(self._so_far, value, out=self._so_far)
+        self.exact += 1
+        self._so_far = EXTREMA[self.clock.single][self._greatest](self._so_far, value)
+        return self._so_far
 
     def bound(self, side: int, begin: int, end: int) -> Values | None:
         """See the base class."""
@@ -440,7 +459,7 @@ class SoFarStream(Stream):
                 return None
             return np.broadcast_to(self._so_far, (end - begin, self.clock.rows))
         ufunc = np.maximum if self._greatest else np.minimum
-        return ufunc(ufunc.accumulate(found), self._so_far)[begin - after :]
+        return ufunc(accumulated(ufunc, found), self._so_far)[begin - after :]
 
 
 class UntilStream(Stream):
@@ -453,13 +472,13 @@ class UntilStream(Stream):
         horizon = self._together.horizon
         super().__init__(clock, None if horizon is None or last is None else horizon + last, self._together.reach)
         self._last = last
-        self._window = None if last is None else UntilWindow(last + 1, clock.rows, clock.dtype)
+        self._window = None if last is None else UntilWindow(last + 1, clock.single, clock.value(False))
         self._last_start = starts
         #: Of each start that is asked for, the least of left and the robustness, so far.
         self._least = History(clock.rows, dtype=clock.dtype)
         self._until = History(clock.rows, dtype=clock.dtype)
 
-    def push(self, samples: Sequence[Values]) -> Values | None:
+    def push(self, samples: Sequence[Any]) -> Any:
         """See the base class."""
         found = self._together.push(samples, self.clock.now)
         if found is None:
@@ -478,7 +497,10 @@ class UntilStream(Stream):
         for each in (least, until):
             each.drop(min(self._known - self._last + 1, each.end))
         value = self._window.push(left, right)
-        return value if self.exact >= 0 else None
+        if self._known < self._last:
+            return None
+        self.exact += 1
+        return value
 
     @property
     def _known(self) -> int:
@@ -516,8 +538,8 @@ class UntilStream(Stream):
         else:
             if end > pending:
                 result[begun:] = sliding_until(left[: stop - pending], right, last + 1)
-            held = np.minimum.accumulate(np.concatenate([self.clock.full(1, True), left[:-1]]))
-            from_now = np.maximum.accumulate(np.minimum(right, held))
+            held = accumulated(np.minimum, np.concatenate([self.clock.full(1, True), left[:-1]]))
+            from_now = accumulated(np.maximum, np.minimum(right, held))
             from_now = from_now[np.arange(begin, begin + begun) + last - after]
         if begun:
             least, until = (each.between(begin, begin + begun) for each in (self._least, self._until))
@@ -531,16 +553,18 @@ class SinceStream(Stream):
     def __init__(self, clock: Clock, left: Stream, right: Stream, last: int | None) -> None:
         self._together = Together(clock, [left, right], last)
         super().__init__(clock, self._together.horizon, self._together.reach)
-        self._since: Values = clock.full(1, False)[0]
+        self._since = clock.value(False)
 
-    def push(self, samples: Sequence[Values]) -> Values | None:
+    def push(self, samples: Sequence[Any]) -> Any:
         """See the base class."""
         found = self._together.push(samples, self.clock.now)
         if found is None:
             return None
         left, right = found
-        np.minimum(self._since, left, out=self._since)
-        return np.maximum(self._since, right, out=self._since)
+        least, greatest = EXTREMA[self.clock.single]
+        self.exact += 1
+        self._since = greatest(right, least(left, self._since))
+        return self._since
 
     def bound(self, side: int, begin: int, end: int) -> Values | None:
         """See the base class."""
