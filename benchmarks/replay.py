@@ -33,7 +33,7 @@ from symaware_cli.scenario.build import build
 from symaware_cli.scenario.execution import execute
 from symaware_cli.viewing.beliefs import Reading
 from symaware_cli.viewing.replay_session import replay_session
-from symaware_cli.viewing.rerun_output import TIMELINE
+from symaware_cli.viewing.rerun.columns import TIMELINE
 from symaware_cli.viewing.viewer import require
 from symaware_cli.viewing.views import GroupView, RunView, run_view_of
 

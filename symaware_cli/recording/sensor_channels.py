@@ -17,8 +17,8 @@ from symaware_cli.recording.writer import LogWriter
 
 Array = NDArray[np.float64]
 
-#: Where depth ends, and what stands for nothing [mm].
-_NOTHING = 65535
+NOTHING = 65535
+"""Where depth ends, and what stands for nothing [mm]."""
 
 SCAN, IMAGE = "scan", "image"
 """What the topics of readings are called: ``/agents/<group>/scan/<sensor>``."""
@@ -96,7 +96,7 @@ def _images(frame: Frame, own: Sequence[int] | None) -> Iterator[bytes]:
     for row, seen in enumerate(frame.images):
         if seen is None or (own is not None and row not in own):
             continue
-        millimetres = np.where(seen.depth * 1e3 < _NOTHING, np.rint(np.minimum(seen.depth * 1e3, _NOTHING)), _NOTHING)
+        millimetres = np.where(seen.depth * 1e3 < NOTHING, np.rint(np.minimum(seen.depth * 1e3, NOTHING)), NOTHING)
         pictures = (
             (v1.Image.COLOUR, seen.colour),
             (v1.Image.DEPTH, millimetres.astype(np.uint16)),
@@ -191,7 +191,7 @@ class LoggedImage(LoggedReading):
         decoded = png.decode(self.data)
         if self.kind != "DEPTH":
             return decoded
-        return np.where(decoded == _NOTHING, np.inf, decoded / 1e3)
+        return np.where(decoded == NOTHING, np.inf, decoded / 1e3)
 
 
 def hits(angles: Array, distances: Array, pose: Array) -> Array:

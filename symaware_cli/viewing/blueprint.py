@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from symaware_cli.core import Part
 from symaware_cli.recording import logged_events
 from symaware_cli.viewing.detail import Detail
-from symaware_cli.viewing.drawing.curves import plotted, unit_paths
 from symaware_cli.viewing.palette import BACKGROUND
-from symaware_cli.viewing.rerun_output import TIMELINE
+from symaware_cli.viewing.rerun.columns import TIMELINE
+from symaware_cli.viewing.scene.curves import plotted, unit_paths
 from symaware_cli.viewing.views import RunView
 
 if TYPE_CHECKING:
@@ -50,13 +50,11 @@ class Content:
         low: The lower corner of where everything is (3,) [m].
         high: The upper corner (3,) [m].
         topics: Of all channels with messages.
-        units: Of the columns of each topic, where the log tells.
     """
 
     low: Array
     high: Array
     topics: frozenset[str]
-    units: Mapping[str, Sequence[str]]
 
 
 def blueprint(run_view: RunView, detail: Detail, content: Content) -> rrb.Blueprint:
@@ -144,7 +142,7 @@ def _agent(run_view: RunView, detail: Detail, content: Content, agent: str) -> r
     ]
     contents = [
         *(f"+ world/{part}" for part in ("ground", "figures/**", "scenery/**")),
-        f"+ world/agents/{group}/goal",
+        f"+ world/agents/{group}/goal/**",
         *(f"+ minds/{group}/{name}/**" for how in ("ellipse", "bars") for name, _ in group_view.drawn(how)),
         *bodies,
     ]
@@ -155,7 +153,7 @@ def _agent(run_view: RunView, detail: Detail, content: Content, agent: str) -> r
     fields += ["control"] * (f"/world/{group}/control" in content.topics)
     curves = [_curves(f"{field} of {agent}", [f"+ curves/agents/{agent}/{field}"]) for field in fields]
     for field, topic in told:
-        units = content.units.get(topic, [""])
+        units = [unit for _, unit in run_view.quantities.get(topic, [("", "")])]
         for path, columns in unit_paths(agent, topic, units).items() if field not in fields else ():
             unit = units[columns[0]]
             name = f"{field} of {agent} [{unit}]" if unit not in ("", "1") else f"{field} of {agent}"

@@ -58,21 +58,19 @@ class SeriesFrames:
         times: (k,) simulated time of each message [ns].
         lengths: (k, n) points of each row's series.
         values: (sum of lengths, columns), one series after another.
+        before: (n, columns) the first points of what was known before the first instant; NaN if nothing.
     """
 
     times: Times
     lengths: NDArray[np.int64]
     values: Array
+    before: Array
 
     @cached_property
-    def firsts(self) -> Array:
-        """The first point of each series, (k, n, columns); NaN where a series is empty."""
-        ends = np.cumsum(self.lengths.ravel())
-        starts = ends - self.lengths.ravel()
-        firsts = np.full((self.lengths.size, self.values.shape[1]), np.nan)
-        some = self.lengths.ravel() > 0
-        firsts[some] = self.values[starts[some]]
-        return firsts.reshape(*self.lengths.shape, -1)
+    def firsts(self) -> Frames:
+        """The first point of each series; NaN where one is empty."""
+        values = _first_points(self.lengths.ravel(), self.values).reshape(*self.lengths.shape, self.values.shape[1])
+        return Frames(self.times, values, self.before)
 
 
 @dataclass(frozen=True)
@@ -81,7 +79,7 @@ class Chunk:
 
     Attributes:
         frames: States and control inputs, by topic, from when on they are known.
-        strips: Intents, uncertainties and risks, by topic.
+        strips: Intents, uncertainties and risks, by topic, from when on they are known.
         entries: All other messages of ours, by topic: the time and what was decoded.
         start: The first instant [ns].
         end: The last instant [ns].
@@ -178,7 +176,7 @@ class ChunkReader:
         """Hand out what was taken in since the last time."""
         chunk = Chunk(
             {topic: table.drain() for topic, table in self._tables.items()},
-            {topic: series.drain() for topic, series in self._series.items() if series.times},
+            {topic: series.drain() for topic, series in self._series.items()},
             dict(self._entries),
             self._start or 0,
             self.end,
@@ -305,15 +303,27 @@ class _Series:
         return lengths, np.concatenate([np.empty((0, self._columns)), *held])
 
     def drain(self) -> SeriesFrames:
+        before = np.full((self._count, self._columns), np.nan)
+        if self._held:
+            firsts = _first_points(*self._held)
+            before[: len(firsts), : firsts.shape[1]] = firsts
         lengths = np.zeros((len(self.times), self._count), np.int64)
         for place, known in enumerate(self._lengths):
             lengths[place, : len(known)] = known
-        values = [_padded(values, self._columns) for values in self._values]
-        strips = SeriesFrames(np.array(self.times, np.int64), lengths, np.concatenate(values))
-        # A copy: the values may be a view of a message, or of a whole chunk.
-        self._held = self._lengths[-1], self._values[-1].copy()
+        values = [np.empty((0, self._columns)), *(_padded(values, self._columns) for values in self._values)]
+        series = SeriesFrames(np.array(self.times, np.int64), lengths, np.concatenate(values), before)
+        if self.times:
+            # A copy: the values may be a view of a message, or of a whole chunk.
+            self._held = self._lengths[-1], self._values[-1].copy()
         self.times, self._lengths, self._values = [], [], []
-        return strips
+        return series
+
+
+def _first_points(lengths: NDArray[np.int64], values: Array) -> Array:
+    """The first point of each of some series, NaN where one is empty; (len(lengths), columns)."""
+    firsts, some = np.full((len(lengths), values.shape[1]), np.nan), lengths > 0
+    firsts[some] = values[(np.cumsum(lengths) - lengths)[some]]
+    return firsts
 
 
 def _padded(values: Array, columns: int) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from functools import cached_property
 from pathlib import PurePosixPath
@@ -51,6 +52,16 @@ class Figure:
     def name(self) -> str:
         """What it is called; no two figures have the same."""
         return f"{self.articulation.name}.{self.number}"
+
+    @property
+    def path(self) -> str:
+        """The same as a part of a path."""
+        return _path_part(self.name)
+
+    def visual_path(self, number: int) -> str:
+        """One of `visuals` as parts of a path: its link, and its number."""
+        _, place = self.visuals[number]
+        return f"{_path_part(self.articulation.links[place].name)}/{number}"
 
     @cached_property
     def looks(self) -> list[list[int]]:
@@ -134,3 +145,7 @@ class Figure:
 def media_type(visual: Visual) -> str | None:
     """What kind of file a mesh is, for viewers; None if they know no such files."""
     return MEDIA_TYPES.get(PurePosixPath(visual.mesh).suffix.lower())
+
+
+def _path_part(name: str) -> str:
+    return re.sub(r"[^\w.-]", "_", name) or "_"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable
 from itertools import islice
 
 import numpy as np
@@ -12,22 +12,9 @@ from symaware_cli.recording.reader import Log, LogMessage
 from symaware_cli.viewing.blueprint import Content
 from symaware_cli.viewing.chunk import Chunk, ChunkReader
 from symaware_cli.viewing.detail import Detail
-from symaware_cli.viewing.drawing.bars import Bars, legend
-from symaware_cli.viewing.drawing.base import Drawing
-from symaware_cli.viewing.drawing.bodies import Bodies, Trails
-from symaware_cli.viewing.drawing.contacts import Contacts
-from symaware_cli.viewing.drawing.curves import Awareness, Risks, Separation
-from symaware_cli.viewing.drawing.figures import Figures
-from symaware_cli.viewing.drawing.goals import Goals
-from symaware_cli.viewing.drawing.informed import Informed
-from symaware_cli.viewing.drawing.intents import Intents, Uncertainties
-from symaware_cli.viewing.drawing.journal import Events, Knowledge
-from symaware_cli.viewing.drawing.messages import Messages
-from symaware_cli.viewing.drawing.others import Others
-from symaware_cli.viewing.drawing.points import Points
-from symaware_cli.viewing.drawing.scenery import Scenery
-from symaware_cli.viewing.drawing.sensors import Images, Scans
-from symaware_cli.viewing.rerun_output import RerunOutput
+from symaware_cli.viewing.rerun.output import RerunOutput
+from symaware_cli.viewing.scene.bars import legend
+from symaware_cli.viewing.scene.scene import CURVES, SCENE, Scene
 from symaware_cli.viewing.views import RunView, in_space
 
 Array = NDArray[np.float64]
@@ -39,63 +26,21 @@ _SOUNDINGS = 9
 class Replay:
     """Draws a run for Rerun."""
 
-    def __init__(
-        self,
-        run_view: RunView,
-        detail: Detail,
-        output: RerunOutput,
-        columns: Mapping[str, Sequence[str]],
-        units: Mapping[str, Sequence[str]],
-    ) -> None:
-        """Put up what holds for all times.
+    def __init__(self, run_view: RunView, detail: Detail, output: RerunOutput) -> None:
+        """Put up what explains it.
 
         Args:
             run_view: Who takes part.
             detail: How much to show.
             output: Where to draw.
-            columns: The names of the columns of each topic.
-            units: Their units.
         """
         self._run_view, self._detail, self._output = run_view, detail, output
-        given = (run_view, detail, output)
-        self._drawings: tuple[Drawing, ...] = (
-            Scenery(*given),
-            Figures(*given),
-            Goals(*given),
-            Bodies(*given),
-            Trails(*given),
-            Intents(*given),
-            Uncertainties(*given),
-            Others(*given),
-            Bars(*given),
-            Points(*given),
-            Scans(*given),
-            Images(*given),
-            Messages(*given),
-            Informed(*given),
-            Contacts(*given),
-            Events(*given),
-            Knowledge(*given),
-            Risks(*given),
-            Separation(*given),
-            Awareness(*given, columns, units),
-        )
-        for drawing in self._drawings:
-            drawing.begin()
+        self._scene = Scene(run_view, detail, (*SCENE, *CURVES))
         self._explain()
 
     def chunk_reader(self) -> ChunkReader:
         """What puts messages together to chunks for this replay."""
-        counts = {
-            topic: len(group_view.agents)
-            for group_view in self._run_view.group_views.values()
-            for topic in (
-                *(f"/world/{group_view.name}/{field}" for field in _TRUTHS),
-                f"/agents/{group_view.name}/control",
-                *map(group_view.topic, group_view.signals),
-            )
-        }
-        return ChunkReader(counts, self._run_view.place)
+        return self._scene.chunk_reader()
 
     def draw(
         self,
@@ -126,13 +71,11 @@ class Replay:
 
     def draw_chunk(self, chunk: Chunk) -> None:
         """Draw a stretch of the log; in the order of time."""
-        for drawing in self._drawings:
-            drawing.draw(chunk)
+        for mark in self._scene.marks(chunk):
+            self._output.show(mark)
         self._output.flush()
 
     def _explain(self) -> None:
-        import rerun as rr
-
         run_view = self._run_view
         believed = [
             name
@@ -165,10 +108,7 @@ Seed {run_view.seed}. Time is simulated time.
 
 In the tab of an agent, rings stand where it believes others to be, fainter the older the belief; ellipses hold 95 %.
 """
-        self._output.static("about", rr.TextDocument(text, media_type="text/markdown"))
-
-
-_TRUTHS = ("state", "control", "pose", "joints")
+        self._output.document("about", text)
 
 
 def content_of(log: Log, run_view: RunView, start: int | None = None, end: int | None = None) -> Content:
@@ -194,7 +134,7 @@ def content_of(log: Log, run_view: RunView, start: int | None = None, end: int |
                 margin = group_view.radius + 0.5
                 corners += [places.min(axis=0) - margin, places.max(axis=0) + margin]
     known = [corner for corner in corners if np.isfinite(corner).all()] or [np.full(3, -5.0), np.full(3, 5.0)]
-    return Content(np.min(known, axis=0), np.max(known, axis=0), topics, names_of(log, "units"))
+    return Content(np.min(known, axis=0), np.max(known, axis=0), topics)
 
 
 def _sounding(log: Log, topics: Collection[str], moment: int, last: int) -> list[LogMessage]:
@@ -206,12 +146,3 @@ def _sounding(log: Log, topics: Collection[str], moment: int, last: int) -> list
         if len(found) == len(topics):
             break
     return list(found.values())
-
-
-def names_of(log: Log, key: str) -> dict[str, tuple[str, ...]]:
-    """The ``columns`` or ``units`` of each topic."""
-    return {
-        topic: tuple(channel.metadata[key].split(","))
-        for topic, channel in log.topics.items()
-        if channel.metadata.get(key)
-    }

@@ -15,8 +15,8 @@ from symaware_cli.recording.output import whole_file
 from symaware_cli.recording.reader import Log
 from symaware_cli.viewing.blueprint import blueprint
 from symaware_cli.viewing.detail import Detail, detail_of
-from symaware_cli.viewing.replay import Replay, content_of, names_of
-from symaware_cli.viewing.rerun_output import RerunOutput
+from symaware_cli.viewing.replay import Replay, content_of
+from symaware_cli.viewing.rerun.output import RerunOutput
 from symaware_cli.viewing.views import RunView, run_view_of
 
 if TYPE_CHECKING:
@@ -132,8 +132,7 @@ class ReplaySession:
         )
 
     def _replay(self, recording: rr.RecordingStream) -> Replay:
-        columns, units = names_of(self.log, "columns"), names_of(self.log, "units")
-        return Replay(self.run_view, self.detail, RerunOutput(recording), columns, units)
+        return Replay(self.run_view, self.detail, RerunOutput(recording))
 
     def _recording(self) -> rr.RecordingStream:
         import rerun as rr

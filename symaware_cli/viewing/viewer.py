@@ -23,7 +23,7 @@ from urllib.parse import quote, urlsplit
 import numpy as np
 
 from symaware_cli.recording.error import LogError
-from symaware_cli.viewing.rerun_output import TIMELINE
+from symaware_cli.viewing.rerun.columns import TIMELINE
 
 if TYPE_CHECKING:
     from rerun.experimental import View, ViewerClient

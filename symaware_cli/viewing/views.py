@@ -18,6 +18,7 @@ from symaware_cli.geometry.rotation import about, attitude, attitude_columns, ro
 from symaware_cli.recording.error import LogError
 from symaware_cli.recording.fields import signal_topic
 from symaware_cli.recording.geometry import geometry_of
+from symaware_cli.recording.index import ChannelInfo
 from symaware_cli.recording.json_text import read_yaml
 from symaware_cli.recording.log_schema import GEOMETRY
 from symaware_cli.recording.reader import Log
@@ -25,6 +26,9 @@ from symaware_cli.viewing.figure import Figure
 from symaware_cli.viewing.palette import SCENERY, Colour, agent_colours, body_colours
 
 Array = NDArray[np.float64]
+
+#: What channels tell of their columns.
+_ANNOUNCED = ("columns", "units")
 
 
 @dataclass(frozen=True)
@@ -154,6 +158,7 @@ class RunView:
         surfaces: The files of the meshes that figures consist of, by the name that they have there.
         has_space: Whether the world is one of space, however its agents move in it.
         ground: The height of the plane that carries what falls [m]; None where there is none.
+        quantities: Name and unit of each column of each topic, where the log tells.
     """
 
     name: str
@@ -165,6 +170,12 @@ class RunView:
     surfaces: Mapping[str, bytes] = field(default_factory=dict)
     has_space: bool = False
     ground: float | None = None
+    quantities: Mapping[str, Sequence[tuple[str, str]]] = field(default_factory=dict)
+
+    def quantities_of(self, topic: str, field: str, width: int) -> Sequence[tuple[str, str]]:
+        """Name and unit of each of so many columns of a topic, by the name of a field where the log tells none."""
+        known = self.quantities.get(topic, ())
+        return known if len(known) == width else [(f"{field} {number}", "") for number in range(width)]
 
     @property
     def agent_count(self) -> int:
@@ -233,6 +244,9 @@ def run_view_of(log: Log) -> RunView:
             surfaces={name: log.attachments[name] for figure in figures for name in figure.surfaces},
             has_space=GEOMETRY in log.attachments,
             ground=geometry.ground,
+            quantities={
+                topic: quantities for topic, channel in log.topics.items() if (quantities := _quantities(channel))
+            },
         )
     except (KeyError, TypeError, ValueError, AttributeError, ValidationError) as error:
         raise LogError(f"the manifest in {log.path} is damaged") from error
@@ -276,6 +290,12 @@ def _prop(name: str, entity: Mapping[str, Any], height: float, **look: Any) -> O
         stands=len(entity["position"]) == 2 and bool(entity.get("path") or not entity.get("moves")),
         **look,
     )
+
+
+def _quantities(channel: ChannelInfo) -> list[tuple[str, str]]:
+    """Name and unit of each column of a channel; none where it does not tell the names."""
+    names, units = (channel.metadata[key].split(",") if channel.metadata.get(key) else [] for key in _ANNOUNCED)
+    return list(zip(names, units if len(units) == len(names) else [""] * len(names), strict=True))
 
 
 def _whereabouts(name: str, log: Log) -> str:

@@ -114,7 +114,7 @@ def test_a_series_without_points_for_everybody_empties_what_was_there():
 def test_the_first_points_of_series_are_nan_where_there_are_none():
     chunk_reader = ChunkReader(COUNTS)
     chunk_reader.take(SERIES, 0, series([2, 0, 1]))
-    np.testing.assert_array_equal(chunk_reader.drain().strips[SERIES].firsts[0, :, 0], [0.0, np.nan, 2.0])
+    np.testing.assert_array_equal(chunk_reader.drain().strips[SERIES].firsts.values[0, :, 0], [0.0, np.nan, 2.0])
 
 
 def test_values_at_other_instants_are_those_that_held_then():

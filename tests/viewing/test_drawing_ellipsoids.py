@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
-from symaware_cli.viewing.drawing.intents import DEVIATIONS, ellipsoids
+from symaware_cli.viewing.scene.uncertainties import DEVIATIONS, ellipsoids
 
 
 @pytest.mark.parametrize("dimension", [2, 3])

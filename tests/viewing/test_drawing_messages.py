@@ -10,11 +10,11 @@ from rerun_files import STEP, Recording, Script, group, saved
 from symaware_cli import open_log
 from symaware_cli.recording import symaware_v1_pb2 as v1
 from symaware_cli.recording import wire
-from symaware_cli.viewing.drawing.arrows import arrows, broken
-from symaware_cli.viewing.drawing.messages import Messages
 from symaware_cli.viewing.palette import LOSS, MESSAGE, faded
 from symaware_cli.viewing.replay_session import replay_session
-from symaware_cli.viewing.rerun_output import RerunOutput
+from symaware_cli.viewing.rerun.output import RerunOutput
+from symaware_cli.viewing.scene.arrows import arrows, broken
+from symaware_cli.viewing.scene.messages import Messages
 
 DISC = {"circle": {"radius": 0.5}}
 DROPPED = v1.Message.DROPPED
@@ -107,10 +107,11 @@ def test_where_a_log_is_cut_into_chunks_does_not_show(script, tmp_path):
     for size in (1, 1 << 20):
         recording = rr.RecordingStream("test")
         recording.save(tmp_path / "cut.rrd")
-        messages = Messages(whole.run_view, whole.detail, RerunOutput(recording))
+        messages, output = Messages(whole.run_view, whole.detail), RerunOutput(recording)
         messages._width = 10.0  # which is that of the first chunk
         for chunk in whole._replay(recording).chunk_reader().chunks(open_log(log.path).messages(), size):
-            messages.draw(chunk)
+            for mark in messages.marks(chunk):
+                output.show(mark)
         recording.flush()
         recording.disconnect()
         drawn.append(shown(Recording(tmp_path / "cut.rrd")))

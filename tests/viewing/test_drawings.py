@@ -54,7 +54,7 @@ def test_goals_and_waypoints_are_crosses_in_their_places(yard):
     _, recording = yard
     (carts,) = recording.values("/world/agents/cart/goal", "LineStrips3D:strips")
     assert sorted({tuple(np.mean(stroke, axis=0).round(4)[:2].tolist()) for stroke in carts}) == [(-2, 0.3), (2, 0)]
-    (guard,) = recording.values("/world/agents/guard/goal", "LineStrips3D:strips")
+    (guard,) = recording.values("/world/agents/guard/goal/way", "LineStrips3D:strips")
     assert [list(map(list, np.array(strip)[:, :2].tolist())) for strip in guard][-1] == [[-1, -1], [1, -1]]
 
 

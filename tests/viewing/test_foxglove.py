@@ -140,15 +140,13 @@ def test_a_body_keeps_its_name_and_stays_in_its_frame(crossing, shown):
 
 def test_a_body_is_the_redder_the_more_risk_it_is_at(write, tmp_path):
     risks = [[0.0, 0.0], [1.0, 0.5], [1.0, 0.51], [np.inf, 0.0]]
-    messages = exported(
-        write(
-            *(
-                (time, "/agents/robot/risk", "SeriesRows", wire.encode_series([time], np.reshape(risk, (2, 1, 1))))
-                for time, risk in enumerate(risks)
-            )
-        ),
-        tmp_path,
-    )
+    told = []
+    for time, risk in enumerate(risks):
+        told += [
+            (time, "/world/robot/state", "Rows", wire.encode_rows([[1.0, 2.0, 0.0], [4.0, 6.0, 0.0]])),
+            (time, "/agents/robot/risk", "SeriesRows", wire.encode_series([time], np.reshape(risk, (2, 1, 1)))),
+        ]
+    messages = exported(write(*told), tmp_path)
     bodies = messages["/bodies/robot"]
     # What is not to be seen makes no message.
     assert [time for time, _ in bodies] == [0, 1, 3]
@@ -159,15 +157,13 @@ def test_a_body_is_the_redder_the_more_risk_it_is_at(write, tmp_path):
 
 def test_walls_stand_where_they_stand(crossing, shown):
     (time, scenery), *more = shown["/scenery"]
-    (_, frames), *others = shown["/tf_static"]
-    assert (time, more, others) == (0, [], [])
+    assert (time, more) == (0, [])
     entities = open_log(crossing).manifest["entities"]
-    assert (
-        [entity.id for entity in scenery.entities]
-        == list(entities)
-        == [each.child_frame_id for each in frames.transforms]
-    )
-    for entity, frame in zip(scenery.entities, frames.transforms, strict=True):
+    assert [entity.id for entity in scenery.entities] == list(entities)
+    for entity in scenery.entities:
+        ((_, frames),) = shown[f"/tf/{entity.id}"]
+        (frame,) = frames.transforms
+        assert frame.child_frame_id == entity.frame_id == entity.id
         assert [frame.translation.x, frame.translation.y] == entities[entity.id]["position"]
         xs = [point.x for triangles in entity.triangles for point in triangles.points]
         assert (min(xs), max(xs)) == (-5.0, 5.0)
@@ -268,8 +264,10 @@ def test_a_contact_is_marked_while_it_lasts(write, tmp_path):
     def contact(a, b, stage):
         return v1.Contact(a=a, b=b, point=[1.0, 2.0], depth=0.1, stage=stage)
 
+    states = wire.encode_rows([[1.0, 2.0, 0.0], [4.0, 6.0, 0.0]])
     messages = exported(
         write(
+            (0, "/world/robot/state", "Rows", states),
             (10, "/contacts", "Contact", contact("robot.0", "robot.1", 1)),
             (20, "/contacts", "Contact", contact("robot.0", "cart", 1)),
             (30, "/contacts", "Contact", contact("robot.0", "robot.1", 2)),
@@ -306,14 +304,19 @@ def test_a_message_is_an_arrow_for_a_moment(write, tmp_path):
             (0, "/world/robot/state", "Rows", states),
             (SECOND, "/messages", "Message", message(v1.Message.SENT)),
             (2 * SECOND, "/messages", "Message", message(v1.Message.DELIVERED)),
+            (4 * SECOND, "/world/robot/state", "Rows", states),
         ),
         tmp_path,
     )
-    ((time, update),) = messages["/messages"]
-    scene = Scene()
-    scene.apply(update)
-    assert [[point.x, point.y] for point in update.entities[0].lines[0].points] == [[1.0, 2.0], [4.0, 6.0]]
-    assert (scene.at(time), scene.at(time + SECOND)) == ({"3 delivered"}, set())
+    (first, update), *_, (last, none) = messages["/messages"]
+    assert (first, last) == (2 * SECOND, 2 * SECOND + 300_000_000)
+    ((arrow,),) = (entity.lines for entity in update.entities)
+    assert (update.entities[0].id, arrow.color.a) == ("robot.0 robot.1", 1.0)
+    # From one to the other, rim to rim; the tip of the head is its last point but one.
+    way = np.array([3.0, 4.0]) / 5.0
+    ends = np.array([[point.x, point.y] for point in (arrow.points[0], arrow.points[-2])]) - [1.0, 2.0]
+    assert 0.5 < ends[0] @ way < 1.5 < 3.5 < ends[1] @ way < 4.5
+    assert [deletion.id for deletion in none.deletions] == ["robot.0 robot.1"]
 
 
 def test_entities_that_move_have_frames_as_well(write, tmp_path):
@@ -321,7 +324,6 @@ def test_entities_that_move_have_frames_as_well(write, tmp_path):
     ((time, frames),) = messages["/tf/cart"]
     assert (time, frames.transforms[0].child_frame_id, frames.transforms[0].translation.x) == (5, "cart", 5.5)
     assert messages["/scenery"][0][1].entities[0].frame_id == "cart"
-    assert "/tf_static" not in messages
 
 
 def test_who_tilts_has_a_frame_that_tilts(tmp_path):

@@ -64,7 +64,7 @@ def test_foxglove_is_told_that_they_are_tilted(slope):
     log, folder = slope
     export_foxglove(log, folder / "foxglove.mcap")
     messages = read(folder / "foxglove.mcap")
-    _, _, rotation = frames(messages["/tf_static"][0][1])["ramp"]
+    _, _, rotation = frames(messages["/tf/ramp"][0][1])["ramp"]
     assert (rotation * RAMP.inv()).magnitude() < 1e-6
     _, _, rotation = frames(messages["/tf/lift"][0][1])["lift"]
     assert (rotation * Rotation.from_euler("ZYX", [0.2, -0.3, 0.0]).inv()).magnitude() < 1e-6

@@ -8,10 +8,12 @@ from collections.abc import Callable
 from symaware_cli.recording.error import LogError
 from symaware_cli.recording.output import whole_file
 from symaware_cli.recording.reader import Log
+from symaware_cli.viewing.detail import MANY, Detail
+from symaware_cli.viewing.scene.scene import SCENE, TABLES, Scene
 from symaware_cli.viewing.views import run_view_of
 
-_PROGRESS = 256
-"""Messages between two reports of progress."""
+#: More agents than this have no names beside them, and shorter trails [s].
+_TRAIL, _CROWD_TRAIL = 10.0, 3.0
 
 
 def export_foxglove(
@@ -34,22 +36,28 @@ def export_foxglove(
     run_view = run_view_of(log)
     try:
         from symaware_cli.viewing.foxglove.output import Output
-        from symaware_cli.viewing.foxglove.scene import FoxgloveScene
+        from symaware_cli.viewing.foxglove.show import show
+        from symaware_cli.viewing.foxglove.stage import Stage
     except ModuleNotFoundError as error:
         if not (error.name or "").startswith("foxglove_schemas_protobuf"):
             raise
         raise LogError(
             f"Foxglove needs the module `{error.name}`, which is not installed: pip install 'symaware-cli[export]'"
         ) from error
+    crowd = run_view.agent_count > MANY
+    trail = _CROWD_TRAIL if crowd else _TRAIL
+    # A person chooses there what to look at.
+    detail = Detail(focus=(), labels=not crowd, minds=True, curves=True, trail=trail, single=False, words="")
+    scene = Scene(run_view, detail, (*SCENE, *TABLES))
     with whole_file(path, log.path) as place, open(place, "wb") as file, Output(file) as output:
-        show = FoxgloveScene(run_view, log.topics, output, log.start_time or 0)
-        for number, message in enumerate(log.messages(show.topics)):
-            if on_progress and number % _PROGRESS == 0:
-                on_progress(message.time)
+        stage = Stage(output)
+        for chunk in scene.chunk_reader().chunks(log.messages()):
             try:
-                show.take(message.channel.topic, message.time, message.decode())
+                for mark in scene.marks(chunk):
+                    show(stage, mark)
             except (ValueError, IndexError, AttributeError) as error:
-                raise LogError(
-                    f"the message on {message.channel.topic} at {message.time} ns in {log.path} does not fit: {error}"
-                ) from error
+                raise LogError(f"what {log.path} tells up to {chunk.end} ns does not fit together: {error}") from error
+            stage.flush()
+            if on_progress:
+                on_progress(chunk.end)
     return output.counts

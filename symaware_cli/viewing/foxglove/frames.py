@@ -1,59 +1,212 @@
-"""Frames for Foxglove: where bodies are, and how they are turned."""
+"""Bodies for Foxglove: each is a frame that moves, and what it looks like moves with it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from pathlib import PurePosixPath
 from typing import Any
 
 import numpy as np
+from foxglove_schemas_protobuf.ArrowPrimitive_pb2 import ArrowPrimitive
+from foxglove_schemas_protobuf.Color_pb2 import Color
+from foxglove_schemas_protobuf.CubePrimitive_pb2 import CubePrimitive
+from foxglove_schemas_protobuf.CylinderPrimitive_pb2 import CylinderPrimitive
 from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
 from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
+from foxglove_schemas_protobuf.SceneEntity_pb2 import SceneEntity
+from foxglove_schemas_protobuf.SpherePrimitive_pb2 import SpherePrimitive
+from foxglove_schemas_protobuf.TextPrimitive_pb2 import TextPrimitive
+from foxglove_schemas_protobuf.TriangleListPrimitive_pb2 import TriangleListPrimitive
 from numpy.typing import NDArray
 
-from symaware_cli.recording import wire
-from symaware_cli.recording.index import ChannelInfo
-from symaware_cli.viewing.foxglove import entities
-from symaware_cli.viewing.foxglove.entities import WORLD
-from symaware_cli.viewing.foxglove.output import Output
-from symaware_cli.viewing.views import ObstacleView
+from symaware_cli.geometry.articulation import Visual
+from symaware_cli.recording.surface import triangles
+from symaware_cli.viewing.foxglove import primitives
+from symaware_cli.viewing.foxglove.primitives import ORIGIN, WORLD, colour, entity, pose, vector
+from symaware_cli.viewing.foxglove.stage import Stage
+from symaware_cli.viewing.outline import circle, outlines
+from symaware_cli.viewing.scene.marks import Bodies, Figures, Solid
+from symaware_cli.viewing.tessellation import tessellated
 
 Array = NDArray[np.float64]
-Take = Callable[[int, Any], None]
+
+#: How big a body without a shape is drawn [m].
+_POINT = 0.2
+#: From which change of a colour on bodies are put up anew.
+_VISIBLE = 8
+_NOSE = (240, 240, 240)
 
 
-def transforms_of(
-    time: int, names: Sequence[str], positions: Array, rotations: NDArray[np.floating]
-) -> FrameTransforms:
-    """Where everything is, (n, 3) [m], and how it is turned, (n, 4) x, y, z, w. Who is nowhere yet is left out."""
-    known = np.isfinite(positions).all(axis=1) & np.isfinite(rotations).all(axis=1)
-    return FrameTransforms(
-        transforms=[
+def show_bodies(stage: Stage, mark: Bodies) -> None:
+    """Show bodies: frames at each instant, and what they look like whenever a colour visibly changes."""
+    owner = mark.path.rpartition("/")[2]
+    if mark.ring is None:
+        _move(stage, f"/tf/{owner}", mark.times, mark.names, mark.positions, mark.orientations)
+    shown: NDArray[np.int16] | None = stage.kept.get(mark.path)
+    for time, colours in zip(mark.times.tolist(), mark.colours.astype(np.int16), strict=True):
+        if shown is None:
+            labels = [_label(mark, row, text, time) for row, text in mark.labels.items()]
+            stage.put_up(time, f"/labels/{owner}", mark.path, labels)
+        if shown is None or (np.abs(colours - shown) >= _VISIBLE).any():
+            made = [_body(mark, row, colour(tint), time) for row, tint in enumerate(colours.tolist())]
+            stage.put_up(time, f"/{mark.layer}", mark.path, made)
+            shown = colours
+    stage.kept[mark.path] = shown
+
+
+def show_solid(stage: Stage, mark: Solid) -> None:
+    """Show a body that stands over its outline."""
+    if mark.path not in stage.kept:
+        stage.kept[mark.path] = True
+        time = int(mark.times[0])
+        made = entity(mark.name, time, mark.name)
+        made.triangles.extend(primitives.prisms(mark.outlines, mark.low, mark.high, colour(mark.colour)))
+        stage.put_up(time, f"/{mark.layer}", mark.path, [made])
+    positions, orientations = mark.positions[:, None], mark.orientations[:, None]
+    _move(stage, f"/tf/{mark.name}", mark.times, [mark.name], positions, orientations)
+
+
+def show_figures(stage: Stage, mark: Figures) -> None:
+    """Show bodies of links and joints, each link in a frame ``<body>/<link>`` of its own."""
+    figure = mark.figure
+    links = figure.articulation.links
+    if mark.path not in stage.kept:
+        stage.kept[mark.path] = True
+        parts = {place: SceneEntity() for place in sorted({place for _, place in figure.visuals})}
+        for visual, place in figure.visuals:
+            _add(parts[place], visual, mark.surfaces, colour(mark.colour))
+        time, made = int(mark.times[0]), []
+        for body in (body for _, bodies in mark.owners for body in bodies):
+            for place, part in parts.items():
+                # The base has the frame of the body.
+                frame = f"{body}/{links[place].name}" if place else body
+                made.append(entity(frame, time, frame))
+                made[-1].MergeFrom(part)
+        stage.put_up(time, f"/{mark.layer}", mark.path, made)
+    places = [place for place in sorted({place for _, place in figure.visuals}) if place]
+    first = 0
+    for owner, bodies in mark.owners:
+        some = slice(first, first + len(bodies))
+        first = some.stop
+        _move(stage, f"/tf/{owner}", mark.times, bodies, mark.positions[:, some], mark.orientations[:, some])
+        if places:
+            inner, turned = figure.articulation.frames(mark.joints[:, some])
+            names = [f"{body}/{links[place].name}" for body in bodies for place in places]
+            shape = (len(mark.times), len(names))
+            given = inner[..., places, :].reshape(*shape, 3), turned[..., places, :].reshape(*shape, 4)
+            parents = [body for body in bodies for _ in places]
+            _move(stage, f"/tf/{owner}/links", mark.times, names, *given, parents)
+
+
+def _move(
+    stage: Stage,
+    topic: str,
+    times: NDArray[np.int64],
+    names: Sequence[str],
+    positions: Array,
+    orientations: Array,
+    parents: Sequence[str] | None = None,
+) -> None:
+    """Say where frames are, (k, n, 3) [m], and how they are turned, (k, n, 4). Who is nowhere yet is left out."""
+    known = np.asarray(np.isfinite(np.concatenate([positions, orientations], axis=2)).all(axis=2))
+    for instant, time in enumerate(times.tolist()):
+        at, turned = positions[instant].tolist(), orientations[instant].tolist()
+        transforms = [
             FrameTransform(
-                timestamp=entities.timestamp(time),
-                parent_frame_id=WORLD,
+                timestamp=primitives.timestamp(time),
+                parent_frame_id=parents[row] if parents else WORLD,
                 child_frame_id=names[row],
-                translation=entities.vector(positions[row].tolist()),
-                rotation=entities.quaternion(rotations[row].tolist()),
+                translation=vector(at[row]),
+                rotation=primitives.quaternion(turned[row]),
             )
-            for row in np.flatnonzero(known).tolist()
+            for row in np.flatnonzero(known[instant]).tolist()
         ]
+        if transforms:
+            stage.say(time, topic, FrameTransforms(transforms=transforms))
+
+
+def _body(mark: Bodies, row: int, shade: Color, time: int) -> SceneEntity:
+    """A body, which moves with its frame, and an arrow along its x axis."""
+    made = entity(mark.names[row], time, mark.names[row])
+    if mark.ring is not None:
+        centre, reach = mark.ring
+        made.lines.append(primitives.line(centre + np.pad(circle(reach), ((0, 0), (0, 1))), shade, 2.0))
+        return made
+    shape, radius = mark.shape, mark.shape.radius if mark.shape else 0.5 * _POINT
+    height = radius
+    if shape is None or (shape.circle and mark.spatial):
+        made.spheres.append(SpherePrimitive(pose=ORIGIN, size=vector([2.0 * radius] * 3), color=shade))
+    elif shape.circle or shape.cylinder:
+        height = shape.cylinder.height if shape.cylinder and mark.spatial else radius
+        size = vector([2.0 * radius, 2.0 * radius, height])
+        made.cylinders.append(CylinderPrimitive(pose=ORIGIN, size=size, bottom_scale=1.0, top_scale=1.0, color=shade))
+    elif shape.box:
+        height = shape.box.height or 0.5 * min(shape.box.length, shape.box.width)
+        size = vector([shape.box.length, shape.box.width, height])
+        made.cubes.append(CubePrimitive(pose=ORIGIN, size=size, color=shade))
+    else:
+        made.triangles.extend(primitives.prisms(outlines(shape), -0.5 * height, 0.5 * height, shade))
+    if mark.nosed:
+        made.arrows.append(_arrow(radius, height))
+    return made
+
+
+def _arrow(radius: float, height: float) -> ArrowPrimitive:
+    """What shows where a body faces, on top of it."""
+    return ArrowPrimitive(
+        pose=pose((0.0, 0.0, 0.5 * height)),
+        shaft_length=radius,
+        shaft_diameter=0.16 * radius,
+        head_length=0.5 * radius,
+        head_diameter=0.4 * radius,
+        color=colour(_NOSE),
     )
 
 
-def movers(obstacle_view: ObstacleView, channels: Mapping[str, ChannelInfo], output: Output) -> Mapping[str, Take]:
-    """What moves an entity of the environment: how it is turned in space, where that is known, or else its heading."""
-
-    def by_pose(time: int, message: wire.Rows) -> None:
-        values = message.values
-        output.write(
-            f"/tf/{obstacle_view.name}", time, transforms_of(time, [obstacle_view.name], values[:, :3], values[:, 3:])
+def _label(mark: Bodies, row: int, text: str, time: int) -> SceneEntity:
+    """The name of a body, beside it."""
+    made = entity(mark.names[row], time, mark.names[row])
+    made.texts.append(
+        TextPrimitive(
+            pose=pose((0.0, 0.0, 2.0 * (mark.extent or 0.5 * _POINT))),
+            billboard=True,
+            font_size=12.0,
+            scale_invariant=True,
+            color=colour(mark.label_colours[row]),
+            text=text,
         )
+    )
+    return made
 
-    def by_state(time: int, message: wire.Rows) -> None:
-        values = message.values
-        transforms = transforms_of(
-            time, [obstacle_view.name], obstacle_view.positions(values), obstacle_view.orientations(values[:, -1])
-        )
-        output.write(f"/tf/{obstacle_view.name}", time, transforms)
 
-    return {"pose": by_pose} if f"/world/{obstacle_view.name}/pose" in channels else {"state": by_state}
+def _add(made: SceneEntity, visual: Visual, surfaces: Mapping[str, bytes], shade: Color) -> None:
+    """Add what a link looks like to what moves with it."""
+    at, size = pose(visual.position, visual.orientation), visual.size
+    if visual.colour:
+        *parts, opacity = visual.colour
+        shade = colour([round(255 * part) for part in parts], opacity)
+    match visual.kind:
+        case "box":
+            made.cubes.append(CubePrimitive(pose=at, size=vector(size), color=shade))
+        case "sphere":
+            made.spheres.append(SpherePrimitive(pose=at, size=vector([2.0 * size[0]] * 3), color=shade))
+        case "cylinder":
+            extents: dict[str, Any] = {"size": vector((2.0 * size[0], 2.0 * size[0], size[1]))}
+            made.cylinders.append(CylinderPrimitive(pose=at, bottom_scale=1.0, top_scale=1.0, color=shade, **extents))
+        case "mesh":
+            # As triangles: of a file Foxglove would ask the user which of its axes points up.
+            found = triangles(surfaces[visual.mesh], PurePosixPath(visual.mesh).suffix)
+            if found:
+                made.triangles.append(_surface(found[0] * size, found[1], visual, shade))
+        case _:
+            solid = tessellated(visual)
+            made.triangles.append(_surface(solid.vertices, solid.corners, visual, shade))
+
+
+def _surface(vertices: Array, corners: NDArray[np.integer], visual: Visual, shade: Color) -> TriangleListPrimitive:
+    return TriangleListPrimitive(
+        pose=pose(visual.position, visual.orientation),
+        points=primitives.point_list(vertices),
+        indices=corners.ravel().tolist(),
+        color=shade,
+    )

@@ -80,29 +80,26 @@ class Columns:
     So ``/agents/robot/state.x[2]`` is the x of the third robot.
     """
 
-    def __init__(self, output: Output, topic: str, quantities: Sequence[tuple[str, str]], ids: Sequence[str]) -> None:
+    def __init__(self, path: str, quantities: Sequence[tuple[str, str]], names: Sequence[str]) -> None:
         """Prepare the channel.
 
         Args:
-            output: Where.
-            topic: Its name.
+            path: The channel's name.
             quantities: Name and unit of each column.
-            ids: The agents, in the order of their numbers.
+            names: Of the rows.
         """
-        self._output = output
-        self._topic = topic
         self._fields = _distinct([_identifier(name) for name, _ in quantities])
-        self._kind = _class(_identifier(topic.strip("/")), self._fields)
-        self._metadata = {
-            "rows": ",".join(ids),
+        self._kind = _class(_identifier(path), self._fields)
+        #: What there is to say of the channel.
+        self.metadata = {
+            "rows": ",".join(names),
             "columns": ",".join(self._fields),
             "units": ",".join(unit for _, unit in quantities),
         }
 
-    def write(self, time: int, values: NDArray[np.float64]) -> None:
-        """Write the numbers (agents, columns) of an instant [ns]."""
-        fields = zip(self._fields, values.T.tolist(), strict=True)
-        self._output.write(self._topic, time, self._kind(**dict(fields)), self._metadata)
+    def message(self, values: NDArray[np.float64]) -> Message:
+        """The numbers (rows, columns) of an instant."""
+        return self._kind(**dict(zip(self._fields, values.T.tolist(), strict=True)))
 
 
 def _class(name: str, fields: Sequence[str]) -> type[Message]:

@@ -7,9 +7,10 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.viewing.chunk import Chunk, Frames
-from symaware_cli.viewing.drawing.base import Drawing
+from symaware_cli.viewing.chunk import Chunk
 from symaware_cli.viewing.palette import AGENTS
+from symaware_cli.viewing.scene.base import Drawing
+from symaware_cli.viewing.scene.marks import Lines
 from symaware_cli.viewing.views import GroupView, RunView
 
 Array = NDArray[np.float64]
@@ -24,54 +25,44 @@ _AWAY, _HEIGHT, _APART, _THICK = 1.5, 2.0, 0.45, 0.17
 class Bars(Drawing):
     """What is drawn as bars, of all whose minds are shown."""
 
-    def begin(self) -> None:
-        """Put up how thick the bars are."""
-        import rerun as rr
-
-        self._before: dict[str, Array] = {}
+    def marks(self, chunk: Chunk) -> Iterator[Lines]:
+        """A mark for each part or signal of a group."""
         for group_view in self.run_view.group_views.values():
-            for name, _ in group_view.drawn("bars"):
-                thick = rr.LineStrips3D.from_fields(radii=_THICK * _size(group_view))
-                self.output.static(f"minds/{group_view.name}/{name}", thick)
-
-    def draw(self, chunk: Chunk) -> None:
-        """Draw the bars of a stretch of the log."""
-        for group_view in self.run_view.group_views.values():
-            rows = [row for row, id in enumerate(group_view.agents) if self.detail.minds or id in self.detail.focus]
-            places = chunk.frames.get(group_view.whereabouts)
+            rows, places = self.shown_rows(group_view), chunk.frames.get(group_view.whereabouts)
             for number, (name, topic) in enumerate(group_view.drawn("bars")):
-                shares = self._shares(topic, chunk)
+                series = chunk.strips.get(topic)
+                # The numbers of a vector, or the first ones of a series.
+                shares = chunk.frames.get(topic) if series is None else series.firsts
                 if shares is None or places is None or not rows:
                     continue
                 times = np.union1d(places.times, shares.times)
                 positions = group_view.positions(places.at(times))[:, rows]
-                path = f"minds/{group_view.name}/{name}"
-                self._draw(path, group_view, number, times, positions, shares.at(times)[:, rows])
+                bars = self._bars(group_view, number, positions, shares.at(times)[:, rows])
+                count, columns = bars.shape[1:3]
+                colours = np.array([AGENTS[column % len(AGENTS)] for column in range(columns)], np.uint8)
+                yield Lines(
+                    path=f"minds/{group_view.name}/{name}",
+                    layer=f"{name}/{group_view.name}",
+                    times=times,
+                    counts=[count * columns] * len(times),
+                    points=bars.reshape(-1, 3),
+                    lengths=np.full(len(times) * count * columns, 2),
+                    colours=np.tile(colours, (len(times) * count, 1)),
+                    thickness=_THICK * _size(group_view),
+                    names=group_view.agents,
+                    who=np.tile(np.repeat(rows, columns), len(times)),
+                )
 
-    def _shares(self, topic: str, chunk: Chunk) -> Frames | None:
-        """The numbers of all agents: those of a vector, or the first ones of a series."""
-        strips = chunk.strips.get(topic)
-        if strips is None:
-            return chunk.frames.get(topic)
-        before = self._before.get(topic, np.full(strips.firsts.shape[1:], np.nan))
-        self._before[topic] = strips.firsts[-1]
-        return Frames(strips.times, strips.firsts, before)
-
-    def _draw(
-        self, path: str, group_view: GroupView, number: int, times: NDArray[np.int64], positions: Array, shares: Array
-    ) -> None:
+    def _bars(self, group_view: GroupView, number: int, positions: Array, shares: Array) -> Array:
+        """Both ends of each bar, (k, n, columns, 2, 3) [m]."""
         size, columns = _size(group_view), shares.shape[2]
-        across, up = (
-            np.array([1.0, 0.0, 0.0]),
-            np.array([0.0, 0.0, 1.0] if self.run_view.is_spatial else [0.0, 1.0, 0.0]),
-        )
+        across = np.array([1.0, 0.0, 0.0])
+        up = np.array([0.0, 0.0, 1.0] if self.run_view.is_spatial else [0.0, 1.0, 0.0])
         # The next part stands to the right of this one.
         aside = (_AWAY + _APART * (np.arange(columns) + number * (columns + 1))) * size
         feet = positions[:, :, None] - 0.5 * _HEIGHT * size * up + aside[:, None] * across
         tops = feet + _HEIGHT * size * np.clip(shares, 0.0, 1.0)[..., None] * up
-        ends = np.stack([feet, tops], axis=3).reshape(len(times), -1, 2, 3)
-        colours = np.array([AGENTS[column % len(AGENTS)] for column in range(columns)], np.uint8)
-        self.output.segments(path, times, ends, np.tile(colours, (positions.shape[1], 1)))
+        return np.stack([feet, tops], axis=3)
 
 
 def legend(run_view: RunView) -> Iterator[tuple[str, str]]:

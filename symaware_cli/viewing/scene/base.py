@@ -1,52 +1,40 @@
-"""What all drawings have in common."""
+"""What all drawings have in common: each makes marks of what one kind of thing is in a log."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.viewing.chunk import Chunk
 from symaware_cli.viewing.detail import Detail
-from symaware_cli.viewing.rerun_output import RerunOutput
+from symaware_cli.viewing.scene.marks import Mark
 from symaware_cli.viewing.views import GroupView, ObstacleView, RunView
 
 Array = NDArray[np.float64]
 
 
 class Drawing(ABC):
-    """Something drawn in a replay.
+    """Makes marks of one kind of thing that a log tells of.
 
     Attributes:
         run_view: Who takes part.
         detail: How much to show.
-        output: Where to draw.
-        columns: The names of the columns of each topic.
-        units: Their units.
     """
 
-    def __init__(
-        self,
-        run_view: RunView,
-        detail: Detail,
-        output: RerunOutput,
-        columns: Mapping[str, Sequence[str]] | None = None,
-        units: Mapping[str, Sequence[str]] | None = None,
-    ) -> None:
+    def __init__(self, run_view: RunView, detail: Detail) -> None:
         self.run_view = run_view
         self.detail = detail
-        self.output = output
-        self.columns = columns or {}
-        self.units = units or {}
-
-    def begin(self) -> None:  # noqa: B027 (not every drawing has something)
-        """Put up what holds for all times."""
 
     @abstractmethod
-    def draw(self, chunk: Chunk) -> None:
-        """Draw a stretch of the log; called in the order of time."""
+    def marks(self, chunk: Chunk) -> Iterable[Mark]:
+        """What is to be seen of a stretch of the log; called in the order of time."""
+
+    def shown_rows(self, group_view: GroupView) -> list[int]:
+        """The rows of those whose intents and the like are shown: all, or in a crowd those in focus."""
+        return [row for row, id in enumerate(group_view.agents) if self.detail.minds or id in self.detail.focus]
 
     def places(self, who: str, times: NDArray[np.int64], chunk: Chunk) -> Array:
         """Where somebody or something is at some instants of a chunk; (len(times), 3) [m], NaN if unknown."""

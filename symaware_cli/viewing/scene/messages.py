@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.recording import logged_events
 from symaware_cli.viewing.chunk import Chunk
-from symaware_cli.viewing.detail import FEW, Detail
-from symaware_cli.viewing.drawing.arrows import BROKEN_POINTS, POINTS, arrows, broken
-from symaware_cli.viewing.drawing.base import Drawing
-from symaware_cli.viewing.palette import LOSS, MESSAGE, faded
-from symaware_cli.viewing.rerun_output import RerunOutput
+from symaware_cli.viewing.detail import FEW, MANY, Detail
+from symaware_cli.viewing.palette import LOSS, MESSAGE
+from symaware_cli.viewing.scene.arrows import BROKEN_POINTS, POINTS, arrows, broken
+from symaware_cli.viewing.scene.base import Drawing
+from symaware_cli.viewing.scene.marks import Journal, Lines
 from symaware_cli.viewing.views import RunView
 
 Array = NDArray[np.float64]
@@ -30,15 +31,15 @@ _LOSS_AT = 0.45
 _HEAD, _ASLANT_HEAD, _GAP = 0.016, 0.025, 0.006
 #: How much of its way an arrow leaves out at each end at most.
 _OUT = 0.3
-#: Longer lines of the log are cut.
-_LONGEST = 300
+#: Longer messages are cut in the log.
+_LONGEST = 240
 
 
 class Messages(Drawing):
     """Messages as they are sent, delivered and dropped; each arrow goes with those at its ends until it has faded."""
 
-    def __init__(self, run_view: RunView, detail: Detail, output: RerunOutput) -> None:
-        super().__init__(run_view, detail, output)
+    def __init__(self, run_view: RunView, detail: Detail) -> None:
+        super().__init__(run_view, detail)
         self._number = {agent: number for number, agent in enumerate(run_view.agents)}
         group_views = [
             (group_view, row) for group_view in run_view.group_views.values() for row in range(len(group_view.agents))
@@ -47,24 +48,15 @@ class Messages(Drawing):
         self._groups = np.array([group_view.name for group_view, _ in group_views])
         self._rows = np.array([row for _, row in group_views], np.intp)
         self._sizes = np.array([group_view.extent for group_view, _ in group_views])
-        self._step = _STEP if detail.minds else _CROWD_STEP
+        self._step = _STEP if run_view.agent_count <= MANY else _CROWD_STEP
         #: The arrows still to be seen after the last chunk: time [ns], sender, receiver, whether it was lost; (m, 4).
         self._left = np.empty((0, 4), np.int64)
         #: The number of the last instant at which arrows were drawn.
         self._drawn = -1
         self._width = 0.0
 
-    def begin(self) -> None:
-        """Put up how arrows look."""
-        import rerun as rr
-
-        look = rr.LineStrips3D.from_fields(
-            radii=rr.Radius.ui_points([1.0 if self.run_view.agent_count <= FEW else 0.75])
-        )
-        self.output.static("world/messages", look)
-
-    def draw(self, chunk: Chunk) -> None:
-        """Write and draw the messages."""
+    def marks(self, chunk: Chunk) -> Iterator[Journal | Lines]:
+        """The lines of the log, and the arrows."""
         entries = [
             entry
             for topic in logged_events.MESSAGES
@@ -72,11 +64,14 @@ class Messages(Drawing):
             for entry in logged_events.communications(time, message, self.run_view.roster)
         ]
         entries.sort(key=lambda entry: entry.time)
-        self.output.texts(
-            "log/messages",
-            [entry.time for entry in entries],
-            [_line(entry) for entry in entries],
-            ["WARN" if entry.stage == "DROPPED" else "DEBUG" for entry in entries],
+        yield Journal(
+            path="log/messages",
+            layer="messages/log",
+            times=np.array([entry.time for entry in entries], np.int64),
+            kinds=[_stage(entry) for entry in entries],
+            sources=[f"{entry.sender} -> {entry.receiver}" for entry in entries],
+            texts=[_said(entry) for entry in entries],
+            levels=["WARNING" if entry.stage == "DROPPED" else "DEBUG" for entry in entries],
         )
         number = self._number
         ended = [
@@ -94,10 +89,10 @@ class Messages(Drawing):
         instants = begin[which] + np.arange(len(which)) - np.repeat(np.cumsum(counts) - counts, counts)
         # Where there is no arrow any more, that has to be said once.
         gone = last[(last >= drawn) & (last < now) & (last >= first)] + 1
-        self._draw(np.unique(np.concatenate([instants, gone])), told[which], instants, chunk)
+        yield from self._arrows(np.unique(np.concatenate([instants, gone])), told[which], instants, chunk)
 
-    def _draw(self, moments: Integers, told: Integers, instants: Integers, chunk: Chunk) -> None:
-        """Draw arrows, each at its instant; both counted in steps."""
+    def _arrows(self, moments: Integers, told: Integers, instants: Integers, chunk: Chunk) -> Iterator[Lines]:
+        """Arrows, each at its instant; both counted in steps."""
         if not len(moments):
             return
         order = np.argsort(instants, kind="stable")
@@ -108,10 +103,21 @@ class Messages(Drawing):
         known = ways > 0.0  # neither unknown nor the same
         told, instants, times, ways = told[known], instants[known], times[known], ways[known]
         points, lengths = self._lines(told, origins[known], targets[known], ways, self._scene(chunk))
-        plain = np.where(told[:, 3:] > 0, np.array(LOSS, np.uint8), np.array(MESSAGE, np.uint8))
-        colours = faded(plain, _FADED * (times - told[:, 0]) / _SEEN)
-        drawn = np.bincount(np.searchsorted(moments, instants), minlength=len(moments))
-        self.output.strips("world/messages", moments * self._step, points, lengths, drawn, colours)
+        links, who = np.unique(told[:, 1:3], axis=0, return_inverse=True)
+        agents = self.run_view.agents
+        yield Lines(
+            path="world/messages",
+            layer="messages",
+            times=moments * self._step,
+            counts=np.bincount(np.searchsorted(moments, instants), minlength=len(moments)),
+            points=points,
+            lengths=lengths,
+            colours=np.where(told[:, 3:] > 0, np.array(LOSS, np.uint8), np.array(MESSAGE, np.uint8)),
+            transparency=_FADED * (times - told[:, 0]) / _SEEN,
+            width=1.0 if self.run_view.agent_count <= FEW else 0.75,
+            names=[f"{agents[sender]} {agents[receiver]}" for sender, receiver in links.tolist()],
+            who=who.ravel(),
+        )
 
     def _lines(
         self, told: Integers, origins: Array, targets: Array, ways: Array, scene: float
@@ -176,10 +182,11 @@ def _stays(told: Integers, step: int) -> tuple[Integers, Integers]:
     return first, last
 
 
-def _line(entry: logged_events.Communication) -> str:
+def _stage(entry: logged_events.Communication) -> str:
     late = f" after {(entry.time - entry.sent_time) / 1e9:g} s" if entry.time > entry.sent_time else ""
-    why = f" ({entry.reason})" if entry.reason else ""
-    says = f"  {json.dumps(entry.payload)}" if entry.payload is not None else ""
-    time = f"{entry.time / 1e9:8.2f} s"
-    line = f"{time}  {entry.stage.lower()}{late}{why}  {entry.sender} -> {entry.receiver}  {entry.kind}{says}"
-    return line if len(line) <= _LONGEST else f"{line[: _LONGEST - 1]}…"
+    return f"{entry.stage.lower()}{late}" + (f" ({entry.reason})" if entry.reason else "")
+
+
+def _said(entry: logged_events.Communication) -> str:
+    says = f"{entry.kind}  {json.dumps(entry.payload)}" if entry.payload is not None else entry.kind
+    return says if len(says) <= _LONGEST else f"{says[: _LONGEST - 1]}…"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from symaware_cli.recording import logged_events
 from symaware_cli.viewing.chunk import Chunk
 from symaware_cli.viewing.detail import Detail
-from symaware_cli.viewing.drawing.base import Drawing
 from symaware_cli.viewing.outline import circle
 from symaware_cli.viewing.palette import CONTACT
-from symaware_cli.viewing.rerun_output import RerunOutput
+from symaware_cli.viewing.scene.base import Drawing
+from symaware_cli.viewing.scene.marks import Lines
 from symaware_cli.viewing.views import RunView, in_space
 
 Array = NDArray[np.float64]
@@ -48,22 +48,15 @@ class _Touch:
 class Contacts(Drawing):
     """All contacts between agents, and of agents with entities of the environment."""
 
-    def __init__(self, run_view: RunView, detail: Detail, output: RerunOutput) -> None:
-        super().__init__(run_view, detail, output)
+    def __init__(self, run_view: RunView, detail: Detail) -> None:
+        super().__init__(run_view, detail)
         #: Those that touch at the end of the last chunk, and how far the place is from the middle of the two (3,).
         self._touching: dict[tuple[str, str], tuple[_Touch, Array]] = {}
         #: Up to which instant rings are drawn [ns].
         self._drawn = -1
 
-    def begin(self) -> None:
-        """Put up how rings look."""
-        import rerun as rr
-
-        look = rr.LineStrips3D.from_fields(radii=rr.Radius.ui_points([2.5]), colors=[CONTACT])
-        self.output.static("world/contacts", look)
-
-    def draw(self, chunk: Chunk) -> None:
-        """Draw the rings."""
+    def marks(self, chunk: Chunk) -> Iterator[Lines]:
+        """The rings of all who touch."""
         entries = [logged_events.contact(time, message) for time, message in chunk.entries.get("/contacts", ())]
         touches = self._touches(entries, chunk)
         drawn, self._drawn = self._drawn, chunk.end
@@ -90,8 +83,19 @@ class Contacts(Drawing):
         counts = np.bincount(which, minlength=len(moments))
         # Where nobody touches any more, that has to be said once.
         said = (counts > 0) | (np.concatenate([[len(_RING)], counts[:-1]]) > 0)
-        points = all_rings[np.argsort(which, kind="stable")].reshape(-1, 3)
-        self.output.strips("world/contacts", moments[said], points, np.full(len(which), len(_RING)), counts[said])
+        order = np.argsort(which, kind="stable")
+        yield Lines(
+            path="world/contacts",
+            layer="contacts",
+            times=moments[said],
+            counts=counts[said],
+            points=all_rings[order].reshape(-1, 3),
+            lengths=np.full(len(which), len(_RING)),
+            colours=CONTACT,
+            width=2.5,
+            names=[" ".join(touch.pair) for touch, _ in touches],
+            who=np.repeat(np.arange(len(touches)), [len(each) for each in rings[1:]])[order],
+        )
 
     def _touches(self, entries: Sequence[logged_events.LoggedContact], chunk: Chunk) -> list[tuple[_Touch, Array]]:
         """All that touch at some time in a chunk, each with the place's distance from the middle of the two."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -10,9 +11,8 @@ from numpy.typing import NDArray
 from symaware_cli.recording.json_text import read_json
 from symaware_cli.viewing.chunk import Chunk
 from symaware_cli.viewing.detail import FEW, Detail
-from symaware_cli.viewing.drawing.base import Drawing
-from symaware_cli.viewing.palette import faded
-from symaware_cli.viewing.rerun_output import RerunOutput
+from symaware_cli.viewing.scene.base import Drawing
+from symaware_cli.viewing.scene.marks import Crosses, Lines
 from symaware_cli.viewing.views import GroupView, RunView, in_space
 
 Array = NDArray[np.float64]
@@ -28,22 +28,14 @@ class Goals(Drawing):
     They are what the knowledge calls ``goal``, ``target``, ``waypoint`` or ``waypoints``.
     """
 
-    def __init__(self, run_view: RunView, detail: Detail, output: RerunOutput) -> None:
-        super().__init__(run_view, detail, output)
+    def __init__(self, run_view: RunView, detail: Detail) -> None:
+        super().__init__(run_view, detail)
         self._known: dict[str, list[list[Array]]] = {
             group_view.name: [[] for _ in group_view.agents] for group_view in run_view.group_views.values()
         }
 
-    def begin(self) -> None:
-        """Put up how thick the lines are."""
-        import rerun as rr
-
-        for group_view in self.run_view.group_views.values():
-            width = rr.LineStrips3D.from_fields(radii=rr.Radius.ui_points([1.5 if self._few else 0.75]))
-            self.output.static(f"world/agents/{group_view.name}/goal", width)
-
-    def draw(self, chunk: Chunk) -> None:
-        """Draw the goals that became known."""
+    def marks(self, chunk: Chunk) -> Iterator[Crosses | Lines]:
+        """The goals, each time that any became known."""
         for group_view in self.run_view.group_views.values():
             told = chunk.entries.get(f"/agents/{group_view.name}/knowledge", ())
             for place, (time, message) in enumerate(told):
@@ -51,24 +43,42 @@ class Goals(Drawing):
                 for row, value in zip(rows, message.values, strict=True):
                     self._known[group_view.name][row] = known_ways(read_json(value), len(group_view.position))
                 if place + 1 == len(told) or told[place + 1][0] > time:
-                    self._draw(group_view, time)
+                    yield from self._goals(group_view, time)
 
-    def _draw(self, group_view: GroupView, time: int) -> None:
-        size = 0.8 * group_view.radius or 0.2
-        strips, colours = [], []
-        for row, ways in enumerate(self._known[group_view.name]):
-            lines = [line for way in ways for line in (*crosses(way, size), *([way] if len(way) > 1 else []))]
-            strips += lines
-            colours += [faded(group_view.colours[row], 0.35 if self._few else 0.7)] * len(lines)
-        if strips:
-            lengths = [len(strip) for strip in strips]
-            shades, points = np.array(colours, np.uint8), np.concatenate(strips)
-            path = f"world/agents/{group_view.name}/goal"
-            self.output.strips(path, np.array([time]), points, lengths, [len(strips)], shades)
-
-    @property
-    def _few(self) -> bool:
-        return self.run_view.agent_count <= FEW
+    def _goals(self, group_view: GroupView, time: int) -> Iterator[Crosses | Lines]:
+        known = [(row, way) for row, ways in enumerate(self._known[group_view.name]) for way in ways if len(way)]
+        if not known:
+            return
+        few = self.run_view.agent_count <= FEW
+        rows, lengths = np.array([row for row, _ in known]), np.array([len(way) for _, way in known])
+        points, of = np.concatenate([way for _, way in known]), np.repeat(rows, lengths)
+        path, layer, times = f"world/agents/{group_view.name}/goal", f"goals/{group_view.name}", np.array([time])
+        look: dict[str, Any] = {"transparency": 0.35 if few else 0.7, "width": 1.5 if few else 0.75}
+        yield Crosses(
+            path=path,
+            layer=layer,
+            times=times,
+            counts=[len(points)],
+            positions=points,
+            size=0.8 * group_view.radius or 0.2,
+            colours=group_view.colours[of],
+            names=group_view.agents,
+            who=of,
+            **look,
+        )
+        far = lengths > 1
+        yield Lines(
+            path=f"{path}/way",
+            layer=layer,
+            times=times,
+            counts=[far.sum()],
+            points=points[np.repeat(far, lengths)],
+            lengths=lengths[far],
+            colours=group_view.colours[rows[far]],
+            names=[f"{agent} way" for agent in group_view.agents],
+            who=rows[far],
+            **look,
+        )
 
 
 def known_ways(knowledge: Any, dimension: int) -> list[Array]:
@@ -82,9 +92,3 @@ def known_ways(knowledge: Any, dimension: int) -> list[Array]:
         if points.ndim == 2 and points.shape[1] >= dimension and np.isfinite(points).all():
             ways.append(in_space(points[:, :dimension]))
     return ways
-
-
-def crosses(points: Array, size: float) -> list[Array]:
-    """Two strokes through each point."""
-    strokes = size * np.array([[[-1.0, -1.0, 0.0], [1.0, 1.0, 0.0]], [[-1.0, 1.0, 0.0], [1.0, -1.0, 0.0]]])
-    return [point + stroke for point in points for stroke in strokes]

@@ -10,39 +10,58 @@ from numpy.typing import NDArray
 from symaware_cli.recording import wire
 from symaware_cli.viewing.chunk import Chunk
 from symaware_cli.viewing.detail import Detail
-from symaware_cli.viewing.drawing.base import Drawing
-from symaware_cli.viewing.rerun_output import TIMELINE, RerunOutput
+from symaware_cli.viewing.scene.base import Drawing
+from symaware_cli.viewing.scene.marks import Points
 from symaware_cli.viewing.views import GroupView, RunView
 
 Array = NDArray[np.float64]
-Dots = tuple[int, int, Array]
-"""When, the row of whose they are, and where: shape (m, 3) [m]."""
 
 #: How large points are, in the scene and in the tab of the agent [pixels].
 _POINT, _NEAR_POINT = 3.0, 4.0
 
 
-class Points(Drawing):
+class Found(Drawing):
     """The points of all agents in the scene, unless they are a crowd, and in tabs one's own."""
 
-    def __init__(self, run_view: RunView, detail: Detail, output: RerunOutput) -> None:
-        super().__init__(run_view, detail, output)
+    def __init__(self, run_view: RunView, detail: Detail) -> None:
+        super().__init__(run_view, detail)
         #: By topic, what was said last of each row.
         self._known: dict[str, list[Array]] = {}
 
-    def draw(self, chunk: Chunk) -> None:
-        """Draw the points of each instant until the next."""
+    def marks(self, chunk: Chunk) -> Iterator[Points]:
+        """The points of each instant until the next."""
         for group_view in self.run_view.group_views.values():
             for name, topic in group_view.drawn("points"):
                 found = list(self._found(group_view, name, topic, chunk))
-                if self.detail.minds:
-                    draw_dots(self, f"minds/{group_view.name}/{name}", found, group_view, _POINT)
+                if found and self.detail.minds:
+                    layer = f"{name}/{group_view.name}"
+                    yield self._mark(f"minds/{group_view.name}/{name}", layer, found, group_view, _POINT)
                 for agent in self.detail.focus:
-                    if agent in group_view.agents:
-                        own = [dots for dots in found if group_view.agents[dots[1]] == agent]
-                        draw_dots(self, f"as/{agent}/{name}", own, group_view, _NEAR_POINT)
+                    own = [dots for dots in found if group_view.agents[dots[1]] == agent]
+                    if own:
+                        yield self._mark(f"as/{agent}/{name}", "", own, group_view, _NEAR_POINT)
 
-    def _found(self, group_view: GroupView, name: str, topic: str, chunk: Chunk) -> Iterator[Dots]:
+    def _mark(
+        self, path: str, layer: str, found: Sequence[tuple[int, int, Array]], group_view: GroupView, size: float
+    ) -> Points:
+        """The points of some agents, from each instant until the next: time [ns], row and points (m, 3) [m]."""
+        flat = np.array([1.0, 1.0, float(self.run_view.is_spatial)])
+        moments, which = np.unique([time for time, _, _ in found], return_inverse=True)
+        sizes = np.array([len(points) for _, _, points in found])
+        rows = np.repeat([row for _, row, _ in found], sizes)
+        return Points(
+            path=path,
+            layer=layer,
+            times=moments,
+            counts=np.bincount(which, weights=sizes, minlength=len(moments)).astype(np.int64),
+            positions=flat * np.concatenate([points for _, _, points in found]),
+            colours=lighter(group_view.colours[rows]),
+            size=size,
+            names=[f"{agent} {path.rpartition('/')[2]}" for agent in group_view.agents],
+            who=rows,
+        )
+
+    def _found(self, group_view: GroupView, name: str, topic: str, chunk: Chunk) -> Iterator[tuple[int, int, Array]]:
         """The points of every agent at each instant at which any were said."""
         known = self._known.setdefault(topic, [np.empty((0, 0))] * len(group_view.agents))
         names, whereabouts = group_view.signals[name].column_names, chunk.frames.get(group_view.whereabouts)
@@ -99,31 +118,6 @@ def places(names: Sequence[str], table: Array, position: Array, heading: float) 
     return known
 
 
-def draw_dots(drawing: Drawing, path: str, found: Sequence[Dots], group_view: GroupView, size: float) -> None:
-    """Draw points in the colours of those whose they are, from each instant until the next.
-
-    Args:
-        drawing: What draws.
-        path: The Rerun entity.
-        found: In the order of time.
-        group_view: Whose they are.
-        size: Of the dots [pixels].
-    """
-    import rerun as rr
-
-    if not found:
-        return
-    flat = np.array([1.0, 1.0, float(drawing.run_view.is_spatial)])
-    moments, which = np.unique([time for time, _, _ in found], return_inverse=True)
-    sizes = np.array([len(points) for _, _, points in found])
-    rows = np.array([row for _, row, _ in found])
-    # A little lighter than the bodies, to stand out from the walls that they lie on.
-    colours = (group_view.colours // 4 * 3 + 63)[np.repeat(rows, sizes)]
-    columns = rr.Points3D.columns(
-        positions=(flat * np.concatenate([points for _, _, points in found])).astype(np.float32),
-        colors=colours,
-        radii=np.full(int(sizes.sum()), -size, np.float32),  # negative: pixels
-    )
-    counts = np.bincount(which, weights=sizes, minlength=len(moments)).astype(np.int64)
-    index = rr.TimeColumn(TIMELINE, duration=moments.astype("timedelta64[ns]"))
-    drawing.output.recording.send_columns(path, [index], columns.partition(counts), strict=True)
+def lighter(colours: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Colours (..., 3) a little lighter than those of bodies, to stand out from the walls that points lie on."""
+    return colours // 4 * 3 + 63

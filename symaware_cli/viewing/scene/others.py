@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,11 +12,12 @@ from symaware_cli.recording import wire
 from symaware_cli.recording.series import place_of
 from symaware_cli.viewing.beliefs import Beliefs, Reading
 from symaware_cli.viewing.chunk import Chunk
-from symaware_cli.viewing.drawing.base import Drawing
-from symaware_cli.viewing.drawing.intents import ellipsoids, fading, fading_line, path_columns
-from symaware_cli.viewing.outline import circle
-from symaware_cli.viewing.palette import faded
-from symaware_cli.viewing.views import in_space
+from symaware_cli.viewing.detail import Detail
+from symaware_cli.viewing.scene.base import Drawing
+from symaware_cli.viewing.scene.intents import path_columns, ways
+from symaware_cli.viewing.scene.marks import Ellipsoids, Lines, Mark, Place, Rings
+from symaware_cli.viewing.scene.uncertainties import ellipsoids
+from symaware_cli.viewing.views import RunView, in_space
 
 Array = NDArray[np.float64]
 
@@ -26,16 +28,16 @@ _LOSS = 0.55
 _POINT = 0.2
 #: A ghost is a ring just wider than the body, so that both are seen where they coincide.
 _RING = 1.3
+#: How thick lines are [pixels].
+_THIN, _THICK = 1.0, 1.75
 
 
 class Others(Drawing):
     """The world as each agent in focus believes it to be, in a place of its own: as/<agent>."""
 
-    def begin(self) -> None:
-        """Look up who is in focus; put up how far they see, and how thick lines are."""
-        import rerun as rr
-
-        run_view, detail = self.run_view, self.detail
+    def __init__(self, run_view: RunView, detail: Detail) -> None:
+        """Look up who is in focus, and what others look like."""
+        super().__init__(run_view, detail)
         self._focus: dict[str, list[tuple[str, int]]] = {}
         for agent in detail.focus:
             group, row = run_view.place[agent]
@@ -48,88 +50,79 @@ class Others(Drawing):
         self._heights = np.array([self._height(name) for name in run_view.roster])
         #: The parts of awareness that are ways ahead, of any group.
         self._paths = sorted({name for view in run_view.group_views.values() for name, _ in view.drawn("path")})
-        thin, thick = rr.Radius.ui_points([1.0]), rr.Radius.ui_points([1.75])
-        ghosts = rr.Cylinders3D.from_fields(lengths=[0.0], line_radii=thick, fill_mode="majorwireframe")
-        doubts = rr.Ellipsoids3D.from_fields(line_radii=thin, fill_mode="majorwireframe")
-        for group, agents in self._focus.items():
-            reach = self.run_view.group_views[group].perception_range
-            for agent, _ in agents:
-                self.output.static(f"as/{agent}/others", ghosts)
-                self.output.static(f"as/{agent}/doubts", doubts)
-                for name, _ in self.run_view.group_views[group].drawn("path"):
-                    self.output.static(f"as/{agent}/{name}", rr.LineStrips3D.from_fields(radii=thick))
-                for name in self._paths:
-                    self.output.static(f"as/{agent}/others/{name}", rr.LineStrips3D.from_fields(radii=thin))
-                # An eye follows only what there is something of.
-                self.output.static(
-                    f"as/{agent}/place", rr.Points3D([[0.0, 0.0, 0.0]], radii=rr.Radius.ui_points([0.0]))
-                )
-                if reach:
-                    colour = faded(np.array([180, 180, 190], np.uint8), 0.5)
-                    ring = rr.LineStrips3D([in_space(circle(reach, corners=96))], colors=[colour], radii=thin)
-                    self.output.static(f"as/{agent}/place/range", ring)
 
-    def draw(self, chunk: Chunk) -> None:
-        """Draw what they believe."""
+    def marks(self, chunk: Chunk) -> Iterator[Mark]:
+        """What they believe, and what they mean to do themselves."""
         for group, agents in self._focus.items():
             group_view = self.run_view.group_views[group]
             frames = chunk.frames.get(group_view.whereabouts)
             for agent, row in agents:
+                times, places = np.empty(0, np.int64), np.empty((0, 3))
                 if frames is not None:
-                    places = group_view.positions(frames.values[:, row])
-                    # What stands here moves along, and so does the eye that looks at it.
-                    self.output.poses(f"as/{agent}/place", frames.times, places)
+                    times, places = frames.times, group_view.positions(frames.values[:, row])
+                reach = group_view.perception_range
+                yield Place(path=f"as/{agent}/place", times=times, positions=places, reach=reach)
                 for name, topic in group_view.drawn("path"):
-                    strips = chunk.strips.get(topic)
-                    if strips is not None:
-                        columns = path_columns(group_view, name, strips.values.shape[1])
-                        fading(self.output, f"as/{agent}/{name}", group_view, strips, [row], columns)
+                    series = chunk.strips.get(topic)
+                    if series is not None:
+                        yield from ways(f"as/{agent}/{name}", "", group_view, name, series, [row], _THICK)
             entries = chunk.entries.get(f"/agents/{group}/awareness", ())
             for name in self._paths:
                 for agent, row in agents:
-                    self._draw_ways(name, agent, row, entries)
+                    yield from self._ways(name, agent, row, entries)
             states = [(time, each) for time, each in entries if each.tells_states]
             if states:
                 beliefs = self._readings[group].read(states, len(group_view.agents), [row for _, row in agents])
                 for agent, row in agents:
-                    self._draw(agent, row, beliefs)
+                    yield from self._ghosts(agent, row, beliefs)
 
-    def _draw(self, agent: str, row: int, beliefs: Beliefs) -> None:
+    def _ghosts(self, agent: str, row: int, beliefs: Beliefs) -> Iterator[Rings | Ellipsoids]:
         times, counts, mine = beliefs.of(row)
         who = beliefs.who[mine]
-        places = beliefs.places[mine] + self._heights[who, None] * np.array([0.0, 0.0, 1.0])
-        colours, ages = self._colours[who], beliefs.ages[mine]
-        if ages.any():
-            colours = faded(colours, _LOSS * (1.0 - 0.5 ** (ages / _FADING)))
-        self.output.rings(f"as/{agent}/others", times, places, _RING * self._radii[who], counts, colours)
+        centres = beliefs.places[mine] + self._heights[who, None] * np.array([0.0, 0.0, 1.0])
+        ages = beliefs.ages[mine]
+        # The older, the fainter.
+        given: dict[str, Any] = {"times": times, "counts": counts, "centres": centres, "names": self.run_view.roster}
+        given |= {"who": who, "transparency": _LOSS * (1.0 - 0.5 ** (ages / _FADING))}
+        colours, radii = self._colours[who], _RING * self._radii[who]
+        yield Rings(path=f"as/{agent}/others", radii=radii, colours=colours, width=_THICK, **given)
         if beliefs.covariances is not None:
-            half_sizes, quaternions = ellipsoids(beliefs.covariances[mine])
-            path = f"as/{agent}/doubts"
-            self.output.ellipsoids(path, times, places, half_sizes, quaternions, counts, faded(colours, 0.15))
+            half_sizes, orientations = ellipsoids(beliefs.covariances[mine])
+            given |= {"half_sizes": half_sizes, "orientations": orientations, "width": _THIN}
+            given["transparency"] = 1.0 - 0.85 * (1.0 - given["transparency"])
+            yield Ellipsoids(path=f"as/{agent}/doubts", colours=colours, **given)
 
-    def _draw_ways(self, part: str, agent: str, row: int, entries: Sequence[tuple[int, wire.Awareness]]) -> None:
-        """Draw the ways that others mean to go, as far as an agent knows them."""
-        times, counts, lines = [], [], []
-        colours: list[NDArray[np.uint8]] = []
+    def _ways(self, part: str, agent: str, row: int, entries: Sequence[tuple[int, wire.Awareness]]) -> Iterator[Lines]:
+        """The ways that others mean to go, as far as an agent knows them."""
+        times, counts = [], []
+        lines: list[Array] = []
+        owners: list[int] = []
         for time, message in entries:
             for told in message.series:
                 place = place_of(row, told.rows)
                 if told.part != part or place is None:
                     continue
-                before = len(colours)
+                before = len(lines)
                 for whose, who, _, values in told:
                     points = self._way(part, who, values) if whose == place else None
                     if points is not None:
-                        line, shades = fading_line(points, self._colours[who])
-                        lines.append(line)
-                        colours.extend(shades)
+                        lines.append(points)
+                        owners.append(who)
                 times.append(time)
-                counts.append(len(colours) - before)
+                counts.append(len(lines) - before)
         if times:
-            points = np.concatenate(lines) if lines else np.empty((0, 3))
-            shown = np.array(colours, np.uint8).reshape(-1, 3)
-            at = np.array(times, np.int64)
-            self.output.strips(f"as/{agent}/others/{part}", at, points, np.full(len(shown), 2), counts, shown)
+            yield Lines(
+                path=f"as/{agent}/others/{part}",
+                times=np.array(times, np.int64),
+                counts=counts,
+                points=np.concatenate([np.empty((0, 3)), *lines]),
+                lengths=[len(line) for line in lines],
+                colours=self._colours[owners],
+                names=self.run_view.roster,
+                who=np.array(owners, np.intp),
+                width=_THIN,
+                fades=True,
+            )
 
     def _way(self, part: str, who: int, values: Array) -> Array | None:
         """The points of a way of somebody in the roster, (k, 3); None where it is none."""

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from symaware_cli.recording import logged_events
 from symaware_cli.viewing.chunk import Chunk
 from symaware_cli.viewing.detail import Detail
-from symaware_cli.viewing.drawing.base import Drawing
 from symaware_cli.viewing.palette import MESSAGE
-from symaware_cli.viewing.rerun_output import RerunOutput
+from symaware_cli.viewing.scene.base import Drawing
+from symaware_cli.viewing.scene.marks import Points
 from symaware_cli.viewing.views import RunView
 
 #: The event that says so, and what in its data names who told it.
@@ -22,22 +24,14 @@ _NEVER = np.iinfo(np.int64).max
 class Informed(Drawing):
     """Marks agents from the event ``informed`` on, as gossip records it."""
 
-    def __init__(self, run_view: RunView, detail: Detail, output: RerunOutput) -> None:
-        super().__init__(run_view, detail, output)
+    def __init__(self, run_view: RunView, detail: Detail) -> None:
+        super().__init__(run_view, detail)
         self._since = {
             name: np.full(len(group_view.agents), _NEVER) for name, group_view in run_view.group_views.items()
         }
 
-    def begin(self) -> None:
-        """Put up how the marks look."""
-        import rerun as rr
-
-        for name in self.run_view.group_views:
-            look = rr.Points3D.from_fields(radii=rr.Radius.ui_points([_POINT]), colors=[MESSAGE])
-            self.output.static(f"world/agents/{name}/informed", look)
-
-    def draw(self, chunk: Chunk) -> None:
-        """Mark those who know by then."""
+    def marks(self, chunk: Chunk) -> Iterator[Points]:
+        """A dot on each of those who know by then."""
         moments = []
         for time, message in chunk.entries.get("/events", ()):
             if message.name == _EVENT:
@@ -57,4 +51,14 @@ class Informed(Drawing):
             # Above the bodies, which would hide them.
             places = group_view.positions(frames.at(times)) + np.array([0.0, 0.0, 1.1 * group_view.extent])
             places[since > times[:, None]] = np.nan
-            self.output.points(f"world/agents/{name}/informed", times, places)
+            yield Points(
+                path=f"world/agents/{name}/informed",
+                layer=f"informed/{name}",
+                times=times,
+                counts=[len(since)] * len(times),
+                positions=places.reshape(-1, 3),
+                colours=MESSAGE,
+                size=_POINT,
+                names=group_view.agents,
+                who=np.tile(np.arange(len(since)), len(times)),
+            )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,19 +11,19 @@ from numpy.typing import ArrayLike, NDArray
 from symaware_cli.recording import png
 from symaware_cli.recording import symaware_v1_pb2 as v1
 from symaware_cli.recording.error import LogError
-from symaware_cli.recording.sensor_channels import IMAGE, SCAN, LoggedScan, hits, scans, sensors
+from symaware_cli.recording.sensor_channels import IMAGE, SCAN, LoggedScan, scans, sensors
 from symaware_cli.viewing.chunk import Chunk
-from symaware_cli.viewing.detail import Detail
-from symaware_cli.viewing.drawing.base import Drawing
-from symaware_cli.viewing.drawing.points import draw_dots
-from symaware_cli.viewing.rerun_output import TIMELINE, RerunOutput
-from symaware_cli.viewing.views import GroupView, RunView
+from symaware_cli.viewing.scene.base import Drawing
+from symaware_cli.viewing.scene.marks import Images, Lines, Rays
+from symaware_cli.viewing.scene.points import lighter
+from symaware_cli.viewing.views import GroupView
 
 Array = NDArray[np.float64]
-Times = NDArray[np.int64]
 
 #: How large the points of scans are, in the scene and in the tab of the agent [pixels].
 _POINT, _NEAR_POINT = 2.0, 2.5
+#: The kinds of images that are shown.
+_KINDS: dict[int, Literal["colour", "depth"]] = {v1.Image.COLOUR: "colour", v1.Image.DEPTH: "depth"}
 #: How far the pyramid of a camera reaches [m].
 _PYRAMID = 0.3
 
@@ -31,73 +31,81 @@ _PYRAMID = 0.3
 class Scans(Drawing):
     """Where the rays of lidars end: in the scene those of all agents, unless they are a crowd, in tabs one's own."""
 
-    def draw(self, chunk: Chunk) -> None:
-        """Draw the points of each scan from when it became known until the next."""
+    def marks(self, chunk: Chunk) -> Iterator[Rays]:
+        """The rays of each scan from when it became known until the next."""
         for group_view, sensor, entries in _sensed(self.run_view.group_views.values(), chunk, SCAN):
             try:
                 found = [scan for time, message in entries for scan in scans(time, message, sensor, group_view.agents)]
             except ValueError as error:
                 raise LogError(f"the scans of {sensor} of {group_view.name} do not fit together: {error}") from error
             if self.detail.minds:
-                self._draw(f"world/agents/{group_view.name}/scan/{sensor}", found, group_view, _POINT)
+                yield self._rays(f"world/agents/{group_view.name}/scan/{sensor}", sensor, found, group_view, _POINT)
             for agent in self.detail.focus:
-                if agent in group_view.agents:
-                    own = [scan for scan in found if scan.agent == agent]
-                    self._draw(f"as/{agent}/scan/{sensor}", own, group_view, _NEAR_POINT)
+                own = [scan for scan in found if scan.agent == agent]
+                if own:
+                    yield self._rays(f"as/{agent}/scan/{sensor}", sensor, own, group_view, _NEAR_POINT)
 
-    def _draw(self, path: str, found: Sequence[LoggedScan], group_view: GroupView, size: float) -> None:
-        dots = [
-            (scan.time, group_view.agents.index(scan.agent), hits(scan.angles, scan.distances, scan.pose))
-            for scan in found
-        ]
-        draw_dots(self, path, dots, group_view, size)
+    def _rays(self, path: str, sensor: str, found: Sequence[LoggedScan], group_view: GroupView, size: float) -> Rays:
+        rows = [group_view.agents.index(scan.agent) for scan in found]
+        return Rays(
+            path=path,
+            layer="scan",
+            times=np.array([scan.time for scan in found], np.int64),
+            names=[f"{scan.agent}/{sensor}" for scan in found],
+            colours=lighter(group_view.colours[rows]),
+            angles=[scan.angles for scan in found],
+            distances=[scan.distances for scan in found],
+            poses=np.array([scan.pose for scan in found]).reshape(-1, 4),
+            size=size,
+            spatial=self.run_view.is_spatial,
+        )
 
 
-class Images(Drawing):
+class Cameras(Drawing):
     """What cameras saw, and where they look: ``cameras/<agent>/<sensor>``, a 2-D view each."""
 
-    def __init__(self, run_view: RunView, detail: Detail, output: RerunOutput) -> None:
-        super().__init__(run_view, detail, output)
-        #: The paths of pyramids, whose lines are thin.
-        self._thin: set[str] = set()
-
-    def draw(self, chunk: Chunk) -> None:
-        """Show each image from when it became known until the next."""
+    def marks(self, chunk: Chunk) -> Iterator[Images | Lines]:
+        """Each image from when it became known until the next."""
         for group_view, sensor, entries in _sensed(self.run_view.group_views.values(), chunk, IMAGE):
             for row, agent in enumerate(group_view.agents):
-                for kind, word in ((v1.Image.COLOUR, "colour"), (v1.Image.DEPTH, "depth")):
+                for kind, word in _KINDS.items():
                     own = [(time, image) for time, image in entries if image.row == row and image.kind == kind]
                     if own:
-                        self._show(f"cameras/{agent}/{sensor}/{word}", own, depth=kind == v1.Image.DEPTH)
-                own = [(time, image) for time, image in entries if image.row == row and image.kind == v1.Image.COLOUR]
-                if own and self.detail.minds:
-                    self._point(f"world/agents/{group_view.name}/camera/{sensor}/{agent}", own, group_view, row)
+                        yield _images(f"cameras/{agent}/{sensor}/{word}", f"{agent}/{sensor}", word, own)
+                    if own and word == "colour" and self.detail.minds:
+                        path = f"world/agents/{group_view.name}/camera/{sensor}/{agent}"
+                        yield self._pyramids(path, own, group_view.colours[row])
 
-    def _show(self, path: str, images: Sequence[tuple[int, Any]], *, depth: bool) -> None:
-        import rerun as rr
-
-        times = np.array([time for time, _ in images], np.int64)
-        blobs = [image.data for _, image in images]
-        if depth:
-            columns = rr.EncodedDepthImage.columns(blob=blobs, media_type=["image/png"] * len(blobs))
-        else:
-            columns = rr.EncodedImage.columns(blob=blobs, media_type=["image/png"] * len(blobs))
-        self.output.recording.send_columns(path, [_index(times)], columns, strict=True)
-
-    def _point(self, path: str, images: Sequence[tuple[int, Any]], group_view: GroupView, row: int) -> None:
-        """Draw lines from the camera to the corners of what it sees, a little before it."""
-        import rerun as rr
-
-        if path not in self._thin:
-            self._thin.add(path)
-            self.output.static(path, rr.LineStrips3D.from_fields(radii=rr.Radius.ui_points([1.0])))
-        times = np.array([time for time, _ in images], np.int64)
+    def _pyramids(self, path: str, images: Sequence[tuple[int, Any]], colour: NDArray[np.uint8]) -> Lines:
+        """Lines from the camera to the corners of what it sees, a little before it."""
         corners = np.array([_pyramid(image) for _, image in images])
         if not self.run_view.is_spatial:
             corners[..., 2] = 0.0  # the plane is seen from above
         count = len(images)
-        colours = np.broadcast_to(group_view.colours[row], (2 * count, 3))
-        self.output.strips(path, times, corners.reshape(-1, 3), np.tile([5, 5], count), [2] * count, colours)
+        return Lines(
+            path=path,
+            layer="cameras",
+            times=np.array([time for time, _ in images], np.int64),
+            counts=[2] * count,
+            points=corners.reshape(-1, 3),
+            lengths=np.tile([5, 5], count),
+            colours=colour,
+            width=1.0,
+        )
+
+
+def _images(path: str, frame: str, kind: Literal["colour", "depth"], images: Sequence[tuple[int, Any]]) -> Images:
+    return Images(
+        path=path,
+        layer=f"camera/{frame}",
+        times=np.array([time for time, _ in images], np.int64),
+        kind=kind,
+        files=[image.data for _, image in images],
+        frame=frame,
+        positions=np.array([image.position for _, image in images]),
+        targets=np.array([image.target for _, image in images]),
+        fields_of_view=np.array([image.field_of_view for _, image in images]),
+    )
 
 
 def line_of_sight(position: ArrayLike, target: ArrayLike) -> Array:
@@ -138,9 +146,3 @@ def _sensed(group_views: Any, chunk: Chunk, word: str) -> Iterator[tuple[GroupVi
     for group_view in group_views:
         for sensor, topic in sensors(chunk.entries, group_view.name, word).items():
             yield group_view, sensor, chunk.entries[topic]
-
-
-def _index(times: Times) -> Any:
-    import rerun as rr
-
-    return rr.TimeColumn(TIMELINE, duration=times.astype("timedelta64[ns]"))

@@ -1,0 +1,216 @@
+"""Marks for Foxglove."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from foxglove_schemas_protobuf.Color_pb2 import Color
+from foxglove_schemas_protobuf.Log_pb2 import Log as LogLine
+from foxglove_schemas_protobuf.SceneEntity_pb2 import SceneEntity
+from numpy.typing import NDArray
+
+from symaware_cli.viewing.foxglove import primitives
+from symaware_cli.viewing.foxglove.frames import show_bodies, show_figures, show_solid
+from symaware_cli.viewing.foxglove.output import Columns
+from symaware_cli.viewing.foxglove.primitives import colour, entity
+from symaware_cli.viewing.foxglove.sensors import show_images, show_rays
+from symaware_cli.viewing.foxglove.stage import Stage
+from symaware_cli.viewing.outline import circle
+from symaware_cli.viewing.scene import marks
+from symaware_cli.viewing.views import in_space
+
+Array = NDArray[np.float64]
+
+#: Half the size of a dot [m], and how it stands.
+_DOT, _UPRIGHT = np.full(3, 0.06), np.array([0.0, 0.0, 0.0, 1.0])
+#: How much of a colour is left to dots, and to the surfaces of ellipsoids, through which much is to be seen.
+_DOT_LEFT, _SURFACE_LEFT = 0.8, 0.35
+#: What of a fading line is left at its beginning, and at its end.
+_FADING = (0.95, 0.2)
+#: How often lines that last are put up anew [ns].
+_LASTING_STEP = 200_000_000
+_STROKES = np.array([[-1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0], [1.0, -1.0, 0.0]])
+_RING = in_space(circle())
+
+_LEVELS = {"DEBUG": LogLine.DEBUG, "INFO": LogLine.INFO, "WARNING": LogLine.WARNING, "ERROR": LogLine.ERROR}
+
+Items = marks.Lines | marks.Points | marks.Crosses | marks.Rings | marks.Ellipsoids
+
+
+def show(stage: Stage, mark: marks.Mark) -> None:
+    """Show a mark, if Foxglove has something for its kind."""
+    shown = _SHOWN.get(type(mark))
+    if shown is not None and len(mark.times):
+        shown(stage, mark)
+
+
+class _Things:
+    """The things of a mark as entities, one for each name at each instant."""
+
+    def __init__(self, mark: Items, count: int) -> None:
+        self._mark = mark
+        self._colours = [tuple(each) for each in np.broadcast_to(mark.colours, (count, 3)).tolist()]
+        self._alphas = np.broadcast_to(1.0 - np.asarray(mark.transparency, float), count).round(3).tolist()
+        self._made: dict[str, SceneEntity] = {}
+        self._time = 0
+
+    def instants(self) -> Iterator[tuple[int, range]]:
+        """The time of each instant [ns], and its things."""
+        ends = np.cumsum(np.asarray(self._mark.counts, np.int64)).tolist()
+        for time, first, end in zip(self._mark.times.tolist(), [0, *ends[:-1]], ends, strict=True):
+            self._time, self._made = time, {}
+            yield time, range(first, end)
+
+    def entity(self, thing: int) -> SceneEntity:
+        """The entity of this instant that a thing belongs to."""
+        id = self._mark.path if self._mark.who is None else self._mark.names[self._mark.who[thing]]
+        if id not in self._made:
+            self._made[id] = entity(id, self._time)
+        return self._made[id]
+
+    def shade(self, thing: int, share: float = 1.0) -> Color:
+        """The colour of a thing, of which a share is left."""
+        return colour(self._colours[thing], share * self._alphas[thing])
+
+    def fading(self, thing: int, count: int) -> Sequence[Color]:
+        """The colours of so many points of a thing, each fainter than the one before."""
+        return _fading(self._colours[thing], self._alphas[thing], count)
+
+    def put_up(self, stage: Stage) -> None:
+        """Put up the entities of this instant."""
+        stage.put_up(self._time, f"/{self._mark.layer or self._mark.path}", self._mark.path, self._made.values())
+
+
+def _show_lines(stage: Stage, mark: marks.Lines) -> None:
+    lines = _split(mark)
+    if mark.lasting:
+        _show_lasting(stage, mark, lines)
+        return
+    known = [bool(np.isfinite(line).all()) for line in lines]
+    things = _Things(mark, len(lines))
+    for _, some in things.instants():
+        for thing in (thing for thing in some if known[thing]):
+            shade = things.fading(thing, len(lines[thing])) if mark.fades else things.shade(thing)
+            line = primitives.line(lines[thing], shade, mark.width, thickness=mark.thickness)
+            things.entity(thing).lines.append(line)
+        things.put_up(stage)
+
+
+def _show_lasting(stage: Stage, mark: marks.Lines, lines: Sequence[Array]) -> None:
+    """Show lines that stay up for a while: those of one name as one line, as each goes on where another ended."""
+    who = np.arange(len(lines)) if mark.who is None else mark.who
+    lately: deque[tuple[int, dict[int, Array]]] = stage.kept.setdefault(mark.path, deque())
+    due = stage.kept.get((mark.path, "due"), 0)
+    things = _Things(mark, len(lines))
+    for time, some in things.instants():
+        lately.append((time, {int(who[thing]): lines[thing] for thing in some}))
+        while lately[0][0] < time - 1e9 * mark.lasting:
+            lately.popleft()
+        if time < due:
+            continue
+        due = time + _LASTING_STEP
+        for thing in some:
+            pieces = [pieces[who[thing]] for _, pieces in lately if who[thing] in pieces]
+            points = np.concatenate([pieces[0][:1], *(piece[1:] for piece in pieces)])
+            known = points[np.isfinite(points).all(axis=1)]
+            things.entity(thing).lines.append(primitives.line(known, things.shade(thing), mark.width))
+        things.put_up(stage)
+    stage.kept[mark.path, "due"] = due
+
+
+@lru_cache(maxsize=1024)
+def _fading(tint: tuple[int, int, int], alpha: float, count: int) -> Sequence[Color]:
+    return [colour(tint, share * alpha) for share in np.linspace(*_FADING, count).tolist()]
+
+
+def _split(mark: marks.Lines) -> Sequence[Array]:
+    """The points of each line."""
+    ends = np.cumsum(np.asarray(mark.lengths, np.int64)).tolist()
+    return [mark.points[first:end] for first, end in zip([0, *ends[:-1]], ends, strict=False)]
+
+
+def _show_points(stage: Stage, mark: marks.Points) -> None:
+    _show_balls(stage, mark, mark.positions, np.broadcast_to(_DOT, mark.positions.shape), _DOT_LEFT)
+
+
+def _show_ellipsoids(stage: Stage, mark: marks.Ellipsoids) -> None:
+    sizes = np.where(mark.half_sizes[:, :1] > 0.0, mark.half_sizes, np.nan)
+    _show_balls(stage, mark, mark.centres, sizes, _SURFACE_LEFT, mark.orientations)
+
+
+def _show_balls(
+    stage: Stage, mark: Items, centres: Array, sizes: Array, share: float, orientations: Array | None = None
+) -> None:
+    known = np.isfinite(np.concatenate([centres, sizes], axis=1)).all(axis=1).tolist()
+    things = _Things(mark, len(centres))
+    for _, some in things.instants():
+        for thing in (thing for thing in some if known[thing]):
+            turned = _UPRIGHT if orientations is None else orientations[thing]
+            ball = primitives.ellipsoid(centres[thing], sizes[thing], turned, things.shade(thing, share))
+            things.entity(thing).spheres.append(ball)
+        things.put_up(stage)
+
+
+def _show_crosses(stage: Stage, mark: marks.Crosses) -> None:
+    things = _Things(mark, len(mark.positions))
+    for _, some in things.instants():
+        for thing in some:
+            ends = mark.positions[thing] + mark.size * _STROKES
+            things.entity(thing).lines.append(primitives.strokes(ends, things.shade(thing), mark.width))
+        things.put_up(stage)
+
+
+def _show_rings(stage: Stage, mark: marks.Rings) -> None:
+    things = _Things(mark, len(mark.centres))
+    for _, some in things.instants():
+        for thing in (thing for thing in some if np.isfinite(mark.centres[thing]).all()):
+            ring = mark.centres[thing] + mark.radii[thing] * _RING
+            things.entity(thing).lines.append(primitives.line(ring, things.shade(thing), mark.width))
+        things.put_up(stage)
+
+
+def _show_curves(stage: Stage, mark: marks.Curves) -> None:
+    columns = [(name, "") for name in mark.names]
+    given: dict[str, Any] = {"path": mark.path, "times": mark.times, "names": [mark.path], "columns": columns}
+    _show_numbers(stage, marks.Numbers(values=mark.values[:, None], **given))
+
+
+def _show_numbers(stage: Stage, mark: marks.Numbers) -> None:
+    if mark.path not in stage.kept:
+        stage.kept[mark.path] = Columns(mark.path, mark.columns, mark.names)
+    columns: Columns = stage.kept[mark.path]
+    for time, values in zip(mark.times.tolist(), mark.values, strict=True):
+        stage.say(time, f"/{mark.path}", columns.message(values), columns.metadata)
+
+
+def _show_journal(stage: Stage, mark: marks.Journal) -> None:
+    lines = zip(mark.times.tolist(), mark.kinds, mark.sources, mark.texts, mark.levels, strict=True)
+    for time, kind, source, text, level in lines:
+        line = LogLine(
+            timestamp=primitives.timestamp(time),
+            level=_LEVELS.get(level, LogLine.UNKNOWN),
+            message=f"{kind} {text}".rstrip(),
+            name=source,
+        )
+        stage.say(time, f"/{mark.layer or mark.path}", line)
+
+
+_SHOWN: Mapping[type, Callable[[Stage, Any], None]] = {
+    marks.Lines: _show_lines,
+    marks.Points: _show_points,
+    marks.Crosses: _show_crosses,
+    marks.Rings: _show_rings,
+    marks.Ellipsoids: _show_ellipsoids,
+    marks.Bodies: show_bodies,
+    marks.Solid: show_solid,
+    marks.Figures: show_figures,
+    marks.Rays: show_rays,
+    marks.Images: show_images,
+    marks.Curves: _show_curves,
+    marks.Numbers: _show_numbers,
+    marks.Journal: _show_journal,
+}

@@ -1,0 +1,65 @@
+"""What is up in Foxglove, and the messages that say so, in the order of time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from foxglove_schemas_protobuf.SceneEntity_pb2 import SceneEntity
+from foxglove_schemas_protobuf.SceneEntityDeletion_pb2 import SceneEntityDeletion
+from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
+from google.protobuf.message import Message
+
+from symaware_cli.viewing.foxglove.output import Output
+from symaware_cli.viewing.foxglove.primitives import timestamp
+
+
+class Stage:
+    """Gathers what marks of a stretch of time have to say, and says it in the order of time.
+
+    Entities are up until they are replaced or taken down. Every message of a topic holds all that is up on it then, so
+    that whoever jumps into the middle sees everything.
+
+    Attributes:
+        kept: What showing a mark has to remember until the next of its path.
+    """
+
+    def __init__(self, output: Output) -> None:
+        """Begin with nothing up."""
+        self.kept: dict[Any, Any] = {}
+        self._output = output
+        self._said: list[tuple[int, str, Message | None, Mapping[str, str]]] = []
+        #: By time and topic, and then by path, what is put up.
+        self._changes: dict[tuple[int, str], dict[str, list[SceneEntity]]] = {}
+        self._up: dict[str, dict[str, list[SceneEntity]]] = {}
+
+    def say(self, time: int, topic: str, message: Message, metadata: Mapping[str, str] | None = None) -> None:
+        """Write a message of an instant [ns], with what there is to say of its channel."""
+        self._said.append((time, topic, message, metadata or {}))
+
+    def put_up(self, time: int, topic: str, path: str, entities: Iterable[SceneEntity]) -> None:
+        """Replace what is up of a path on a topic, from an instant [ns] on."""
+        self._changes.setdefault((time, topic), {})[path] = list(entities)
+
+    def flush(self) -> None:
+        """Write what was gathered.
+
+        Raises:
+            OSError: It cannot be written.
+        """
+        self._said += [(time, topic, None, {}) for time, topic in self._changes]
+        for time, topic, message, metadata in sorted(self._said, key=lambda said: said[0]):
+            said = self._update(time, topic) if message is None else message
+            if said is not None:
+                self._output.write(topic, time, said, metadata)
+        self._said, self._changes = [], {}
+
+    def _update(self, time: int, topic: str) -> SceneUpdate | None:
+        """All that is up on a topic from an instant on; None if nothing is, nor was."""
+        up = self._up.setdefault(topic, {})
+        before = {made.id for entities in up.values() for made in entities}
+        up.update(self._changes[time, topic])
+        update = SceneUpdate(entities=[made for entities in up.values() for made in entities])
+        for id in sorted(before - {made.id for made in update.entities}):
+            update.deletions.add(type=SceneEntityDeletion.MATCHING_ID, id=id, timestamp=timestamp(time))
+        return update if before or len(update.entities) else None

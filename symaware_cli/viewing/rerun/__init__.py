@@ -1,0 +1,1 @@
+"""Marks in Rerun: columns of archetypes."""

@@ -1,0 +1,120 @@
+"""Bodies in Rerun: shapes that move, with their labels and noses."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symaware_cli.geometry.rotation import rotated
+from symaware_cli.viewing.outline import mesh, outlines
+from symaware_cli.viewing.rerun.columns import Columns, each, flat, packed, turns
+from symaware_cli.viewing.scene.marks import Bodies, Solid
+
+Array = NDArray[np.float64]
+
+_NOSE = np.array((240, 240, 240), np.uint8)
+
+
+def show_bodies(columns: Columns, mark: Bodies) -> None:
+    """Show bodies as what their shape is, each with its label and its nose."""
+    import rerun as rr
+
+    path, shape = f"{mark.path}/body", mark.shape
+    times, positions, counts, colours = mark.times, mark.positions, each(mark.positions), packed(mark.colours)
+    new, static = columns.is_new(mark.path), columns.static
+    if mark.ring is not None:
+        centre, radius = mark.ring
+        positions = positions + rotated(mark.orientations, centre)
+        positions[..., 2] = np.maximum(positions[..., 2], mark.floor)
+        if new:
+            thick = rr.Radius.ui_points([1.5])
+            static(path, rr.Cylinders3D.from_fields(lengths=[0.0], line_radii=thick, fill_mode="majorwireframe"))
+        _discs(columns, path, mark, positions, radius)
+    elif shape and shape.box:
+        height = 0.5 * shape.box.upright if mark.spatial else 0.01
+        half = [0.5 * shape.box.length, 0.5 * shape.box.width, height]
+        if new:
+            static(path, rr.Boxes3D.from_fields(half_sizes=[half] * len(mark.names), fill_mode="solid"))
+        boxes = rr.Boxes3D.columns(centers=flat(positions), quaternions=turns(mark.orientations), colors=colours)
+        columns.send(path, times, boxes, counts)
+    elif shape and shape.polygon:
+        (outline, *_) = outlines(shape)
+        closed = np.pad(np.concatenate([outline, outline[:1]]), ((0, 0), (0, 1)))
+        corners = positions[..., None, :] + rotated(mark.orientations[..., None, :], closed)
+        lengths = np.full(len(times) * positions.shape[1], len(closed))
+        columns.strips(path, times, corners.reshape(-1, 3), lengths, counts, mark.colours.reshape(-1, 3))
+    elif shape and shape.cylinder and mark.spatial:
+        if new:
+            static(path, rr.Cylinders3D.from_fields(lengths=[shape.cylinder.height], fill_mode="solid"))
+        _discs(columns, path, mark, positions, shape.radius)
+    else:
+        if new:
+            # Points without a size are so many pixels wide.
+            static(path, rr.Points3D.from_fields(radii=[shape.radius] if shape else rr.Radius.ui_points([4.0])))
+        columns.send(path, times, rr.Points3D.columns(positions=flat(positions), colors=colours), counts)
+    _show_labels(columns, mark, positions, new=new)
+    if mark.nosed and mark.ring is None and shape is not None:
+        _show_noses(columns, mark, shape.radius, new=new)
+
+
+def show_solid(columns: Columns, mark: Solid) -> None:
+    """Show a body as prisms over its outline."""
+    import rerun as rr
+
+    if columns.is_new(mark.path):
+        for number, outline in enumerate(mark.outlines):
+            vertices, triangles = mesh(outline, mark.low, mark.high)
+            surface = rr.Mesh3D(vertex_positions=vertices, triangle_indices=triangles, albedo_factor=mark.colour)
+            columns.static(f"{mark.path}/{number}", surface)
+    placed = rr.Transform3D.columns(translation=flat(mark.positions), quaternion=turns(mark.orientations))
+    columns.send(mark.path, mark.times, placed)
+
+
+def _discs(columns: Columns, path: str, mark: Bodies, centres: Array, radius: float) -> None:
+    import rerun as rr
+
+    radii = np.full(centres.shape[0] * centres.shape[1], radius, np.float32)
+    discs = rr.Cylinders3D.columns(centers=flat(centres), radii=radii, colors=packed(mark.colours))
+    columns.send(path, mark.times, discs, each(centres))
+
+
+def _show_labels(columns: Columns, mark: Bodies, positions: Array, *, new: bool) -> None:
+    import rerun as rr
+
+    path, rows = f"{mark.path}/label", list(mark.labels)
+    if new:
+        labels: Any = list(mark.labels.values())
+        radii = rr.Radius.ui_points([0.0])
+        columns.static(path, rr.Points3D.from_fields(labels=labels, show_labels=True, radii=radii))
+    if rows:
+        # Below the bodies as the view shows them, so that it hides none.
+        below = np.array([0.0, 0.0, -mark.extent] if mark.spatial else [0.0, -mark.extent, 0.0])
+        places = positions[:, rows] + below
+        colours = packed(np.broadcast_to(mark.label_colours[rows], places.shape))
+        columns.send(path, mark.times, rr.Points3D.columns(positions=flat(places), colors=colours), each(places))
+
+
+def _show_noses(columns: Columns, mark: Bodies, radius: float, *, new: bool) -> None:
+    """Show a line from each middle outward, where a body faces."""
+    import rerun as rr
+
+    path = f"{mark.path}/heading"
+    if new:
+        columns.static(path, rr.LineStrips3D.from_fields(radii=[0.12 * radius]))
+    facing = rotated(mark.orientations, np.array([1.0, 0.0, 0.0]))
+    # Just above the body, which would hide it from above.
+    inner = mark.positions + np.array([0.0, 0.0, _top(mark) + 0.05 * radius])
+    ends = np.stack([inner, inner + 1.5 * radius * facing], axis=2)
+    count = ends.shape[0] * ends.shape[1]
+    colours = np.broadcast_to(_NOSE, (count, 3))
+    columns.strips(path, mark.times, ends.reshape(-1, 3), np.full(count, 2), each(mark.positions), colours)
+
+
+def _top(mark: Bodies) -> float:
+    """How far bodies reach up [m]."""
+    shape = mark.shape
+    if shape is None or not mark.spatial or not (shape.box or shape.cylinder):
+        return shape.radius if shape else 0.0
+    return 0.5 * (shape.box.upright if shape.box else shape.cylinder.height if shape.cylinder else 0.0)

@@ -1,0 +1,181 @@
+"""Marks in a Rerun recording, whole columns at a time.
+
+Logging row by row costs Rerun some 100 us a row, a column less than half a microsecond (benchmarks/RESULTS.md), so
+nothing here is ever called for a single row.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from symaware_cli.recording.sensor_channels import hits
+from symaware_cli.viewing.outline import circle
+from symaware_cli.viewing.palette import faded
+from symaware_cli.viewing.rerun.bodies import show_bodies, show_solid
+from symaware_cli.viewing.rerun.columns import Columns, flat, packed, shades, turns
+from symaware_cli.viewing.rerun.figures import show_figures, show_ground
+from symaware_cli.viewing.rerun.lines import show_crosses, show_lines
+from symaware_cli.viewing.scene import marks
+from symaware_cli.viewing.views import in_space
+
+if TYPE_CHECKING:
+    import rerun as rr
+
+#: The ring around a place.
+_REACH = faded(np.array([180, 180, 190], np.uint8), 0.5)
+_LEVELS = {"DEBUG": "DEBUG", "INFO": "INFO", "WARNING": "WARN", "ERROR": "ERROR"}
+
+
+class RerunOutput:
+    """Shows marks in a Rerun recording."""
+
+    def __init__(self, recording: rr.RecordingStream) -> None:
+        self._columns = Columns(recording)
+
+    def show(self, mark: marks.Mark) -> None:
+        """Show a mark, if Rerun has something for its kind."""
+        shown = _SHOWN.get(type(mark))
+        if shown is not None:
+            shown(self._columns, mark)
+
+    def document(self, path: str, text: str) -> None:
+        """Put up a text in Markdown for all times."""
+        import rerun as rr
+
+        self._columns.static(path, rr.TextDocument(text, media_type="text/markdown"))
+
+    def flush(self) -> None:
+        """Wait until everything has left this process.
+
+        Raises:
+            RuntimeError: It could not be written or sent.
+        """
+        self._columns.recording.flush()
+
+
+def _show_points(columns: Columns, mark: marks.Points) -> None:
+    import rerun as rr
+
+    if columns.is_new(mark.path):
+        columns.static(mark.path, rr.Points3D.from_fields(radii=rr.Radius.ui_points([mark.size])))
+    colours = packed(shades(mark.colours, mark.transparency, len(mark.positions)))
+    columns.send(
+        mark.path, mark.times, rr.Points3D.columns(positions=flat(mark.positions), colors=colours), mark.counts
+    )
+
+
+def _show_rings(columns: Columns, mark: marks.Rings) -> None:
+    import rerun as rr
+
+    if columns.is_new(mark.path):
+        thick = rr.Radius.ui_points([mark.width])
+        look = rr.Cylinders3D.from_fields(lengths=[0.0], line_radii=thick, fill_mode="majorwireframe")
+        columns.static(mark.path, look)
+    colours = packed(shades(mark.colours, mark.transparency, len(mark.centres)))
+    rings = rr.Cylinders3D.columns(centers=flat(mark.centres), radii=mark.radii.astype(np.float32), colors=colours)
+    columns.send(mark.path, mark.times, rings, mark.counts)
+
+
+def _show_ellipsoids(columns: Columns, mark: marks.Ellipsoids) -> None:
+    import rerun as rr
+
+    if columns.is_new(mark.path):
+        thin = rr.Radius.ui_points([mark.width])
+        columns.static(mark.path, rr.Ellipsoids3D.from_fields(line_radii=thin, fill_mode="majorwireframe"))
+    shown = rr.Ellipsoids3D.columns(
+        centers=flat(mark.centres),
+        half_sizes=flat(mark.half_sizes),
+        quaternions=turns(mark.orientations),
+        colors=packed(shades(mark.colours, mark.transparency, len(mark.centres))),
+    )
+    columns.send(mark.path, mark.times, shown, mark.counts)
+
+
+def _show_place(columns: Columns, mark: marks.Place) -> None:
+    """Put up something without a size, since an eye follows only what there is something of, and move it."""
+    import rerun as rr
+
+    if columns.is_new(mark.path):
+        columns.static(mark.path, rr.Points3D([[0.0, 0.0, 0.0]], radii=rr.Radius.ui_points([0.0])))
+        if mark.reach:
+            ring = in_space(circle(mark.reach, corners=96))
+            shown = rr.LineStrips3D([ring], colors=[_REACH], radii=rr.Radius.ui_points([1.0]))
+            columns.static(f"{mark.path}/range", shown)
+    columns.send(mark.path, mark.times, rr.Transform3D.columns(translation=flat(mark.positions)))
+
+
+def _show_rays(columns: Columns, mark: marks.Rays) -> None:
+    """Show where rays ended."""
+    flatten = np.array([1.0, 1.0, float(mark.spatial)])
+    found = [flatten * hits(*each) for each in zip(mark.angles, mark.distances, mark.poses, strict=True)]
+    lengths = [len(points) for points in found]
+    times, which = np.unique(mark.times, return_inverse=True)
+    dots = marks.Points(
+        path=mark.path,
+        times=times,
+        counts=np.bincount(which, weights=lengths, minlength=len(times)).astype(np.int64),
+        positions=np.concatenate([np.empty((0, 3)), *found]),
+        colours=np.repeat(mark.colours, lengths, axis=0),
+        size=mark.size,
+    )
+    _show_points(columns, dots)
+
+
+def _show_images(columns: Columns, mark: marks.Images) -> None:
+    import rerun as rr
+
+    kind = rr.EncodedDepthImage if mark.kind == "depth" else rr.EncodedImage
+    images = kind.columns(blob=list(mark.files), media_type=["image/png"] * len(mark.files))
+    columns.send(mark.path, mark.times, images)
+
+
+def _show_curves(columns: Columns, mark: marks.Curves) -> None:
+    import rerun as rr
+
+    if columns.is_new(mark.path):
+        policy = rr.components.AggregationPolicy
+        kept = {"greatest": policy.Max, "least": policy.Min, "both": policy.MinMax}[mark.keep]
+        widths = [mark.width] * len(mark.names)
+        lines = rr.SeriesLines(names=list(mark.names), colors=mark.colours, widths=widths, aggregation_policy=kept)
+        columns.static(mark.path, lines)
+    # What is infinite leaves a gap: no axis reaches so far.
+    shown = np.where(np.isfinite(mark.values), mark.values, np.nan)
+    counts = [mark.values.shape[1]] * len(mark.values)
+    columns.send(mark.path, mark.times, rr.Scalars.columns(scalars=shown.ravel()), counts)
+
+
+def _show_journal(columns: Columns, mark: marks.Journal) -> None:
+    import rerun as rr
+
+    lines = zip(mark.times.tolist(), mark.kinds, mark.sources, mark.texts, strict=True)
+    texts = [f"{time / 1e9:8.2f} s  {kind}  {source}  {text}".rstrip() for time, kind, source, text in lines]
+    levels = [_LEVELS.get(level, "INFO") for level in mark.levels]
+    columns.send(mark.path, mark.times, rr.TextLog.columns(text=texts, level=levels))
+
+
+def _show_modes(columns: Columns, mark: marks.Modes) -> None:
+    import rerun as rr
+
+    columns.send(mark.path, mark.times, rr.StateChange.columns(state=list(mark.modes)))
+
+
+_SHOWN: Mapping[type, Callable[[Columns, Any], None]] = {
+    marks.Lines: show_lines,
+    marks.Points: _show_points,
+    marks.Crosses: show_crosses,
+    marks.Rings: _show_rings,
+    marks.Ellipsoids: _show_ellipsoids,
+    marks.Bodies: show_bodies,
+    marks.Solid: show_solid,
+    marks.Figures: show_figures,
+    marks.Ground: show_ground,
+    marks.Place: _show_place,
+    marks.Rays: _show_rays,
+    marks.Images: _show_images,
+    marks.Curves: _show_curves,
+    marks.Journal: _show_journal,
+    marks.Modes: _show_modes,
+}

@@ -1,0 +1,173 @@
+"""Curves over time: separation, all that the agents in focus are aware of, and tables of all numbers."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symaware_cli.core import Part
+from symaware_cli.geometry.bodies import Bodies
+from symaware_cli.geometry.proximity import Proximity
+from symaware_cli.viewing.chunk import Chunk
+from symaware_cli.viewing.detail import Detail
+from symaware_cli.viewing.palette import AGENTS, CONTACT
+from symaware_cli.viewing.scene.base import Drawing
+from symaware_cli.viewing.scene.marks import Curves, Numbers
+from symaware_cli.viewing.views import GroupView, RunView
+
+Array = NDArray[np.float64]
+
+_NEVER = np.empty(0, np.int64)
+
+
+class Separation(Drawing):
+    """The least distance between the outlines of any two agents, and 0, where bodies touch."""
+
+    def __init__(self, run_view: RunView, detail: Detail) -> None:
+        super().__init__(run_view, detail)
+        group_views = run_view.group_views.values()
+        shapes = [group_view.shape for group_view in group_views]
+        counts = [len(group_view.agents) for group_view in group_views]
+        self._bodies = Bodies([shape.pieces[0] if shape else None for shape in shapes], counts)
+
+    def marks(self, chunk: Chunk) -> Iterator[Curves]:
+        """The distance, and 0."""
+        if self.run_view.agent_count < 2:
+            return
+        found = {
+            name: chunk.frames.get(group_view.whereabouts) for name, group_view in self.run_view.group_views.items()
+        }
+        times = np.unique(np.concatenate([frames.times for frames in found.values() if frames] or [_NEVER]))
+        if not len(times):
+            return
+        shape = (len(times), self.run_view.agent_count)
+        places, headings = np.full((*shape, 3), np.nan), np.zeros(shape)
+        first = 0
+        for name, group_view in self.run_view.group_views.items():
+            some, frames = slice(first, first + len(group_view.agents)), found[name]
+            first = some.stop
+            if frames:
+                states = frames.at(times)
+                places[:, some] = group_view.positions(states)
+                turned = group_view.headings(states)
+                headings[:, some] = 0.0 if turned is None else turned
+        smallest = np.array([self._smallest(*each) for each in zip(places, headings, strict=True)])
+        name, path = "least between two outlines [m]", "curves/separation"
+        given: dict[str, Any] = {"path": f"{path}/smallest", "names": [name], "colours": [AGENTS[3]], "keep": "least"}
+        yield Curves(times=times, values=smallest[:, None], **given)
+        given = {"path": f"{path}/bound", "names": ["touching"], "colours": [CONTACT], "width": 1.0}
+        yield Curves(times=times, values=np.zeros((len(times), 1)), **given)
+
+    def _smallest(self, places: Array, headings: Array) -> float:
+        """The least separation at an instant of those who are there; infinite where there are no two."""
+        present = np.flatnonzero(np.isfinite(places).all(axis=1))
+        bodies = self._bodies if len(present) == len(places) else self._bodies.some(present)
+        found = bodies.nearest(places[present], headings[present], Proximity())
+        return np.inf if found is None else found.gap
+
+
+class Awareness(Drawing):
+    """Control input, parts of awareness and signals of each agent in focus, with names and units."""
+
+    def marks(self, chunk: Chunk) -> Iterator[Curves]:
+        """The curves of all who are in focus."""
+        for agent in self.detail.focus:
+            group, row = self.run_view.place[agent]
+            group_view = self.run_view.group_views[group]
+            topic = f"/world/{group}/control"
+            applied = chunk.frames.get(topic)
+            if applied is not None:
+                yield from self._curves(agent, group_view, "control", topic, applied.times, applied.values[:, row])
+            for name, topic in plotted(group_view):
+                series = chunk.strips.get(topic)
+                frames = chunk.frames.get(topic) if series is None else series.firsts
+                if frames is None or not frames.values.shape[2]:
+                    continue
+                times, values = frames.times, frames.values[:, row]
+                if isinstance(group_view.signals[name], Part):
+                    yield from self._curves(agent, group_view, name, topic, times, values)
+                else:
+                    yield from self._by_unit(agent, topic, name, times, values)
+
+    def _curves(
+        self, agent: str, group_view: GroupView, field: str, topic: str, times: NDArray[np.int64], values: Array
+    ) -> Iterator[Curves]:
+        quantities = self.run_view.quantities_of(topic, field, values.shape[1])
+        if field in group_view.signals and group_view.signals[field].drawn == "ellipse":
+            quantities, values = _deviations(group_view, quantities, values)
+        shown = [f"{name} [{unit}]" if unit not in ("", "1") else name for name, unit in quantities]
+        yield from _curves(f"curves/agents/{agent}/{field}", times, shown, values)
+
+    def _by_unit(self, agent: str, topic: str, field: str, times: NDArray[np.int64], values: Array) -> Iterator[Curves]:
+        quantities = self.run_view.quantities_of(topic, field, values.shape[1])
+        for path, columns in unit_paths(agent, topic, [unit for _, unit in quantities]).items():
+            # Each path has a view of its own, whose name says the unit.
+            yield from _curves(path, times, [quantities[column][0] for column in columns], values[:, columns])
+
+
+def _curves(path: str, times: NDArray[np.int64], names: Sequence[str], values: Array) -> Iterator[Curves]:
+    if names:
+        colours = [AGENTS[number % len(AGENTS)] for number in range(len(names))]
+        keep: Literal["greatest", "both"] = "greatest" if path.endswith("/risk") else "both"
+        yield Curves(path=path, times=times, values=values, names=names, colours=colours, keep=keep)
+
+
+class Everything(Drawing):
+    """All numbers of all agents but those of paths, for those who choose what to plot."""
+
+    def marks(self, chunk: Chunk) -> Iterator[Numbers]:
+        """A table for each topic of numbers."""
+        for group_view in self.run_view.group_views.values():
+            topics = [f"/world/{group_view.name}/{field}" for field in ("state", "control")]
+            topics.append(f"/agents/{group_view.name}/control")
+            topics += [group_view.topic(name) for name, signal in group_view.signals.items() if signal.drawn != "path"]
+            for topic in topics:
+                series = chunk.strips.get(topic)
+                frames = chunk.frames.get(topic) if series is None else series.firsts
+                if frames is not None and len(frames.times):
+                    columns = self.run_view.quantities_of(topic, "value", frames.values.shape[2])
+                    path, names = topic.strip("/"), group_view.agents
+                    yield Numbers(path=path, times=frames.times, values=frames.values, names=names, columns=columns)
+
+
+def plotted(group_view: GroupView) -> list[tuple[str, str]]:
+    """The parts and signals that an agent's tab has curves of, with their topics: all numbers but those of paths."""
+    signals = group_view.signals.items()
+    drawn = (name for name, signal in signals if signal.kind != "table" and signal.drawn not in (None, "path"))
+    return [(name, group_view.topic(name)) for name in drawn]
+
+
+def unit_paths(agent: str, topic: str, units: Sequence[str]) -> dict[str, list[int]]:
+    """Where the numbers of a signal are drawn: a path for each unit, as 10 m/s^2 would hide 0.1 rad/s.
+
+    Args:
+        agent: Whose.
+        topic: The signal's.
+        units: Of its columns.
+
+    Returns:
+        By path, which columns.
+    """
+    apart, place = list(dict.fromkeys(units)), topic.split("/", 3)[3]
+    return {
+        f"curves/agents/{agent}/{place}/{number}": [column for column, each in enumerate(units) if each == unit]
+        for number, unit in enumerate(apart)
+    }
+
+
+def _deviations(
+    group_view: GroupView, quantities: Sequence[tuple[str, str]], values: Array
+) -> tuple[Sequence[tuple[str, str]], Array]:
+    """Standard deviations where covariances are given; nothing of samples, which are drawn as ways."""
+    names = [name for name, _ in quantities]
+    variances = [f"cov_{name}_{name}" for name, _ in group_view.state]
+    if all(name in names for name in variances):
+        deviations = np.sqrt(np.maximum(values[:, [names.index(name) for name in variances]], 0.0))
+        return [(f"deviation of {name}", unit) for name, unit in group_view.state], deviations
+    if any(re.fullmatch(r".+\.\d+", name) for name in names):
+        return [], values
+    return quantities, values

@@ -1,0 +1,89 @@
+"""Bodies of links and joints, meshes, and whatever else stands and falls in a world of space, as it truly looks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symaware_cli.viewing.chunk import Chunk
+from symaware_cli.viewing.detail import Detail
+from symaware_cli.viewing.figure import Figure
+from symaware_cli.viewing.palette import SCENERY, faded
+from symaware_cli.viewing.scene.base import Drawing
+from symaware_cli.viewing.scene.marks import Figures
+from symaware_cli.viewing.views import GroupView, ObstacleView, RunView
+
+Array = NDArray[np.float64]
+Times = NDArray[np.int64]
+
+#: What those look like of whom nothing is said: agents, and entities that move or stay.
+_PLAIN = (205, 205, 210)
+_STILL = tuple(int(part) for part in faded(np.array(SCENERY, np.uint8), 0.3))
+
+
+class Appearances(Drawing):
+    """Groups and entities of which the log has the geometry.
+
+    What a body of some kind looks like is there once, however many of that kind there are: Rerun draws it in as many
+    places. Entities without meshes have paths of their own.
+    """
+
+    def __init__(self, run_view: RunView, detail: Detail) -> None:
+        super().__init__(run_view, detail)
+        self._begun = False
+        users: dict[int, list[GroupView | ObstacleView]] = {}
+        everybody: list[GroupView | ObstacleView] = [*run_view.group_views.values(), *run_view.obstacle_views.values()]
+        figures = {each.figure.number: each.figure for each in everybody if each.figure}
+        for each in everybody:
+            if each.figure:
+                users.setdefault(each.figure.number, []).append(each)
+        #: Where it is drawn, what is drawn there, and who looks like that.
+        self._shown: list[tuple[str, Figure, Sequence[GroupView | ObstacleView]]] = []
+        for number, like in sorted(users.items()):
+            figure = figures[number]
+            if (len(like) > 1 and figure.surfaces) or any(isinstance(each, GroupView) for each in like):
+                self._shown.append((f"world/figures/{figure.path}", figure, like))
+            else:
+                self._shown += [(f"world/scenery/{each.name}", figure, [each]) for each in like]
+
+    def marks(self, chunk: Chunk) -> Iterator[Figures]:
+        """Where they are, whenever one moves."""
+        for path, figure, like in self._shown:
+            moments = [self._moments(each, chunk) for each in like]
+            times = np.unique(np.concatenate(moments))
+            if not self._begun and chunk.start not in times[:1]:
+                times = np.concatenate([[chunk.start], times])
+            if not len(times):
+                continue
+            postures = [self.postures(each, times, chunk) for each in like]
+            first = like[0]
+            yield Figures(
+                path=path,
+                layer="scenery" if isinstance(first, ObstacleView) else f"models/{first.name}",
+                times=times,
+                figure=figure,
+                surfaces=self.run_view.surfaces,
+                colour=_PLAIN if isinstance(first, GroupView) else first.colour if first.moves else _STILL,
+                owners=[(each.name, each.agents if isinstance(each, GroupView) else [each.name]) for each in like],
+                positions=np.concatenate([positions for positions, _ in postures], axis=1),
+                orientations=np.concatenate([orientations for _, orientations in postures], axis=1),
+                joints=np.concatenate([self._joints(each, times, chunk) for each in like], axis=1),
+            )
+        self._begun = True
+
+    def _moments(self, who: GroupView | ObstacleView, chunk: Chunk) -> Times:
+        topics = [who.whereabouts if isinstance(who, GroupView) else f"/world/{who.name}/state"]
+        topics += [f"/world/{who.name}/{kind}" for kind in ("pose", "joints")]
+        found = [chunk.frames[topic].times for topic in topics if topic in chunk.frames]
+        return np.concatenate([np.empty(0, np.int64), *found])
+
+    def _joints(self, who: GroupView | ObstacleView, times: Times, chunk: Chunk) -> Array:
+        """How the joints of somebody stand at some instants; (k, n, joints), 0 where the log does not say."""
+        assert who.figure
+        count = len(who.figure.articulation.joints)
+        frames = chunk.frames.get(f"/world/{who.name}/joints")
+        if frames and frames.before.shape[1] == count:
+            return frames.at(times)
+        return np.zeros((len(times), len(who.agents) if isinstance(who, GroupView) else 1, count))

@@ -1,0 +1,89 @@
+"""The scene: everything that a log tells, as marks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from symaware_cli.viewing.chunk import Chunk, ChunkReader
+from symaware_cli.viewing.detail import Detail
+from symaware_cli.viewing.scene.bars import Bars
+from symaware_cli.viewing.scene.base import Drawing
+from symaware_cli.viewing.scene.bodies import Agents
+from symaware_cli.viewing.scene.contacts import Contacts
+from symaware_cli.viewing.scene.curves import Awareness, Everything, Separation
+from symaware_cli.viewing.scene.figures import Appearances
+from symaware_cli.viewing.scene.goals import Goals
+from symaware_cli.viewing.scene.informed import Informed
+from symaware_cli.viewing.scene.intents import Intents
+from symaware_cli.viewing.scene.journal import Events, Knowledge
+from symaware_cli.viewing.scene.marks import Mark
+from symaware_cli.viewing.scene.messages import Messages
+from symaware_cli.viewing.scene.others import Others
+from symaware_cli.viewing.scene.points import Found
+from symaware_cli.viewing.scene.risk import Risks
+from symaware_cli.viewing.scene.scenery import Scenery
+from symaware_cli.viewing.scene.sensors import Cameras, Scans
+from symaware_cli.viewing.scene.trails import Trails
+from symaware_cli.viewing.scene.uncertainties import Uncertainties
+from symaware_cli.viewing.views import RunView
+
+#: What there is to be seen in the world, and what happened.
+SCENE: tuple[type[Drawing], ...] = (
+    Scenery,
+    Appearances,
+    Goals,
+    Agents,
+    Trails,
+    Intents,
+    Uncertainties,
+    Others,
+    Bars,
+    Found,
+    Scans,
+    Cameras,
+    Messages,
+    Informed,
+    Contacts,
+    Events,
+    Knowledge,
+)
+#: Curves for those who see what was chosen for them, and tables for those who choose themselves what to plot.
+CURVES: tuple[type[Drawing], ...] = (Risks, Separation, Awareness)
+TABLES: tuple[type[Drawing], ...] = (Everything,)
+
+
+class Scene:
+    """Makes marks of a log, chunk by chunk."""
+
+    def __init__(self, run_view: RunView, detail: Detail, drawings: Sequence[type[Drawing]] = SCENE) -> None:
+        """Begin with nothing to be seen.
+
+        Args:
+            run_view: Who takes part.
+            detail: How much to show.
+            drawings: Of what.
+        """
+        self._run_view = run_view
+        self._drawings = [drawing(run_view, detail) for drawing in drawings]
+
+    def chunk_reader(self) -> ChunkReader:
+        """What puts messages together to chunks for this scene."""
+        counts = {
+            topic: len(group_view.agents)
+            for group_view in self._run_view.group_views.values()
+            for topic in (
+                *(f"/world/{group_view.name}/{field}" for field in _TRUTHS),
+                f"/agents/{group_view.name}/control",
+                *map(group_view.topic, group_view.signals),
+            )
+        }
+        return ChunkReader(counts, self._run_view.place)
+
+    def marks(self, chunk: Chunk) -> Iterator[Mark]:
+        """What is to be seen of a stretch of the log; in the order of time."""
+        for drawing in self._drawings:
+            yield from drawing.marks(chunk)
+
+
+#: What is so of a group.
+_TRUTHS = ("state", "control", "pose", "joints")
