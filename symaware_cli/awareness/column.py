@@ -7,7 +7,7 @@ values that were read never alias values that are written later.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -181,10 +181,10 @@ class SeriesColumn:
 
     def row(self, index: int) -> TimeSeries:
         """Return one agent's series."""
-        self.settle()
         own = self._rows.get(index)
         if own is not None:
             return own
+        self.settle()
         if self._times is None:
             return TimeSeries()
         return TimeSeries.sampled(self._times, self._values[index])
@@ -214,6 +214,15 @@ class SeriesColumn:
             self._width = width
         self._rows[index] = series
         self._changed.add(index)
+
+    def put_back(self, series: Mapping[int, TimeSeries]) -> None:
+        """Put back the series of some rows as they were read here before; what was deferred stays so."""
+        unwritten = self._times is None and self._deferred is None
+        for index, own in series.items():
+            if self._rows.get(index) is own or (unwritten and index not in self._rows):
+                continue
+            self._rows[index] = own
+            self._changed.add(index)
 
     @property
     def shared(self) -> tuple[NDArray[np.int64], Array] | None:

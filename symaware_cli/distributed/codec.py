@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from typing import Any
+from collections.abc import Callable, Hashable, Iterable, Sequence
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 from google.protobuf.message import EncodeError
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from symaware_cli.core import Contact, Delivery, MessageBatch
 from symaware_cli.core.message import Indices, objects
@@ -33,6 +33,60 @@ from symaware_cli.network.value import (
     present,
     text_to_wire,
 )
+
+T = TypeVar("T", bound=Hashable)
+
+
+class _Heads(Generic[T]):
+    """What stands before the numbers at the end of a message, as it is the same in each step.
+
+    Who sends the same arrays again and again puts the same head before their numbers; who reads them knows it again. It
+    is all the same whether a head is known, but for the time that it takes.
+    """
+
+    #: So many heads are remembered, of so many bytes at most.
+    MOST, LONGEST = 64, 2**18
+
+    def __init__(self, make: Callable[[T, NDArray[np.float64]], bytes]) -> None:
+        """Begin.
+
+        Args:
+            make: Makes a message, given what it says and an array of numbers, whose bytes are the last of it.
+        """
+        self._make = make
+        self._heads: dict[tuple[T, tuple[int, ...]], bytes] = {}
+        #: By the length of a message and its first field, which is a text.
+        self._known: dict[tuple[int, bytes], tuple[bytes, T, tuple[int, ...]]] = {}
+
+    def encode(self, what: T, values: ArrayLike) -> bytes:
+        """Make a message."""
+        array = np.asarray(values, "<f8")
+        head = self._heads.get((what, array.shape))
+        return self._learn(what, array) if head is None else head + array.tobytes()
+
+    def decode(self, data: bytes) -> tuple[T, NDArray[np.float64]] | None:
+        """Read a message, if it begins as one did before."""
+        known = self._known.get((len(data), data[: 2 + data[1]])) if len(data) > 1 else None
+        if known is None or not data.startswith(known[0]):
+            return None
+        head, what, shape = known
+        return what, np.frombuffer(data, "<f8", offset=len(head)).reshape(shape)
+
+    def learn(self, data: bytes, what: T, array: NDArray[np.float64]) -> None:
+        """Remember how a message begins, if it is as one that is made here."""
+        if array.nbytes and len(data) - array.nbytes <= self.LONGEST and self._make(what, array) == data:
+            self._learn(what, array)
+
+    def _learn(self, what: T, array: NDArray[np.float64]) -> bytes:
+        message = self._make(what, array)
+        head = message[: len(message) - array.nbytes]
+        if len(head) <= self.LONGEST:
+            if len(self._heads) >= self.MOST:
+                self._heads.clear()
+                self._known.clear()
+            self._heads[what, array.shape] = head
+            self._known[len(message), message[: 2 + message[1]]] = head, what, array.shape
+        return message
 
 
 def encode(frame: Frame) -> bytes:
@@ -112,7 +166,7 @@ def _step(frame: Step) -> wire.Step:
     return wire.Step(
         step=frame.step,
         time=frame.time,
-        world=entries_to_wire({name: np.asarray(array, np.float64) for name, array in frame.world.items()}),
+        world=[_WORLD.encode(name, array) for name, array in frame.world.items()],
         contacts=_serialised(_contact, frame.contacts),
         batches=_serialised(_batch, batches.values()),
         deliveries=_serialised(lambda each: _delivery(each, numbers[id(each.batch)]), frame.arrived),
@@ -125,21 +179,39 @@ def _read_step(message: wire.Step) -> Step:
     return Step(
         message.step,
         message.time,
-        {name: _of_type(name, value, np.float64) for name, value in entries_from_wire(message.world).items()},
+        _read_world(message.world),
         tuple(_read_contact(parsed(wire.Contact, data)) for data in message.contacts),
         tuple(_read_delivery(parsed(wire.Delivery, data), batches) for data in message.deliveries),
         message.started,
     )
 
 
+def _real_array(name: str, array: NDArray[np.float64]) -> bytes:
+    (entry,) = entries_to_wire({name: array})
+    return entry
+
+
+def _read_world(entries: Iterable[bytes]) -> dict[str, NDArray[np.float64]]:
+    world: dict[str, NDArray[np.float64]] = {}
+    for data in entries:
+        found = _WORLD.decode(data)
+        if found is None:
+            ((name, value),) = entries_from_wire([data]).items()
+            found = name, _of_type(name, value, np.float64)
+            _WORLD.learn(data, *found)
+        if found[0] in world:
+            raise FrameError(f"the name {found[0]!r} comes twice")
+        world[found[0]] = found[1]
+    return world
+
+
 def _report(frame: Report) -> wire.Report:
-    inputs = [
-        wire.Input(group=text_to_wire(group), rows=_indices(rows), inputs=array_to_wire(np.asarray(values, np.float64)))
-        for group, (rows, values) in frame.inputs.items()
-    ]
     return wire.Report(
         step=frame.step,
-        inputs=[each.SerializeToString() for each in inputs],
+        inputs=[
+            _INPUTS.encode((group, np.asarray(rows, np.int64).tobytes()), values)
+            for group, (rows, values) in frame.inputs.items()
+        ],
         posts=_serialised(_post, frame.posts),
         peak=None if frame.peak is None else wire.Peak(risk=frame.peak[0], agent=frame.peak[1]),
     )
@@ -148,17 +220,33 @@ def _report(frame: Report) -> wire.Report:
 def _read_report(message: wire.Report) -> Report:
     inputs: dict[str, tuple[Indices, NDArray[np.float64]]] = {}
     for data in message.inputs:
-        part = parsed(wire.Input, data)
-        rows = _read_indices(present(part, "rows"))
-        values = array_from_wire(present(part, "inputs"), "f", dimensions=2).astype(np.float64, copy=False)
-        if part.group in inputs:
-            raise FrameError(f"the group {part.group!r} comes twice")
-        if len(values) != len(rows):
-            raise FrameError(f"{len(rows)} rows do not fit control inputs of shape {values.shape}")
-        inputs[part.group] = rows, values
+        found = _INPUTS.decode(data)
+        if found is None:
+            found = _read_input(data)
+            _INPUTS.learn(data, *found)
+        (group, rows), values = found
+        if group in inputs:
+            raise FrameError(f"the group {group!r} comes twice")
+        inputs[group] = np.frombuffer(rows, np.int64), values
     posts = tuple(_read_post(parsed(wire.Post, data)) for data in message.posts)
     peak = (message.peak.risk, message.peak.agent) if message.HasField("peak") else None
     return Report(message.step, inputs, posts, peak)
+
+
+def _input(rows: tuple[str, bytes], values: NDArray[np.float64]) -> bytes:
+    """The control inputs of some rows of a group, given as the bytes of an array."""
+    group, numbers = rows
+    indices = _indices(np.frombuffer(numbers, np.int64))
+    return wire.Input(group=text_to_wire(group), rows=indices, inputs=array_to_wire(values)).SerializeToString()
+
+
+def _read_input(data: bytes) -> tuple[tuple[str, bytes], NDArray[np.float64]]:
+    part = parsed(wire.Input, data)
+    rows = _read_indices(present(part, "rows"))
+    values = array_from_wire(present(part, "inputs"), "f", dimensions=2).astype(np.float64, copy=False)
+    if len(values) != len(rows):
+        raise FrameError(f"{len(rows)} rows do not fit control inputs of shape {values.shape}")
+    return (part.group, rows.tobytes()), values
 
 
 def _post(post: Post) -> wire.Post:
@@ -274,6 +362,9 @@ def _of_type(name: str, value: Any, dtype: type[np.generic] | None = None) -> ND
 def _serialised(encoder: Callable[[Any], Any], values: Iterable[Any]) -> list[bytes]:
     return [encoder(value).SerializeToString() for value in values]
 
+
+_WORLD = _Heads(_real_array)
+_INPUTS = _Heads(_input)
 
 _ENCODERS: dict[type, tuple[str, Callable[[Any], Any]]] = {
     Hello: ("hello", _hello),

@@ -78,6 +78,7 @@ class Connection(ABC):
         gone: Whether it is over.
         full: Whether too many frames wait for the run's thread.
         held: Whether nothing more can be handed on now.
+        given: How many frames were heard.
         stalled: Whether no more frames should be, as the other end has not taken those before.
         shared: Whether others than the other end can make something arrive here, so that it is no reason to end it
             if something is not signed.
@@ -96,7 +97,7 @@ class Connection(ABC):
         self._waiting_bytes = 0
         self._farewell: bytes | None = None
         # Each of these is written by one thread only.
-        self._given = self._given_bytes = 0
+        self.given = self._given_bytes = 0
         self._taken = self._taken_bytes = 0
 
     # What a subclass does.
@@ -121,6 +122,15 @@ class Connection(ABC):
     def drop(self) -> None:
         """Let go at once."""
 
+    @property
+    def descriptor(self) -> int | None:
+        """The file descriptor that tells when there is something to `read`; None if only the port's loop can tell."""
+        return None
+
+    def read(self) -> bool:
+        """Hear what arrived, outside the port's loop; returns whether all of it was frames."""
+        return False
+
     # What a subclass tells.
 
     def begin(self) -> None:
@@ -140,7 +150,7 @@ class Connection(ABC):
         if protocol.open and not was_open:
             self._port.admit(self)
         if frame is not None:
-            self._given += 1
+            self.given += 1
             self._given_bytes += len(frame)
             self._port.deliver(PortEvent("frame", self.peer, frame), self)
             if self._behind(1):
@@ -251,12 +261,12 @@ class Connection(ABC):
 
     def untaken(self) -> tuple[int, int]:
         """How many frames wait for the run's thread, and how many bytes."""
-        return self._given - self._taken, self._given_bytes - self._taken_bytes
+        return self.given - self._taken, self._given_bytes - self._taken_bytes
 
     @property
     def spoke(self) -> bool:
         """Whether it sent any frame."""
-        return self._given > 0
+        return self.given > 0
 
     def _behind(self, part: int) -> bool:
         """Whether as many frames wait for the run's thread as may, or one part of so many of them."""

@@ -58,6 +58,7 @@ class _Member:
         is_here: For everybody in the roster, whether it runs them.
         rank: The place of the first of them in the roster, by which members are served.
         reported: The last step that it reported on.
+        rows: By group, the rows whose inputs it told last, as the bytes of an array: they were found to be its own.
         arrived: What arrived for its agents and was not told yet.
     """
 
@@ -67,6 +68,7 @@ class _Member:
     is_here: NDArray[np.bool_]
     rank: int
     reported: int
+    rows: dict[str, bytes] = field(default_factory=dict)
     arrived: list[Delivery] = field(default_factory=list)
 
 
@@ -170,22 +172,31 @@ class Host(Participant):
 
     def _collect(self) -> None:
         """Take what has come; without a pace, wait until all members have reported, and who is lost is back."""
+        if self._run.pacer is None and self._members:
+            self._wait_for_reports()
+        else:
+            self._take_what_came()
+            if self._run.pacer is None:
+                self._wait_for_reports()
+        self._deliver_posts()
+        self._deliver_notices()
+
+    def _take_what_came(self) -> None:
         for _ in range(_MOST_AT_ONCE):
             happening = self.port.receive(0.0)
             if happening is None:
                 break
             self._take(happening)
         self._send_off_silent()
-        if self._run.pacer is None:
-            while self._awaited or any(member.reported < self._run.kernel.done for member in self._members.values()):
-                happening = self._wait(self._return_due if self._awaited else None)
-                if happening is not None:
-                    self._take(happening)
-                elif self._awaited:
-                    ids = listed(id for id in self._simulation.environment.roster.ids if id in self._awaited)
-                    self._fail("run", f"nobody came back within {self._patience:g} s for {ids}")
-        self._deliver_posts()
-        self._deliver_notices()
+
+    def _wait_for_reports(self) -> None:
+        while self._awaited or any(member.reported < self._run.kernel.done for member in self._members.values()):
+            happening = self._wait(self._return_due if self._awaited else None)
+            if happening is not None:
+                self._take(happening)
+            elif self._awaited:
+                ids = listed(id for id in self._simulation.environment.roster.ids if id in self._awaited)
+                self._fail("run", f"nobody came back within {self._patience:g} s for {ids}")
 
     def _deliver_posts(self) -> None:
         """Let what members said go on its way, in an order that does not depend on who was faster."""
@@ -316,8 +327,11 @@ class Host(Participant):
             if known is None or inputs.shape != (len(rows), known[2].shape[1]) or not np.isfinite(inputs).all():
                 raise FrameError(f"control inputs of `{name}` that cannot be")
             group, own, latest = known
-            if not _are_there(member, self._simulation.environment.roster.start(name) + rows, rows, len(group)):
-                raise FrameError(f"control inputs of agents of `{name}` that are not its own")
+            told = rows.tobytes()
+            if member.rows.get(name) != told:
+                if not _are_there(member, self._simulation.environment.roster.start(name) + rows, rows, len(group)):
+                    raise FrameError(f"control inputs of agents of `{name}` that are not its own")
+                member.rows[name] = told
             latest = latest.copy()
             latest[np.searchsorted(own, rows)] = inputs
             self._inputs[name] = (group, own, latest)
@@ -351,6 +365,8 @@ class Host(Participant):
 
     def _send_off_silent(self) -> None:
         """Let go of who came and does not say in time that it wants to be a member."""
+        if not self._guests:
+            return
         now = time.monotonic()
         for peer in [peer for peer, until in self._guests.items() if until <= now]:
             del self._guests[peer]

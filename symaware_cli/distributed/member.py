@@ -146,10 +146,13 @@ class Member(Participant):
             RunError: That takes too long.
         """
         while True:
-            happening = self.port.receive(0.0)
+            is_made = self._world is not None and self._world.step > beyond
+            if is_made and self._run.pacer is None:
+                return self._world  # the host waits for us: there is nothing newer
+            happening = self.port.receive(0.0) if is_made or self._over is not None else None
             if happening is None:
                 # There is nothing newer to be had at once.
-                if self._world is not None and self._world.step > beyond:
+                if is_made:
                     return self._world
                 if self._over is not None:
                     return None

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from symaware_cli.runtime.shared import Shared
     from symaware_cli.runtime.simulation import Simulation
 
-#: So long a process waits at a time before it lets signals through [s].
+#: Longest wait between two checks for signals [s].
 _BREATH = 0.2
 
 
@@ -137,17 +137,14 @@ class Participant(ABC):
     def _wait(self, deadline: float | None = None) -> PortEvent | None:
         """Wait for what happens next, with signals let through; None if a moment of the monotonic clock comes first."""
         interruption = self._run.interruption
-        interruption.unshield(watched=False)
-        try:
-            while True:
-                breath = _BREATH if deadline is None else min(_BREATH, deadline - time.monotonic())
-                if breath <= 0.0:
-                    return self.port.receive(0.0)
-                happening = self.port.receive(breath)
-                if happening is not None:
-                    return happening
-        finally:
+        while True:
+            # Not while the port is at work: that must not be left half done.
+            interruption.unshield(watched=False)
             interruption.shield()
+            breath = _BREATH if deadline is None else min(_BREATH, deadline - time.monotonic())
+            happening = self.port.receive(max(0.0, breath))
+            if happening is not None or breath <= 0.0:
+                return happening
 
     @property
     def _keeps_step(self) -> bool:

@@ -1,15 +1,17 @@
-"""Ports whose connections live in an event loop, in a thread of their own."""
+"""Ports whose connections live in an event loop, which the run's thread goes through while it waits for frames."""
 
 from __future__ import annotations
 
 import asyncio
 import atexit
 import itertools
+import math
 import random
+import selectors
 import threading
 import time
 from abc import abstractmethod
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Awaitable, Callable, Collection, Coroutine, Mapping
 from queue import Empty, SimpleQueue
 from types import MappingProxyType
@@ -29,11 +31,21 @@ _CLOSING = 1.25 * PARTING
 #: How often a port looks at the clock within the timeout.
 _TICKS = 16
 
+#: For how long the loop runs by itself after something other than a frame happened [s].
+_SETTLING = 0.05
+
+#: For how long the run's thread may leave the loop alone before the port's own thread takes it over [s].
+_LEAVE = 0.02
+
 
 class LoopPort(Port):
     """A port that keeps its connections in an event loop.
 
-    A subclass opens and closes what the connections are made of, in the loop's thread.
+    Two threads share the loop, one at a time. Who waits in `receive` runs it, and what is sent is written to the socket
+    right away: a frame costs no change of threads. When the run's thread has been away for a while, because it computes
+    or sleeps, the port's own thread runs the loop until it comes back.
+
+    A subclass opens and closes what the connections are made of, within the loop.
 
     Attributes:
         parameters: Those of the transport.
@@ -50,15 +62,25 @@ class LoopPort(Port):
         self.rejected: Mapping[Rejection, int] = MappingProxyType(self._counts)
         self._numbers = itertools.count(1)
         self._inbox: SimpleQueue[tuple[PortEvent | BaseException, Connection | None]] = SimpleQueue()
-        # What to send to whom, or why to let go of it.
-        self._outbox: deque[tuple[int, bytes | str]] = deque()
-        self._flushing = False
         self._closed = False
+        # Held by the thread that runs the loop, or does something to what lives in it.
+        self._turn = threading.Lock()
+        # How often the run's thread has had it, and whether it waits in the loop now.
+        self._visits = 0
+        self._waits = False
+        self._wanted = threading.Event()
+        self._wanted.set()
         self._reason = f"the {'host' if host else 'member'} ended the connection"
         self._strangers: dict[int, Connection] = {}
         self._peers: dict[int, Connection] = {}
         self._tasks: list[asyncio.Task[None]] = []
-        self._loop = asyncio.new_event_loop()
+        self._selector = selectors.DefaultSelector()
+        self._loop = asyncio.SelectorEventLoop(self._selector)
+        self._interval = parameters.timeout / _TICKS
+        # By file descriptor, the connections that can be read without the loop; when it must run, and until when it
+        # had better run because something is under way in it.
+        self._direct: dict[int, Connection] = {}
+        self._due = self._settled = 0.0
         self._loop.set_exception_handler(self._fail)
         self._end = asyncio.Event()
         self._thread = threading.Thread(target=self._run, name="symaware-transport", daemon=True)
@@ -95,25 +117,91 @@ class LoopPort(Port):
             raise
 
     def send(self, peer: int, frame: bytes) -> None:
-        """Hand a frame to the port's thread."""
+        """Send a frame, as far as the other end takes it."""
         maximum = self.parameters.maximum_frame
         if len(frame) > maximum:
             raise ValueError(f"a frame of {len(frame)} bytes is longer than `maximum_frame`: {maximum}")
-        self._hand_over(peer, frame)
+        self._take_loop()
+        try:
+            if connection := self._peers.get(peer):
+                connection.add(frame)
+                connection.pump()
+                if connection.held:
+                    self._go_round()
+                connection.dispatch()
+        finally:
+            self._leave_loop()
 
     def receive(self, timeout: float | None = None) -> PortEvent | None:
         """Return what happened next; None if the port is closed."""
         if self._closed:
             return None
+        if self._inbox.empty():
+            self._take_loop()
+            try:
+                self._wait(math.inf if timeout is None else time.monotonic() + timeout)
+            finally:
+                self._leave_loop()
         try:
-            event, connection = self._inbox.get(timeout=timeout)
+            event, connection = self._inbox.get_nowait()
         except Empty:
             return None
-        if isinstance(event, BaseException):
+        if isinstance(event, Exception):
             raise RuntimeError(f"the port {self.address} failed") from event
+        if isinstance(event, BaseException):
+            raise event
         if event.kind == "frame" and connection is not None and connection.take(event.frame):
             self.later(connection.look_again)
         return event
+
+    def _take_loop(self) -> None:
+        """Have the loop to oneself; the port's own thread lets go of it, until the run's has been away for a while."""
+        self._visits += 1
+        if not self._turn.acquire(blocking=False):
+            self.later(self._loop.stop)
+            self._turn.acquire()
+            self._settled = time.monotonic() + _SETTLING
+
+    def _leave_loop(self) -> None:
+        self._visits += 1
+        self._turn.release()
+
+    def _wait(self, end: float) -> None:
+        """Let things happen until the run's thread has to be told of one, or until a moment of the monotonic clock."""
+        polled = False
+        while self._inbox.empty():
+            now = time.monotonic()
+            if now >= end and polled:
+                break
+            polled = True
+            if now < self._settled or not self._direct:
+                self._go_round(min(end, max(self._settled, now + self._interval)) - now)
+            elif now >= self._due:
+                self._due = now + self._interval
+                self._go_round()
+            else:
+                for key, _ in self._selector.select(max(0.0, min(end, self._due) - now)):
+                    if (connection := self._direct.get(key.fd)) is None or not connection.read():
+                        self._settled = now + _SETTLING
+
+    def _go_round(self, duration: float = 0.0) -> None:
+        """Run the loop: once, or for some time [s] at most, until the run's thread has to be told of something."""
+        # A notebook has a loop of its own, in which the whole run takes place.
+        before = asyncio._get_running_loop()
+        asyncio._set_running_loop(None)
+        alarm = None
+        if duration > 0.0:
+            self._waits = True
+            alarm = self._loop.call_later(duration, self._loop.stop)
+        else:
+            self._loop.stop()
+        try:
+            self._loop.run_forever()
+        finally:
+            self._waits = False
+            if alarm is not None:
+                alarm.cancel()
+            asyncio._set_running_loop(before)
 
     def offset(self, peer: int) -> float:
         """How far the clock of a peer is ahead [s]."""
@@ -122,33 +210,32 @@ class LoopPort(Port):
 
     def cut(self, peer: int, reason: str) -> None:
         """Let go of a peer, in order."""
-        self._hand_over(peer, reason)
+        self._take_loop()
+        if connection := self._peers.get(peer):
+            connection.part(reason)
+        self._leave_loop()
 
     def accept(self, peer: int) -> None:
         """Keep a place for a peer."""
-        self.later(self._accept, peer)
+        self._take_loop()
+        if connection := self._peers.get(peer):
+            connection.accepted = True
+        self._leave_loop()
 
     def close(self, reason: str = "") -> None:
         """End the port's thread, and all that it keeps."""
         if self._closed:
             return
         self._reason = reason or self._reason
-        self.later(self._end.set)
         self._closed = True
+        self.later(self._end.set)
+        self._wanted.set()
         if self._thread.is_alive():
             self._thread.join(_CLOSING)
         atexit.unregister(self.close)
 
-    def _hand_over(self, peer: int, what: bytes | str) -> None:
-        if self._closed:
-            return
-        self._outbox.append((peer, what))
-        if not self._flushing:
-            self._flushing = True
-            self.later(self._flush)
-
     def later(self, call: Callable[..., None], *arguments: Any) -> bool:
-        """Call something in the loop's thread, from any; returns False if that has ended."""
+        """Call something within the loop, from any thread; returns False if that has ended."""
         try:
             self._loop.call_soon_threadsafe(call, *arguments)
         except RuntimeError:
@@ -203,20 +290,25 @@ class LoopPort(Port):
                 return
         self._peers[connection.peer] = connection
         connection.came = True
+        if (number := connection.descriptor) is not None:
+            self._direct[number] = connection
         self.deliver(PortEvent("came", connection.peer), connection)
-
-    def _accept(self, peer: int) -> None:
-        if peer in self._peers:
-            self._peers[peer].accepted = True
 
     def leave(self, connection: Connection) -> None:
         """Take note that a connection is over."""
         self._strangers.pop(connection.peer, None)
         self._peers.pop(connection.peer, None)
+        if (number := connection.descriptor) is not None:
+            self._direct.pop(number, None)
 
     def deliver(self, event: PortEvent, connection: Connection) -> None:
         """Let the run's thread know."""
+        self._tell(event, connection)
+
+    def _tell(self, event: PortEvent | BaseException, connection: Connection | None = None) -> None:
         self._inbox.put((event, connection))
+        if self._waits:
+            self._loop.stop()
 
     def reject(self, rejection: Rejection) -> None:
         """Count what was not taken."""
@@ -247,7 +339,7 @@ class LoopPort(Port):
 
     def _look_at(self, task: asyncio.Task[None]) -> None:
         if not task.cancelled() and (error := task.exception()) is not None:
-            self._inbox.put((error, None))
+            self._tell(error)
 
     def _fail(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
         """Let the run's thread know of a mistake in this package; asyncio itself copes with what a socket cannot do."""
@@ -255,50 +347,39 @@ class LoopPort(Port):
         if error is None or isinstance(error, OSError):
             loop.default_exception_handler(context)
         else:
-            self._inbox.put((error, None))
+            self._tell(error)
 
     def _run(self) -> None:
-        asyncio.set_event_loop(self._loop)
-        try:
-            self._loop.run_until_complete(self._live())
-        finally:
-            self._loop.run_until_complete(self._loop.shutdown_asyncgens())
-            asyncio.set_event_loop(None)
-            self._loop.close()
+        """Run the loop whenever the run's thread does not, until the port is closed."""
+        live = self._loop.create_task(self._live())
+        live.add_done_callback(lambda _: self._loop.stop())
+        while not live.done():
+            visits = self._visits
+            if (self._wanted.wait(_LEAVE) or visits == self._visits) and self._turn.acquire(blocking=False):
+                self._wanted.clear()
+                try:
+                    self._loop.run_forever()
+                finally:
+                    self._turn.release()
+        live.result()
+        self._loop.run_until_complete(self._loop.shutdown_asyncgens())
+        self._loop.close()
 
     async def _live(self) -> None:
-        self.keep(self._tick())
+        self._tick()
         await self._end.wait()
         for task in self._tasks:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
-        self._flush()
         for connection in (*self._strangers.values(), *self._peers.values()):
             connection.part(self._reason)
         await self.shut()
 
-    async def _tick(self) -> None:
-        while True:
-            await asyncio.sleep(self.parameters.timeout / _TICKS)
-            now = time.monotonic()
-            for connection in (*self._strangers.values(), *self._peers.values()):
-                connection.tick(now)
-
-    def _flush(self) -> None:
-        self._flushing = False
-        concerned: dict[int, Connection] = {}
-        while self._outbox:
-            peer, what = self._outbox.popleft()
-            connection = self._peers.get(peer)
-            if connection is None:
-                continue
-            if isinstance(what, str):
-                connection.part(what)
-            else:
-                connection.add(what)
-                concerned[peer] = connection
-        for connection in concerned.values():
-            connection.dispatch()
+    def _tick(self) -> None:
+        self._loop.call_later(self._interval, self._tick)
+        now = time.monotonic()
+        for connection in (*self._strangers.values(), *self._peers.values()):
+            connection.tick(now)
 
 
 def _first_to_go(connections: Collection[Connection]) -> Connection:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import errno
 import socket
+import time
 from collections.abc import Sequence
 from contextlib import suppress
 from typing import cast
@@ -20,6 +21,9 @@ _LENGTH = 4
 
 #: So much may be handed to the operating system before it has sent what came before [bytes].
 _AHEAD = 2**20
+
+#: So much is read at once outside asyncio [bytes].
+_READ = 2**16
 
 #: The errors by which an operating system tells that the other one does not answer.
 _SILENT = (errno.ETIMEDOUT, errno.EHOSTUNREACH, errno.ENETUNREACH)
@@ -80,11 +84,13 @@ class _HostPort(_TcpPort):
         self.address = address_of(*self._server.sockets[0].getsockname()[:2])
 
     async def shut(self) -> None:
+        # Whoever was let in just now is not a connection yet: that is a task of asyncio, the only one left beside this.
+        # If it began after the server is closed, it would leave its socket open.
+        end = time.monotonic() + PARTING
+        while (others := asyncio.all_tasks() - {asyncio.current_task()}) and (left := end - time.monotonic()) > 0.0:
+            await asyncio.wait(others, timeout=left)
         if self._server is not None:
             self._server.close()
-        # Whoever was let in just now is not a connection yet: that is a task of asyncio, the only one left beside this.
-        if others := asyncio.all_tasks() - {asyncio.current_task()}:
-            await asyncio.wait(others, timeout=PARTING)
         await super().shut()
 
 
@@ -115,6 +121,10 @@ class _TcpConnection(asyncio.Protocol, Connection):
         self._sockets = port.sockets
         self._transport = cast("asyncio.Transport", None)
         self._buffer = bytearray()
+        # The same socket, for what asyncio does not do: two objects, one connection.
+        self._socket: socket.socket | None = None
+        self._descriptor: int | None = None
+        self._error: OSError | None = None
         self.closed: asyncio.Future[None] = asyncio.get_running_loop().create_future()
 
     # What asyncio calls.
@@ -122,6 +132,8 @@ class _TcpConnection(asyncio.Protocol, Connection):
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         self._transport = cast("asyncio.Transport", transport)
         self._transport.set_write_buffer_limits(_AHEAD)
+        self._descriptor = transport.get_extra_info("socket").fileno()
+        self._socket = transport.get_extra_info("socket").dup()
         self._transport.get_extra_info("socket").setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         _watch(self._transport.get_extra_info("socket"), self._port.parameters.timeout)
         self.origin = str((transport.get_extra_info("peername") or ("",))[0])
@@ -135,7 +147,7 @@ class _TcpConnection(asyncio.Protocol, Connection):
             self.refuse(ConnectionEnded("too many connections are open", "crowded"))
 
     def data_received(self, data: bytes) -> None:
-        self.protocol.notice(asyncio.get_running_loop().time())
+        self.protocol.notice(time.monotonic())
         if self.gone or self.parting:
             return
         self._buffer += data
@@ -146,8 +158,11 @@ class _TcpConnection(asyncio.Protocol, Connection):
         return False
 
     def connection_lost(self, error: Exception | None) -> None:
+        error = error or self._error
         if error is not None:
             self._read_rest()
+        if self._socket is not None:
+            self._socket.close()
         self._sockets.discard(self)
         self._buffer.clear()
         silent = isinstance(error, OSError) and error.errno in _SILENT
@@ -157,8 +172,8 @@ class _TcpConnection(asyncio.Protocol, Connection):
 
     def _read_rest(self) -> None:
         """Hear what came before the other end closed: asyncio reads no more once it could not write."""
-        with suppress(OSError), self._transport.get_extra_info("socket").dup() as rest:
-            while data := rest.recv(_AHEAD):
+        with suppress(OSError):
+            while self._socket is not None and (data := self._socket.recv(_AHEAD)):
                 self.data_received(data)
 
     def pause_writing(self) -> None:
@@ -191,7 +206,27 @@ class _TcpConnection(asyncio.Protocol, Connection):
             self.hear(bytes(memoryview(buffer)[start:position]))
         del buffer[:position]
 
-    # What the connection asks for.
+    # What the port and the connection ask for.
+
+    @property
+    def descriptor(self) -> int | None:
+        return self._descriptor
+
+    def read(self) -> bool:
+        assert self._socket is not None
+        try:
+            data = self._socket.recv(_READ)
+        except BlockingIOError:
+            return True
+        except OSError as error:
+            self._error = error
+            self._transport.abort()
+            return False
+        if not data:
+            return False  # asyncio reads the same
+        given = self.given
+        self.data_received(data)
+        return self.given > given and not (self.gone or self.parting or self.full)
 
     def transmit(self, records: Sequence[bytes]) -> None:
         if self._transport.is_closing():

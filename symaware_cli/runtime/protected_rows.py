@@ -32,22 +32,22 @@ def protected(group: AgentGroup, rows: Sequence[int]) -> Iterator[None]:
     written = [group.control_column, *awareness.columns.values()]
     columns = [(column, column.values) for column in written if isinstance(column, Column)]
     series = [
-        (column, row, column.row(row)) for column in written if isinstance(column, SeriesColumn) for row in chosen
+        (column, {row: column.row(row) for row in chosen}) for column in written if isinstance(column, SeriesColumn)
     ]
     tables = [(column, column.tables) for column in written if isinstance(column, TableColumn)]
     seen, told = awareness.seen, awareness.told
     yield
     for column, before in columns:
-        if column.values is not before and not np.array_equal(column.values[chosen], before[chosen], equal_nan=True):
+        if column.values is not before and column.values[chosen].tobytes() != before[chosen].tobytes():
             column.restore(chosen, before)
-    for series_column, row, own in series:
-        if series_column.row(row) != own:
-            series_column.set_row(row, own)
+    for series_column, own in series:
+        series_column.put_back(own)
     for table_column, tables_before in tables:
         for row in chosen:
             if table_column.row(row) is not tables_before[row]:
                 table_column.set_row(row, tables_before[row])
-    held = np.isin(np.arange(len(group)), chosen)
+    held = np.zeros(len(group), bool)
+    held[chosen] = True
     if awareness.seen is not None and awareness.seen is not seen:
         awareness.seen = _merged(awareness.seen, seen, held)
     if awareness.told is not None and awareness.told is not told:
