@@ -25,7 +25,8 @@ from symaware_cli.cli.terminal import is_plain
 application = typer.Typer(
     name="symaware",
     help="Run multi-agent scenarios with situational awareness: deterministic, recorded, checkable.",
-    epilog="Exit status: 0 done; 1 the run failed; 2 the input is wrong; 3 done, but data was lost; 130 interrupted.",
+    epilog="Exit status: 0 success; 1 the run failed; 2 the input is invalid; 3 success, but data "
+    "was lost; 130 interrupted.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     # Help and usage errors, too: Rich would leave out the colours and keep the rest.
@@ -45,7 +46,7 @@ def _version(wanted: bool) -> None:
 @application.callback()
 def _symaware(
     version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Say which version.")
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
     ] = False,
 ) -> None:
     """Run multi-agent scenarios with situational awareness: deterministic, recorded, checkable."""

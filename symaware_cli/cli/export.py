@@ -42,7 +42,7 @@ class Target(enum.StrEnum):
 
 def export(
     path: Annotated[Path, typer.Argument(help="A log.", metavar="LOG")],
-    form: Annotated[Target, typer.Option("--format", help="A folder of tables, or an MCAP for Foxglove.")],
+    form: Annotated[Target, typer.Option("--format", help="A folder of tables, or an MCAP file for Foxglove.")],
     output: Annotated[
         Path | None,
         typer.Option(
@@ -57,8 +57,8 @@ def export(
     agents: Annotated[
         str | None, typer.Option("--agents", help="Only these agents, groups and entities, separated by commas.")
     ] = None,
-    start: Annotated[float | None, typer.Option("--from", help="Leave out what is before this time, in s.")] = None,
-    end: Annotated[float | None, typer.Option("--to", help="Leave out what is after this time, in s.")] = None,
+    start: Annotated[float | None, typer.Option("--from", help="First simulated time, in seconds.")] = None,
+    end: Annotated[float | None, typer.Option("--to", help="Last simulated time, in seconds.")] = None,
     as_json: Json = False,
 ) -> None:
     """Turn a log into tables (Parquet, CSV), or into an MCAP that Foxglove shows."""

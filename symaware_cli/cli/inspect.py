@@ -56,48 +56,54 @@ class Stage(enum.StrEnum):
 def inspect(
     path: Annotated[Path, typer.Argument(help="A log.", metavar="LOG")],
     events: Annotated[
-        bool, typer.Option("--events", help="What happened, with tracebacks of failures.", rich_help_panel=VIEW)
+        bool, typer.Option("--events", help="Show events, with tracebacks of failures.", rich_help_panel=VIEW)
     ] = False,
     messages: Annotated[
-        bool, typer.Option("--messages", help="What agents told each other.", rich_help_panel=VIEW)
+        bool, typer.Option("--messages", help="Show messages between agents.", rich_help_panel=VIEW)
     ] = False,
-    contacts: Annotated[bool, typer.Option("--contacts", help="Who touched whom.", rich_help_panel=VIEW)] = False,
+    contacts: Annotated[
+        bool, typer.Option("--contacts", help="Show contacts between bodies.", rich_help_panel=VIEW)
+    ] = False,
     series: Annotated[
         str | None,
         typer.Option(
-            help="Values over time, such as `robot.0:state` or `robot:world:x`. NAME: an agent, a group, an entity. "
-            "FIELD: state, world, control, control_requested, intent, uncertainty, risk, another part of "
-            "awareness, or a sensor's name.",
+            help="Show values over time, such as `robot.0:state` or `robot:world:x`. NAME: an agent, "
+            "a group, an entity. FIELD: state, world, control, control_requested, intent, uncertainty, risk, another "
+            "part of awareness, or a sensor's name.",
             metavar="NAME:FIELD[:COLUMN]",
             rich_help_panel=VIEW,
         ),
     ] = None,
     digest: Annotated[
         bool,
-        typer.Option("--digest", help="The SHA-256 of each channel; equal runs have equal ones.", rich_help_panel=VIEW),
+        typer.Option(
+            "--digest",
+            help="Show the SHA-256 digest of each channel; equal runs have equal digests.",
+            rich_help_panel=VIEW,
+        ),
     ] = False,
     agents: Annotated[
         str | None,
         typer.Option(
-            help="Whom entries concern: agents, groups or entities, separated by commas; `*` stands for anything.",
+            help="Only entries about these agents, groups or entities, separated by commas; `*` matches anything.",
             rich_help_panel=FILTER,
         ),
     ] = None,
     name: Annotated[
-        str | None, typer.Option(help="What events are called, such as `failed`.", rich_help_panel=FILTER)
+        str | None, typer.Option(help="Name of the events, such as `failed`.", rich_help_panel=FILTER)
     ] = None,
     source: Annotated[
         str | None,
-        typer.Option(help="Where events happened, such as `agents.robot.*.steer`.", rich_help_panel=FILTER),
+        typer.Option(help="Source of the events, such as `agents.robot.*.steer`.", rich_help_panel=FILTER),
     ] = None,
     level: Annotated[
         MinimumLevel | None,
         typer.Option(help="Lowest level of the events.", rich_help_panel=FILTER, case_sensitive=False),
     ] = None,
-    kind: Annotated[str | None, typer.Option(help="What messages are about.", rich_help_panel=FILTER)] = None,
+    kind: Annotated[str | None, typer.Option(help="Kind of the messages.", rich_help_panel=FILTER)] = None,
     stage: Annotated[
         Stage | None,
-        typer.Option(help="How far messages or contacts are.", rich_help_panel=FILTER, case_sensitive=False),
+        typer.Option(help="Stage of the messages or contacts.", rich_help_panel=FILTER, case_sensitive=False),
     ] = None,
     start: Annotated[
         float | None, typer.Option("--from", help="The first simulated time, in seconds.", rich_help_panel=FILTER)
@@ -106,9 +112,10 @@ def inspect(
         float | None, typer.Option("--to", help="The last simulated time, in seconds.", rich_help_panel=FILTER)
     ] = None,
     every: Annotated[
-        float | None, typer.Option(help="One line in so many seconds of simulated time.", rich_help_panel=FILTER)
+        float | None,
+        typer.Option(help="Show one line per this many seconds of simulated time.", rich_help_panel=FILTER),
     ] = None,
-    limit: Annotated[int | None, typer.Option(min=0, help="So many lines at most.", rich_help_panel=FILTER)] = None,
+    limit: Annotated[int | None, typer.Option(min=0, help="Greatest number of lines.", rich_help_panel=FILTER)] = None,
     as_json: Json = False,
 ) -> None:
     """Tell what is in a log: who, how long, how often, which scenario, and what is missing."""

@@ -21,7 +21,7 @@ class Kind(enum.StrEnum):
 
 
 def list_plugins(
-    kind: Annotated[Kind | None, typer.Argument(help="What to list; everything if left out.")] = None,
+    kind: Annotated[Kind | None, typer.Argument(help="What to list; by default everything.")] = None,
     as_json: Json = False,
 ) -> None:
     """List what a scenario can use, and which package each comes from."""
@@ -50,4 +50,4 @@ def list_plugins(
         typer.echo(bold(PLURALS[each]))
         for listing in same:
             typer.echo(f"  {listing.name:<{width}}  {listing.package} {listing.version}")
-    typer.echo("\nsymaware show NAME tells the parameters of one.")
+    typer.echo("\nsymaware show NAME lists the parameters of one.")

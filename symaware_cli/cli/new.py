@@ -11,7 +11,7 @@ from symaware_cli.cli.terminal import WRONG_INPUT, fail
 
 
 def new(
-    name: Annotated[str, typer.Argument(help="What to call the scenario; also the name of the file.")],
+    name: Annotated[str, typer.Argument(help="Name of the scenario and of the file.")],
     toml: Annotated[bool, typer.Option("--toml", help="Write TOML instead of YAML.")] = False,
 ) -> None:
     """Write a commented scenario to start from."""

@@ -37,7 +37,7 @@ def plot(
         str | None,
         typer.Option(
             help="The panels, separated by commas: trajectories, separation, risk, speed, altitude, control, or a "
-            "part of awareness. By default those that suit the log.",
+            "part of awareness. By default those that fit the log.",
             metavar="PANELS",
         ),
     ] = None,
@@ -52,7 +52,7 @@ def plot(
     ] = None,
     agents: Annotated[
         str | None,
-        typer.Option(help="Plot these as if there were no others: agents or groups, separated by commas."),
+        typer.Option(help="Plot only these agents or groups, separated by commas."),
     ] = None,
     start: Annotated[float | None, typer.Option("--from", help="The first simulated time, in seconds.")] = None,
     end: Annotated[float | None, typer.Option("--to", help="The last simulated time, in seconds.")] = None,
@@ -60,9 +60,9 @@ def plot(
         float | None,
         typer.Option("--at", help="Show bodies and intents at this time, in seconds; by default the last."),
     ] = None,
-    title: Annotated[str | None, typer.Option(help="What stands above the figure.")] = None,
+    title: Annotated[str | None, typer.Option(help="Title of the figure.")] = None,
     size: Annotated[str | None, typer.Option(help="Width and height in inches, such as 12x8.", metavar="WxH")] = None,
-    dpi: Annotated[int, typer.Option(min=20, max=1200, help="Dots for each inch.")] = 150,
+    dpi: Annotated[int, typer.Option(min=20, max=1200, help="Dots per inch.")] = 150,
     as_json: Json = False,
 ) -> None:
     """Draw a log into one figure: trajectories, separation, risk, or any series by name."""

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def recover(
-    path: Annotated[Path, typer.Argument(help="A log, damaged or broken off.", metavar="LOG")],
+    path: Annotated[Path, typer.Argument(help="A damaged or incomplete log.", metavar="LOG")],
     output: Annotated[
         Path | None,
         typer.Option(

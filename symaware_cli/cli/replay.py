@@ -42,29 +42,29 @@ _SMALLEST, _LARGEST = 200, 8192
 def replay(
     path: Annotated[Path, typer.Argument(help="A log.", metavar="LOG")],
     save: Annotated[
-        Path | None, typer.Option("--save", help="Write an .rrd file, which any Rerun viewer shows, and open nothing.")
+        Path | None, typer.Option("--save", help="Write an .rrd file for any Rerun viewer instead of opening one.")
     ] = None,
     screenshot: Annotated[
         Path | None, typer.Option("--screenshot", help="Write a PNG of the viewer; needs no screen.")
     ] = None,
     at: Annotated[
-        float | None, typer.Option("--at", help="The instant of the screenshot, in seconds; by default the middle.")
+        float | None, typer.Option("--at", help="Time of the screenshot, in seconds; by default the middle.")
     ] = None,
     size: Annotated[
         str, typer.Option("--size", help="Width and height of the screenshot.", metavar="WxH")
     ] = "1600x1000",
     web: Annotated[bool, typer.Option("--web", help="Serve the viewer to browsers and print the link.")] = False,
-    port: Annotated[int, typer.Option("--port", min=1, max=65535, help="Where --web serves.")] = 9090,
+    port: Annotated[int, typer.Option("--port", min=1, max=65535, help="The port of --web.")] = 9090,
     bind: Annotated[
-        str, typer.Option("--bind", help="The address to listen on; others than this machine reach 0.0.0.0.")
+        str, typer.Option("--bind", help="The address to listen on; 0.0.0.0 for access from other machines.")
     ] = "127.0.0.1",
     connect: Annotated[
         str | None,
-        typer.Option("--connect", help="Send to a viewer that runs already.", metavar="URL"),
+        typer.Option("--connect", help="Send to a running viewer.", metavar="URL"),
     ] = None,
     follow: Annotated[bool, typer.Option("--follow", help="Show a log while it is still being written.")] = False,
     agents: Annotated[
-        str | None, typer.Option("--agents", help="Whom to look at closely: ids or groups, separated by commas.")
+        str | None, typer.Option("--agents", help="Agents to show in detail: ids or groups, separated by commas.")
     ] = None,
     start: Annotated[float | None, typer.Option("--from", help="The first simulated time, in seconds.")] = None,
     end: Annotated[float | None, typer.Option("--to", help="The last simulated time, in seconds.")] = None,

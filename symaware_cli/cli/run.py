@@ -53,17 +53,17 @@ def run(
         ),
     ] = None,
     no_record: Annotated[bool, typer.Option("--no-record", help="Write no log.")] = False,
-    live: Annotated[bool, typer.Option("--live", help="Show the run in the Rerun viewer while it goes on.")] = False,
+    live: Annotated[bool, typer.Option("--live", help="Show the run in the Rerun viewer while it is running.")] = False,
     connect: Annotated[
-        str | None, typer.Option("--connect", help="The same in a viewer that runs already.", metavar="URL")
+        str | None, typer.Option("--connect", help="Like --live, in a running viewer.", metavar="URL")
     ] = None,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show neither progress nor summary.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Do not show progress and summary.")] = False,
     as_json: Json = False,
     only: Annotated[
         list[str] | None,
         typer.Option(
             "--only",
-            help="Of a run of several processes, the agents that run here.",
+            help="In a run of several processes, the agents that run here.",
             metavar="AGENTS",
             rich_help_panel=_SPREAD,
         ),
@@ -81,7 +81,7 @@ def run(
     ] = None,
     join: Annotated[
         str | None,
-        typer.Option("--join", help="Take part in the run of a host.", metavar="HOST:PORT", rich_help_panel=_SPREAD),
+        typer.Option("--join", help="Join the run of a host.", metavar="HOST:PORT", rich_help_panel=_SPREAD),
     ] = None,
     bind: Annotated[
         str | None,
@@ -100,11 +100,11 @@ def run(
     ] = None,
     name: Annotated[
         str | None,
-        typer.Option("--name", help="What the others call this process.", metavar="NAME", rich_help_panel=_SPREAD),
+        typer.Option("--name", help="Name of this process in the run.", metavar="NAME", rich_help_panel=_SPREAD),
     ] = None,
     wait: Annotated[
         float,
-        typer.Option("--wait", min=0.1, help="For how many seconds to wait for the others.", rich_help_panel=_SPREAD),
+        typer.Option("--wait", min=0.1, help="How long to wait for the others, in seconds.", rich_help_panel=_SPREAD),
     ] = 60.0,
 ) -> None:
     """Run a scenario and record it in a log."""

@@ -11,8 +11,8 @@ from symaware_cli.cli.terminal import WRONG_INPUT, fail
 
 
 def schema(
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="Write it to a file.")] = None,
-    built_in: Annotated[bool, typer.Option("--built-in", help="Leave out the plugins of other packages.")] = False,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="The file to write.")] = None,
+    built_in: Annotated[bool, typer.Option("--built-in", help="Without the plugins of other packages.")] = False,
 ) -> None:
     """Write the JSON schema of scenarios, for editors; it knows the parameters of every installed plugin."""
     import json

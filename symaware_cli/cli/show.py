@@ -52,10 +52,10 @@ def _text(description: Description) -> str:
     sections: list[tuple[str, dict[str, Any]]] = [
         ("State", description.state),
         ("Control input", description.control_input),
-        ("Needs the knowledge", description.knowledge),
-        ("Needs of the world", description.requires),
+        ("Requires the knowledge", description.knowledge),
+        ("Requires of the world", description.requires),
         ("Writes the parts of awareness", description.parts),
-        ("Hands out the signals", description.signals),
+        ("Records the signals", description.signals),
         ("Fires the events", description.events),
     ]
     if description.parameters:

@@ -17,7 +17,7 @@ import typer
 FAILED, WRONG_INPUT, DATA_LOST, INTERRUPTED = 1, 2, 3, 130
 
 ScenarioPath = Annotated[
-    Path, typer.Argument(help="A scenario in YAML or TOML, or a log to take it from.", metavar="SCENARIO")
+    Path, typer.Argument(help="A scenario in YAML or TOML, or a log that contains one.", metavar="SCENARIO")
 ]
 Overrides = Annotated[
     list[str] | None,
@@ -25,7 +25,7 @@ Overrides = Annotated[
         "--set", help="Change a value, such as `agents.robot.count=8`; may be repeated.", metavar="PATH=VALUE"
     ),
 ]
-Seed = Annotated[int | None, typer.Option(min=0, max=2**63 - 1, help="A seed that wins over the scenario's.")]
+Seed = Annotated[int | None, typer.Option(min=0, max=2**63 - 1, help="A seed that replaces the one of the scenario.")]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON for scripts.")]
 
 

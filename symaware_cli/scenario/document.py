@@ -52,19 +52,18 @@ class TriggerSection(Section):
         None,
         min_length=1,
         max_length=200,
-        description="Whose event: a component of the same agent, by its name; `environment`; or a path of anybody, in "
-        "which * matches anything, such as `agents.leader.steer`. If left out, any component of the same agent.",
+        description="The source of the event: a component of the same agent, by its name; "
+        "`environment`; or any path, in which * matches anything, such as `agents.leader.steer`. "
+        "By default any component of the same agent.",
     )
 
 
 class Drawn(Section):
     """A time that is drawn anew each time."""
 
-    uniform: tuple[Seconds, Seconds] | None = Field(
-        None, description="Drawn evenly between the least and greatest [s]."
-    )
+    uniform: tuple[Seconds, Seconds] | None = Field(None, description="Uniform distribution: [least, greatest] [s].")
     normal: tuple[Seconds, Seconds] | None = Field(
-        None, description="Drawn from the normal distribution of a mean and deviation, but never less than 0 [s]."
+        None, description="Normal distribution: [mean, standard deviation], truncated at 0 [s]."
     )
 
     @model_validator(mode="after")
@@ -83,44 +82,47 @@ class ComponentUse(Use):
         None,
         ge=0,
         le=1e9,
-        description="Time between two turns [s]; 0 for the next one as soon as the last is over. If left out, there is "
-        "a turn at each step of the world or, with a trigger, on that alone.",
+        description="Time between two turns [s]; with 0, each turn begins as soon as the previous "
+        "one ends. By default there is a turn at each step of the world or, with a trigger, only "
+        "when triggered.",
     )
-    offset: float = Field(0.0, ge=0, le=1e9, description="When the first turn is [s].")
+    offset: float = Field(0.0, ge=0, le=1e9, description="Time of the first turn [s].")
     jitter: float = Field(
         0.0,
         ge=0,
         le=1e9,
-        description="How much later than that each turn may be, drawn evenly [s]; less than the period.",
+        description="Greatest delay of each turn, drawn uniformly [s]; less than the period.",
     )
-    trigger: TriggerSection | None = Field(None, description="An event on which there is a turn.")
+    trigger: TriggerSection | None = Field(None, description="An event that triggers a turn.")
     condition: str | None = Field(
         None,
         max_length=500,
-        description="What must hold for the agent, or the turn is left out, such as `risk > 0.2`.",
+        description="A condition on the agent, such as `risk > 0.2`; turns are skipped while it does not hold.",
     )
     latency: Seconds | Drawn = Field(
         0.0,
-        description="How long a computation takes [s]: its update lands that much later. A number, or "
+        description="Duration of a computation [s], after which its update takes effect. A number, "
+        "or "
         "{uniform: [least, greatest]} or {normal: [mean, deviation]}.",
     )
     overrun: Literal["skip", "queue", "fail"] = Field(
         "skip",
-        description="What becomes of a turn that is due while the one before still computes: it is left out, put off "
-        "until that is over, or a failure.",
+        description="Handling of a turn that is due while the previous one is still computing: it is "
+        "skipped, queued until that is over, or treated as a failure.",
     )
     on_failure: Literal["stop", "isolate", "restart"] = Field(
         "stop",
-        description="What becomes of a failure: the run stops; the agent takes no further part and coasts; or the "
-        "component begins anew.",
+        description="Handling of a failure: the run stops; the agent takes no further part and "
+        "coasts; or the component is restarted.",
     )
-    tries: int = Field(3, ge=1, le=1_000_000, description="How often a component begins anew before the run stops.")
+    tries: int = Field(3, ge=1, le=1_000_000, description="How often the component is restarted before the run stops.")
     coast: Literal["safe", "last"] = Field(
         "safe",
-        description="The control input of who coasts: one that stops it as far as its model can, or the last.",
+        description="The control input of an agent that coasts: one that stops it as far as its "
+        "model can, or its last one.",
     )
     run_in: Literal["here", "process"] = Field(
-        "here", description="Where to compute: in the run's own process, or in worker processes beside it."
+        "here", description="Where to compute: in the process of the run, or in worker processes."
     )
 
 
@@ -141,8 +143,9 @@ class RunSection(Section):
 
     mode: Literal["synchronous", "asynchronous"] = Field(
         "synchronous",
-        description="synchronous: turns are at steps of the world, all that are due in declared order, then the world "
-        "moves. asynchronous: components have instants of their own in between, and may wait within their turns.",
+        description="synchronous: turns are taken at the steps of the world, in declared order, then "
+        "the world moves. asynchronous: turns may be at any time, and components may wait within "
+        "their turns.",
     )
     duration: float = Field(
         gt=0, le=1e9, description="Simulated time [s]; the run ends with the first step that reaches it."
@@ -150,25 +153,25 @@ class RunSection(Section):
     until: str | None = Field(
         None,
         max_length=500,
-        description="The run ends with the first step after which this holds, such as `all(goals_reached)`.",
+        description="Condition that ends the run at the first step after which it holds, such as `all(goals_reached)`.",
     )
     pace: float | None = Field(
         None,
         gt=0,
         le=1e6,
-        description="Simulated time for each second of wall time; 1.0 is real time. As fast as possible if left out.",
+        description="Simulated time per second of wall time; 1.0 is real time. By default as fast as possible.",
     )
     turn_limit: float | None = Field(
         None,
         ge=0.01,
         le=1e6,
-        description="Wall time after which a turn that does not come back counts as a failure [s]; none if left out.",
+        description="Wall time after which an unfinished turn counts as a failure [s]. By default there is no limit.",
     )
     workers: int | None = Field(
         None,
         ge=1,
         le=256,
-        description="How many processes compute what is to `run_in: process`; one a core if left out.",
+        description="Number of worker processes for components with `run_in: process`. By default one per core.",
     )
 
 
@@ -181,13 +184,13 @@ class Presence(Section):
     from_: Seconds | Condition | TriggerSection | None = Field(
         None,
         alias="from",
-        description=f"When it enters, in its initial state: {_MOMENT}. Conditions are about the world, as `run.until`. "
-        "If left out, it is there from the beginning.",
+        description=f"When it enters, in its initial state: {_MOMENT}. Conditions are about the "
+        f"world, like `run.until`. By default it is present from the beginning.",
     )
     until: Seconds | Condition | TriggerSection | None = Field(
         None,
-        description=f"When it leaves, for good: {_MOMENT}. Conditions are about the agent, as those of components: "
-        "`position[0] > 10`. If left out, it stays.",
+        description=f"When it leaves, for good: {_MOMENT}. Conditions are about the agent, like "
+        f"those of components: `position[0] > 10`. By default it stays.",
     )
 
 
@@ -198,7 +201,7 @@ class GroupSection(Section):
         None,
         ge=1,
         le=100_000,
-        description="How many agents, called `<group>.0`, `<group>.1`, ... Without it there is one, called `<group>`.",
+        description="Number of agents, called `<group>.0`, `<group>.1`, ... By default there is one, called `<group>`.",
     )
     entity: Entity = Field(default_factory=lambda: Entity(), description="The body of each agent.")
     model: ModelUse = Field(description="The dynamics of each agent.")
@@ -207,12 +210,13 @@ class GroupSection(Section):
     )
     present: Presence | list[Presence] | None = Field(
         None,
-        description="When each agent is in the world: one for all agents, or a list with one for each; always if left "
-        "out.",
+        description="When each agent is in the world: one for all agents, or a list with one for "
+        "each. By default always.",
     )
     knowledge: dict[Name, PerAgent] = Field(
         default_factory=dict,
-        description=f"What each agent knows, by name. {_PER_AGENT} To say which: {{each: [...]}} or {{all: ...}}.",
+        description=f"The knowledge of each agent, by name. {_PER_AGENT} {{each: [...]}} and {{all: "
+        f"...}} distinguish lists of values from single ones.",
     )
     components: dict[Name, ComponentUse] = Field(
         default_factory=dict, description="The components by name; their order is the order of execution."
@@ -221,23 +225,25 @@ class GroupSection(Section):
 
 Target = Annotated[str, Field(min_length=1, max_length=200)]
 _AGENTS = "Which agents: an id, a group or a pattern, such as `robot.2`, `robot` or `robot.*`."
-_COMPONENT = (
-    "Which component of which agents, such as `robot.2.steer`, `robot.steer` for the whole group, or `*.steer`."
-)
+_COMPONENT = "A component of some agents, such as `robot.2.steer`, `robot.steer` for the whole group, or `*.steer`."
 
 
 class Slowness(Section):
     """A component whose computations take longer."""
 
     of: Target = Field(description=_COMPONENT)
-    latency: Seconds | Drawn = Field(description="How long a computation takes meanwhile [s]; as for a component.")
+    latency: Seconds | Drawn = Field(
+        description="Duration of a computation during the fault [s]; see the `latency` of a component."
+    )
 
 
 class Bias(Section):
     """A sensor that measures one's own state with an offset."""
 
     of: Target = Field(description=_COMPONENT)
-    state: list[Number] = Field(min_length=1, description="What is added to the state, in the model's order and units.")
+    state: list[Number] = Field(
+        min_length=1, description="Offset of the measured state, in the model's order and units."
+    )
 
 
 class Noise(Section):
@@ -245,7 +251,8 @@ class Noise(Section):
 
     of: Target = Field(description=_COMPONENT)
     deviation: list[Annotated[float, Field(ge=0, le=LARGEST)]] = Field(
-        min_length=1, description="Standard deviations of what is added to the state, in the model's order and units."
+        min_length=1,
+        description="Standard deviations of the noise of the measured state, in the model's order and units.",
     )
 
 
@@ -262,13 +269,13 @@ class Delay(Section):
 
     sender: Target = Field("*", description=_AGENTS)
     receiver: Target = Field("*", description=_AGENTS)
-    by: float = Field(gt=0, le=1e9, description="How much later they arrive [s].")
+    by: float = Field(gt=0, le=1e9, description="Additional delay [s].")
 
 
 class Severance(Section):
     """Links that carry nothing, in either direction."""
 
-    between: tuple[Target, Target] = Field(description=f"Whose links with whom. {_AGENTS}")
+    between: tuple[Target, Target] = Field(description=f"The two ends of the links. {_AGENTS}")
 
 
 class Degradation(Section):
@@ -276,10 +283,13 @@ class Degradation(Section):
 
     sender: Target = Field("*", description=_AGENTS)
     receiver: Target = Field("*", description=_AGENTS)
-    loss: float = Field(0.0, ge=0, le=1, description="Probability that a message is lost besides.")
-    delay: float = Field(0.0, ge=0, le=1e9, description="How much later messages arrive [s].")
+    loss: float = Field(0.0, ge=0, le=1, description="Probability of an additional loss.")
+    delay: float = Field(0.0, ge=0, le=1e9, description="Additional delay of messages [s].")
     bandwidth: float | None = Field(
-        None, gt=0, le=1e15, description="How much gets into each link at most [bytes/s]; no limit besides if left out."
+        None,
+        gt=0,
+        le=1e15,
+        description="Upper limit of the bandwidth of each link [bytes/s]. By default there is no additional limit.",
     )
 
     @model_validator(mode="after")
@@ -293,23 +303,21 @@ class Shove(Section):
     """A push."""
 
     of: Target = Field(description=_AGENTS)
-    by: list[Number] = Field(
-        min_length=1, description="What is added to the true state, in the model's order and units."
-    )
+    by: list[Number] = Field(min_length=1, description="Change of the true state, in the model's order and units.")
 
 
 class FaultUse(Section):
     """Something that goes wrong: when, for how long, and one of the kinds of faults."""
 
     at: float | None = Field(None, ge=0, le=1e9, description="When [s].")
-    on: TriggerSection | None = Field(None, description="The event it comes with, the first time that this fires.")
+    on: TriggerSection | None = Field(None, description="The event at whose first occurrence the fault begins.")
     for_: float | None = Field(
-        None, alias="for", gt=0, le=1e9, description="For how long [s]; for the rest of the run if left out."
+        None, alias="for", gt=0, le=1e9, description="Duration [s]. By default the rest of the run."
     )
-    stop: Target | None = Field(None, description=f"Agents take no part; afterwards they begin anew. {_AGENTS}")
-    restart: Target | None = Field(None, description=f"Components begin anew. {_COMPONENT}")
+    stop: Target | None = Field(None, description=f"Agents take no part; afterwards they restart. {_AGENTS}")
+    restart: Target | None = Field(None, description=f"Components are restarted. {_COMPONENT}")
     freeze: Target | None = Field(None, description=f"A component takes no turns. {_COMPONENT}")
-    blind: Target | None = Field(None, description=f"A sensor sees nobody. {_COMPONENT}")
+    blind: Target | None = Field(None, description=f"A sensor sees no other agents. {_COMPONENT}")
     slow: Slowness | None = Field(None, description="A component whose computations take longer.")
     bias: Bias | None = Field(None, description="A sensor that measures one's own state with an offset.")
     noise: Noise | None = Field(None, description="A sensor that measures one's own state with noise.")
@@ -320,11 +328,11 @@ class FaultUse(Section):
     partition: list[list[Target]] | None = Field(
         None,
         min_length=1,
-        description="Sets of agents, each a list of ids, groups or patterns, that do not reach each other; all others "
-        "are one set more.",
+        description="Sets of agents, each a list of ids, groups or patterns, that do not reach each "
+        "other; all remaining agents form one more set.",
     )
-    restore: Name | None = Field(None, description="Another fault that is over before its time, by its name.")
-    push: Shove | None = Field(None, description="A change of the true state all at once, where the world can do it.")
+    restore: Name | None = Field(None, description="The name of another fault that ends early.")
+    push: Shove | None = Field(None, description="A sudden change of the true state, if the world supports it.")
 
     @model_validator(mode="after")
     def _is_one(self) -> Self:
@@ -350,7 +358,7 @@ class LinkUse(Section):
 
     sender: Target = Field("*", description=_AGENTS)
     receiver: Target = Field("*", description=_AGENTS)
-    channel: ChannelParameters = Field(description="In what it differs from the channel of all links.")
+    channel: ChannelParameters = Field(description="The differences from the channel of all links.")
 
 
 class TopologyChange(Use):
@@ -362,24 +370,27 @@ class TopologyChange(Use):
 class TopologyUse(Use):
     """Who reaches whom with messages, and how these get there."""
 
-    channel: ChannelParameters = Field(
-        default_factory=ChannelParameters, description="How messages get over every link."
-    )
+    channel: ChannelParameters = Field(default_factory=ChannelParameters, description="The channel of every link.")
     links: list[LinkUse] = Field(
         default_factory=list,
         max_length=10_000,
-        description="Links with a channel of their own; where several concern one, the later has its say.",
+        description="Links with their own channel; if several apply to a link, the later one takes precedence.",
     )
     changes: list[TopologyChange] = Field(
-        default_factory=list, max_length=10_000, description="Other topologies that hold later, in order of time."
+        default_factory=list,
+        max_length=10_000,
+        description="Other topologies that replace this one later, in order of time.",
     )
     repeat: float | None = Field(
-        None, gt=0, le=1e9, description="After which time all of this begins again [s]; never if left out."
+        None,
+        gt=0,
+        le=1e9,
+        description="Period after which the sequence of topologies repeats [s]. By default it does not repeat.",
     )
     connected: bool = Field(
         False,
-        description="Whether everybody is to reach everybody, at last through others: what stays as it is must be so, "
-        "and of what moves the log says when it is not.",
+        description="Whether every agent must reach every other, directly or through others: a fixed "
+        "topology that violates this is refused; for a changing one the log records violations.",
     )
 
 
@@ -391,20 +402,21 @@ class Recording(Section):
     """What goes into the log."""
 
     interval: float = Field(
-        0.0, ge=0, le=1e9, description="Least simulated time between two records [s]; 0 records every step."
+        0.0, ge=0, le=1e9, description="Least simulated time between two records [s]; 0 to record every step."
     )
     events: Literal["all", "notable", "none"] = Field(
         "notable",
-        description="Which events: also those that recur with every step, turn or message; those that do not; or none "
-        "but the last one.",
+        description="Which events: all, including those of every step, turn or message; only notable "
+        "ones; or none except the one that ends the run.",
     )
     messages: Literal["all", "dropped", "none"] = Field(
-        "all", description="Which messages between agents: all, those that are dropped, or none."
+        "all", description="Which messages between agents: all, only dropped ones, or none."
     )
     omit: list[str] = Field(
         default_factory=list,
-        description="What to leave out, for smaller logs: parts of awareness and signals of components by their names, "
-        "such as state, intent, uncertainty and risk; control, knowledge, awareness (of others), sensors, world.",
+        description="What to omit, for smaller logs: parts of awareness and signals of components by "
+        "name, such as state, intent, uncertainty and risk; control, knowledge, awareness (of "
+        "others), sensors, world.",
     )
 
 
@@ -412,24 +424,26 @@ class ScenarioDocument(Section):
     """A scenario for `symaware run`."""
 
     symaware: Literal[1] = Field(description="Version of the scenario format.")
-    name: Name = Field(description="What the scenario is called; names the log.")
+    name: Name = Field(description="The name of the scenario, and of its log.")
     description: str = Field("", description="What it shows, and what to look for.")
-    seed: int = Field(0, ge=0, lt=2**63, description="Seed of everything that is drawn by chance.")
+    seed: int = Field(0, ge=0, lt=2**63, description="Seed of all random draws.")
     parameters: dict[str, Any] = Field(
         default_factory=dict, description="Values to refer to elsewhere as ${parameters.NAME}."
     )
     run: RunSection = Field(description="How long, and in which way, the scenario runs.")
     environment: EnvironmentUse = Field(description="The world.")
     agents: dict[Name, GroupSection] = Field(
-        default_factory=dict, description="The groups of agents by name; without any, the world goes its own way."
+        default_factory=dict, description="The groups of agents by name; without any, only the world is simulated."
     )
     topology: TopologyUse | None = Field(
-        None, description="Who reaches whom with messages; everybody, with the next step, if left out."
+        None,
+        description="Which agents reach which others with messages. By default every agent "
+        "reaches every other, at the next step.",
     )
     transport: TransportUse | None = Field(
         None,
-        description="What carries a run that is spread over several processes, with --listen and --join; `tcp` if left "
-        "out. A run in one process has no need of it.",
+        description="The transport of a run in several processes, with --listen and --join; `tcp` by "
+        "default. A run in one process does not use it.",
     )
     faults: dict[Name, FaultUse] = Field(default_factory=dict, description="What goes wrong, by name.")
     recording: Recording = Field(default_factory=lambda: Recording(), description="What goes into the log.")

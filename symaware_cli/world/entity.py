@@ -19,26 +19,26 @@ Mass = Annotated[float, Field(gt=0, le=LARGEST)]
 class Surface(StrictModel):
     """What happens where bodies touch, in physics worlds; of two surfaces the product counts."""
 
-    friction: float = Field(0.5, ge=0, le=LARGEST, description="Coefficient of friction; of two bodies, the product.")
+    friction: float = Field(
+        0.5, ge=0, le=LARGEST, description="Coefficient of friction; a contact uses the product of both bodies."
+    )
     elasticity: float = Field(
-        0.0, ge=0, le=1, description="Part of the closing speed with which bodies part; of two bodies, the product."
+        0.0, ge=0, le=1, description="Coefficient of restitution; a contact uses the product of both bodies."
     )
 
 
 class Entity(Surface):
     """A body in the world."""
 
-    shape: Shape | None = Field(
-        None, description="The outline; without one the entity is a point that touches nothing."
-    )
+    shape: Shape | None = Field(None, description="The outline; without one the entity is a point without contacts.")
     mass: Mass = Field(1.0, description="Mass [kg].")
     max_force: Mass | None = Field(
         None,
-        description="Greatest force with which it does what its model says, in physics worlds [N]; no limit if null.",
+        description="Greatest force of its drive, in physics worlds [N]; no limit if null.",
     )
     max_torque: Mass | None = Field(
         None,
-        description="Greatest torque with which it turns as its model says, in physics worlds [N m]; no limit if null.",
+        description="Greatest torque of its drive, in physics worlds [N m]; no limit if null.",
     )
 
     @field_validator("shape")
@@ -64,30 +64,31 @@ class Obstacle(Surface):
     shape: Shape = Field(description="The outline.")
     mass: Mass | None = Field(
         None,
-        description="Mass [kg]. Physics worlds move what has one, unless it has a path; null: it stays put. Links "
-        "of a URDF file have the masses of the file, whatever it is; null: its base is fixed, and its joints move.",
+        description="Mass [kg]. Physics worlds move an entity with a mass, unless it has a path; "
+        "null for a static one. Links of a URDF file always have the masses of the file; with "
+        "null its base is fixed, and its joints move.",
     )
     position: Position | None = Field(
         None,
-        description="Where it stands: [x, y] or [x, y, z] [m]. A wall may leave it out: its points then are positions "
-        "in the world. Something that moves has a path in its place.",
+        description="Position: [x, y] or [x, y, z] [m]. Optional for a wall, whose points are then "
+        "positions in the world. A moving entity has a path instead.",
     )
-    heading: Number = Field(0.0, description="Where its x axis points [rad], counter-clockwise from that of the world.")
+    heading: Number = Field(0.0, description="Direction of its x axis [rad], counter-clockwise from that of the world.")
     roll: Number = Field(
         0.0,
-        description="How it is turned about its own x axis before its pitch and its heading turn it, at the start, in "
-        "worlds of space [rad].",
+        description="Initial rotation about its own x axis, applied before the pitch and the "
+        "heading, in worlds in space [rad].",
     )
     pitch: Number = Field(
         0.0,
-        description="How it is turned about its own y axis before its heading turns it, at the start, in worlds of "
-        "space [rad]; a positive one lowers what lies ahead.",
+        description="Initial rotation about its own y axis, applied before the heading, in worlds in "
+        "space [rad]; a positive one lowers the front.",
     )
     velocity: Position | None = Field(
-        None, description="How it moves at the start, in physics worlds: [x, y] or [x, y, z] [m/s]; needs a mass."
+        None, description="Initial velocity, in physics worlds: [x, y] or [x, y, z] [m/s]; requires a mass."
     )
-    turn_rate: Number = Field(0.0, description="How it turns at the start, in physics worlds [rad/s]; needs a mass.")
-    path: ScriptedPath | None = Field(None, description="Where it is at which time; without one it does not move.")
+    turn_rate: Number = Field(0.0, description="Initial turn rate, in physics worlds [rad/s]; requires a mass.")
+    path: ScriptedPath | None = Field(None, description="Its positions over time; without a path it does not move.")
 
     @model_validator(mode="after")
     def _is_somewhere(self) -> Obstacle:

@@ -45,7 +45,7 @@ def test_listing_imports_no_plugin_and_a_broken_one_breaks_nothing_else(command,
 def test_a_plugin_is_shown_with_parameters_units_defaults_and_events(command):
     done = command("show", "control.go-to-goal")
     assert done.returncode == 0
-    for said in ("speed", "default 1.0", "[m/s]", "goal-reached", "Needs the knowledge", "number > 0"):
+    for said in ("speed", "default 1.0", "[m/s]", "goal-reached", "Requires the knowledge", "number > 0"):
         assert said in done.stdout
     (shown,) = json.loads(command("show", "control.go-to-goal", "--json").stdout)
     assert shown["name"] == "control.go-to-goal"
