@@ -1,4 +1,4 @@
-"""What Python users call: load a scenario, run it or step it, and look at what came of it (docs/python.md).
+"""The Python API: load a scenario, run or step it, and read the results (docs/python.md).
 
-Nothing is imported here, so that whoever needs one part pays for one part.
+Nothing is imported here, so that importing one module does not load the others.
 """

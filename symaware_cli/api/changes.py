@@ -1,4 +1,4 @@
-"""Changes to a scenario: values by their paths, written as `--set` takes them, so that problems have a place."""
+"""Changes to a scenario: values by their paths, in the form of `--set`, so that problems can be located."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ Changes = Mapping[str, Any] | Iterable[str]
 
 
 def texts(changes: Changes | None) -> tuple[str, ...]:
-    """Write changes as `--set` takes them.
+    """Convert changes to the form of `--set`.
 
     Raises:
-        TypeError: A value is of a kind that no scenario has.
+        TypeError: A value has a type that scenarios do not support.
     """
     if changes is None:
         return ()

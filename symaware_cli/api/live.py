@@ -1,4 +1,4 @@
-"""The live view of a run: a process of its own that follows the log, so that it can neither slow nor harm the run."""
+"""The live view of a run: a separate process that follows the log, so that it cannot affect the run."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ class LiveView:
         """Start the view.
 
         Args:
-            log: Where the run is recorded; None if its log is to be kept only as long as the view.
-            connect: A viewer that runs already; None to start one.
+            log: The path of the log; None for a temporary log that is kept only as long as the view.
+            connect: The URL of a running viewer; None to start one.
 
         Raises:
             LogError: There is no viewer.
@@ -32,10 +32,10 @@ class LiveView:
         require()
         folder = None if log else tempfile.mkdtemp()
         self.path = log or Path(str(folder)) / "live.mcap"
-        # Of an earlier run, which is replaced anyway; nobody shall follow that.
+        # The log of an earlier run, which is replaced anyway, must not be followed.
         self.path.unlink(missing_ok=True)
         command = [sys.executable, "-m", "symaware_cli", "replay", str(self.path), "--follow"]
-        # Its output would get between ours; in a session of its own, as Ctrl-C is meant for the run.
+        # Its output is suppressed. It has its own session, because Ctrl-C is meant for the run.
         self._process = subprocess.Popen(
             [*command, "--connect", connect] if connect else command,
             stdin=subprocess.DEVNULL,
@@ -45,12 +45,12 @@ class LiveView:
         self._end = weakref.finalize(self, _end, self._process, folder)
 
     def wait(self) -> None:
-        """Wait until somebody closes the viewer."""
+        """Wait until the viewer is closed."""
         if self.path.exists():
             self._process.wait()
 
     def close(self) -> None:
-        """End the view; it also ends with this process."""
+        """Close the view; it also ends with this process."""
         self._end()
 
 

@@ -1,4 +1,4 @@
-"""The outline of a scenario: who takes part, where, and for how long."""
+"""The outline of a scenario: its groups of agents, environment and duration."""
 
 from __future__ import annotations
 
@@ -29,20 +29,20 @@ class GroupOutline:
 
 @dataclass(frozen=True, slots=True)
 class Outline:
-    """A scenario that is sound, at a glance.
+    """An overview of a valid scenario.
 
     Attributes:
-        name: What it is called.
+        name: Its name.
         seed: The seed in force.
         mode: ``synchronous`` or ``asynchronous``.
-        pace: Simulated seconds for each second of wall time; None for as fast as possible.
+        pace: Simulated seconds per second of wall time; None for as fast as possible.
         environment: The entry-point name of the world.
         entities: The other bodies in the world.
         groups: The groups of agents, by name.
         time_step: Simulated time between two steps [s].
-        steps: How many steps there are to make, at most.
-        duration: Simulated time that they take [s].
-        digest: What tells the scenario from any other, in hexadecimal digits.
+        steps: The greatest number of steps.
+        duration: Simulated time of these steps [s].
+        digest: A digest of the scenario, in hexadecimal digits.
     """
 
     name: str
@@ -59,12 +59,12 @@ class Outline:
 
     @property
     def agents(self) -> int:
-        """How many agents there are."""
+        """The number of agents."""
         return sum(len(group.agents) for group in self.groups.values())
 
     @property
     def headline(self) -> str:
-        """What there is, in one line."""
+        """A summary in one line."""
         groups = number(len(self.groups), "group")
         return f"{number(self.agents, 'agent')} in {groups}, {self.steps:,} steps"
 
@@ -84,7 +84,7 @@ class Outline:
 
 
 def outline(built: Built) -> Outline:
-    """The outline of a scenario that was found to be sound."""
+    """Return the outline of a valid scenario."""
     document, simulation = built.document, built.simulation
     time_step = simulation.environment.time_step
     return Outline(

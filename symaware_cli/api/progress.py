@@ -1,4 +1,4 @@
-"""The bar that shows how far long work is."""
+"""Progress bars."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ def progress(name: str, start: int, end: int, shown: bool) -> Iterator[Callable[
     """Show a bar of simulated time, on the terminal or in a notebook.
 
     Args:
-        name: What goes on.
+        name: The name of the work.
         start: Where simulated time begins [ns].
-        end: Where it will be in the end [ns].
-        shown: Whether to; otherwise nothing happens.
+        end: Where simulated time ends [ns].
+        shown: Whether to show it; otherwise nothing happens.
 
     Yields:
-        What to call with the simulated time [ns] that is reached; None if nothing is shown.
+        A function to call with the simulated time [ns] that is reached; None if nothing is shown.
     """
     if not shown:
         yield None

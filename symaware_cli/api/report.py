@@ -1,4 +1,4 @@
-"""How scenarios and runs are shown to people: as lines of text, and as tables in a notebook."""
+"""Reports of scenarios and runs, as lines of text and as tables in a notebook."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class Report(NamedTuple):
 
     Attributes:
         headline: One line.
-        facts: What each fact is about, and the fact.
+        facts: The label and the text of each fact.
     """
 
     headline: str
@@ -29,7 +29,7 @@ class Report(NamedTuple):
 
     @property
     def html(self) -> str:
-        """The report as a table; it has no colours, so that it suits every theme."""
+        """The report as a table without colours, so that it fits every theme."""
         cell = "text-align: left; vertical-align: top"
         rows = "".join(
             f'<tr><th scope="row" style="{cell}">{escape(label)}</th><td style="{cell}">{escape(fact)}</td></tr>'
@@ -40,7 +40,7 @@ class Report(NamedTuple):
 
 
 def summary_report(summary: RunSummary) -> Report:
-    """Lay out the summary of a run."""
+    """Return the report of the summary of a run."""
     agents = number(summary.agents, "agent")
     facts = [
         ("agents", f"{agents}, {summary.steps:,} steps, seed {summary.seed}"),
@@ -64,18 +64,18 @@ def summary_report(summary: RunSummary) -> Report:
 
 
 def number(count: int, noun: str) -> str:
-    """A number of things, such as ``1 agent`` or ``4 agents``."""
+    """Return a number with a noun, such as ``1 agent`` or ``4 agents``."""
     return f"{count} {noun}{'s' if count != 1 else ''}"
 
 
 def listed(names: Iterable[str], most: int = 9) -> str:
-    """The names, or the first few of very many."""
+    """Return the names, or the first few of many."""
     names = list(names)
     return ", ".join(names if len(names) <= most + 1 else [*names[:most], f"and {len(names) - most} more"])
 
 
 def size_in_words(size: int) -> str:
-    """Put a number of bytes into a few characters."""
+    """Return a number of bytes as a short text."""
     for unit, scale in (("GB", 1e9), ("MB", 1e6), ("kB", 1e3)):
         if size >= scale:
             return f"{size / scale:.1f} {unit}"

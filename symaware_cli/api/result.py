@@ -1,4 +1,4 @@
-"""What came of a run: its figures, and what its log holds."""
+"""The result of a run: its figures and its log."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ if TYPE_CHECKING:
 
 
 class RunResult:
-    """A run that is over.
+    """The result of a run.
 
     Attributes:
         summary: Its figures.
-        log_path: Its log; None if it was not recorded.
-        viewer: The viewer that shows it; None where none was asked for.
+        log_path: The path of its log; None if it was not recorded.
+        viewer: The viewer that shows it; None if none was requested.
     """
 
     def __init__(self, summary: RunSummary, viewer: LiveView | None = None) -> None:
@@ -46,7 +46,7 @@ class RunResult:
         """The log, opened.
 
         Raises:
-            LogError: The run was not recorded, or the log cannot be read any more.
+            LogError: The run was not recorded, or the log cannot be read.
         """
         from symaware_cli.recording.error import LogError
         from symaware_cli.recording.reader import open_log
@@ -56,7 +56,7 @@ class RunResult:
         return open_log(self.log_path)
 
     def series(self, name: str, field: str) -> Series:
-        """What was recorded over time, as arrays; see `Log.series`.
+        """Return recorded values over time as arrays; see `Log.series`.
 
         Args:
             name: A group, an agent, or an entity of the environment.
@@ -69,7 +69,7 @@ class RunResult:
 
     @cached_property
     def events(self) -> Sequence[LoggedEvent]:
-        """What happened, in its order.
+        """The events, in order of time.
 
         Raises:
             LogError: The run was not recorded.
@@ -77,7 +77,7 @@ class RunResult:
         return list(self.log.events())
 
     def plot(self, path: str | os.PathLike[str], request: Request | None = None) -> Content:
-        """Draw a figure of the run into a file; see `symaware_cli.viewing.plotting.plot.plot`.
+        """Draw a figure of the run to a file; see `symaware_cli.viewing.plotting.plot.plot`.
 
         Raises:
             LogError: There is nothing to plot, matplotlib is not installed, or the run was not recorded.
@@ -99,12 +99,12 @@ class RunResult:
 
 
 class RunFailedError(RuntimeError):
-    """A run failed; its log is finished, and tells of it.
+    """A run failed; its log is finished and contains the failure.
 
-    The exception of the component or environment that brought it about is the cause of this one.
+    The exception of the component or environment is the cause of this one.
 
     Attributes:
-        run: The run as far as it went.
+        run: The result until the failure.
         source: The dotted path of what failed, such as ``agents.robot.2.steer`` or ``environment``.
         plugin: The entry-point name of the plugin that failed.
         time: Simulated time [s].
@@ -121,10 +121,10 @@ class RunFailedError(RuntimeError):
 
 
 class RunInterrupted(KeyboardInterrupt):
-    """Ctrl-C or SIGTERM ended a run, or came as it ended; its log is finished.
+    """Ctrl-C or SIGTERM interrupted a run; its log is finished.
 
     Attributes:
-        run: The run as far as it went.
+        run: The result until the interruption.
     """
 
     def __init__(self, message: str, run: RunResult) -> None:
@@ -133,12 +133,12 @@ class RunInterrupted(KeyboardInterrupt):
 
 
 def result_of(run: Run, viewer: LiveView | None = None, recorded: bool = True) -> RunResult:
-    """What came of a run that is over, and went on to its end or to its time-out.
+    """Return the result of a run that reached its end or its time-out.
 
     Args:
         run: The run.
         viewer: The viewer that shows it.
-        recorded: Whether its log, if there is one, is the user's to keep.
+        recorded: Whether its log, if there is one, is kept for the user.
 
     Raises:
         RunFailedError: It failed.

@@ -1,4 +1,4 @@
-"""A scenario: what Python users load, check, run and start."""
+"""Scenarios that are loaded, checked, run and stepped from Python."""
 
 from __future__ import annotations
 
@@ -31,14 +31,13 @@ def load(path: FilePath, changes: Changes | None = None, *, seed: int | None = N
     """Read a scenario and check all of it.
 
     Args:
-        path: A scenario in YAML or TOML, or a log to take it from.
+        path: A scenario in YAML or TOML, or a log that contains one.
         changes: Values that replace those of the file, by their paths, such as ``{"agents.robot.count": 8}``.
-        seed: A seed that wins over the scenario's.
+        seed: A seed that replaces the one of the scenario.
 
     Raises:
-        ScenarioError: The scenario has problems; its text has every one with its place, as `symaware validate` shows
-            them.
-        LogError: The log cannot be read, or holds no scenario.
+        ScenarioError: The scenario has problems; the text lists each with its place, like `symaware validate`.
+        LogError: The log cannot be read, or contains no scenario.
     """
     scenario = Scenario(path, changes, seed=seed)
     scenario.outline = scenario.validate()
@@ -48,13 +47,13 @@ def load(path: FilePath, changes: Changes | None = None, *, seed: int | None = N
 class Scenario:
     """A scenario file, with changes to it.
 
-    The file is read anew by each run, so that an edit counts from the next run on. `load` checks it as well.
+    Each run reads the file again, so an edit takes effect in the next run. `load` also checks the scenario.
 
     Attributes:
         path: The file.
-        changes: What replaces values of the file, as ``path=value``.
-        seed: The seed that wins over the file's, if there is one.
-        outline: What the file described when it was loaded; None where it was not checked.
+        changes: Changes of values of the file, as ``path=value``.
+        seed: The seed that replaces that of the file, if any.
+        outline: The outline when it was loaded; None if it was not checked.
     """
 
     def __init__(self, path: FilePath, changes: Changes | None = None, *, seed: int | None = None) -> None:
@@ -72,11 +71,11 @@ class Scenario:
         duration: float | None = None,
         pace: float | None = None,
     ) -> Outline:
-        """Check the scenario as it is now, without running it; for the arguments, see `run`.
+        """Check the scenario in its present form, without running it; for the arguments, see `run`.
 
         Raises:
             ScenarioError: It has problems.
-            LogError: The log cannot be read, or holds no scenario.
+            LogError: The log cannot be read, or contains no scenario.
         """
         from symaware_cli.api.outline import outline
 
@@ -105,34 +104,32 @@ class Scenario:
 
         Args:
             changes: Further values that replace those of the file, for this run.
-            seed: A seed that wins over all others.
-            mode: In place of the scenario's ``run.mode``.
-            duration: In place of ``run.duration`` [s].
-            pace: In place of ``run.pace``: simulated seconds for each second of wall time, or infinity for as fast as
-                possible.
-            output: The log; replaced if it exists. By default NAME.mcap, or NAME-2.mcap and so on, in the present
-                folder.
+            seed: A seed that replaces all others.
+            mode: Replaces ``run.mode`` of the scenario.
+            duration: Replaces ``run.duration`` [s].
+            pace: Replaces ``run.pace``: simulated seconds per second of wall time, or infinity for as fast as possible.
+            output: The path of the log; replaced if it exists. By default NAME.mcap, or NAME-2.mcap and so on, in the
+                current folder.
             record: Whether to write a log.
-            timeout: Wall time after which the run is ended and its log finished [s]; it counts as interrupted then.
-            progress: True to show a bar, on the terminal or in a notebook; or what to call now and then with the
-                simulated time that is reached [s].
-            on_event: Called with each event that does not recur with every step, turn or message.
-            live: True to show the run in a viewer while it goes on, or the URL of a viewer that runs already.
-            place: Where this process stands among those that share the run: `Place.host` or `Place.member`.
-            may_exit: Whether the process may be ended where the run heeds neither a second Ctrl-C nor its time-out, as
-                a command may. Otherwise a second Ctrl-C ends the run wherever it is, within the record of an instant
-                if need be.
+            timeout: Wall time after which the run is ended with the status ``interrupted`` and its log finished [s].
+            progress: True to show a bar, on the terminal or in a notebook; or a function that is called from time to
+                time with the simulated time that is reached [s].
+            on_event: Called with each event, except those of every step, turn or message.
+            live: True to show the run in a viewer while it is running, or the URL of a running viewer.
+            place: The role of this process in a run of several: `Place.host` or `Place.member`.
+            may_exit: Whether the process may exit, like a command, if the run reacts neither to a second Ctrl-C nor to
+                its time-out. Otherwise a second Ctrl-C ends the run immediately, even within the record of an instant.
 
         Raises:
             ScenarioError: The scenario has problems; no log was written.
             RunFailedError: A component or the environment failed. The log is finished.
             RunInterrupted: Ctrl-C or SIGTERM ended the run. The log is finished.
             LogError: The log cannot be written, or it would replace a file of the scenario.
-            DistributionError: This process cannot have its place.
-            TransportError: The others cannot be reached from there.
+            DistributionError: This process cannot have the requested role.
+            TransportError: The other processes cannot be reached.
 
         Warns:
-            ProcessorWarning: On another processor the run may differ in its last bits.
+            ProcessorWarning: The run may differ in its last bits on another processor.
         """
         from symaware_cli.api.progress import progress as bar
         from symaware_cli.scenario.execution import prepared
@@ -156,7 +153,7 @@ class Scenario:
                 path = viewer.path if viewer else log
                 with prepared(built, path, told, timeout, place, may_exit) as run:
                     run.advance()
-            # The run is over, and whoever looks at the viewer may go on.
+            # The run is over, but the viewer may stay open.
             stack.pop_all()
         return result_of(run, viewer, recorded=record)
 
@@ -171,20 +168,20 @@ class Scenario:
         output: FilePath | None = None,
         on_event: Callable[[Event], object] | None = None,
     ) -> SteppedSimulation:
-        """Start the scenario, to be stepped; use it in a ``with`` statement, which finishes the log.
+        """Start the scenario for stepping; use it in a ``with`` statement, which finishes the log.
 
         Args:
             changes: See `run`.
             seed: See `run`.
             mode: See `run`.
             duration: See `run`.
-            pace: See `run`; time between two steps counts.
-            output: The log; replaced if it exists. By default there is none.
+            pace: See `run`; time between two steps is included.
+            output: The path of the log; replaced if it exists. By default there is no log.
             on_event: See `run`.
 
         Raises:
             ScenarioError: The scenario has problems.
-            RunFailedError: A component failed as it took up its work.
+            RunFailedError: A component failed during its initialisation.
             LogError: The log cannot be written, or it would replace a file of the scenario.
 
         Warns:
@@ -222,7 +219,7 @@ class Scenario:
         return built
 
     def _log(self, built: Built, output: FilePath | None) -> Path:
-        """Where to record a run."""
+        """Return the path of the log of a run."""
         from symaware_cli.scenario.files import check_output, unused_path
 
         if output is None:
@@ -244,7 +241,7 @@ class Scenario:
 
 
 def _warn_of_processor() -> None:
-    """Warn whoever called our caller where another processor may compute other last bits."""
+    """Warn the caller of the API if another processor may compute other last bits."""
     shortfall = processor.shortfall()
     if shortfall:
         warnings.warn(shortfall, processor.ProcessorWarning, stacklevel=3)

@@ -1,4 +1,4 @@
-"""A simulation that whoever started it steps, watches and controls."""
+"""A simulation that the caller steps, observes and controls."""
 
 from __future__ import annotations
 
@@ -30,21 +30,21 @@ Array = NDArray[np.float64]
 class SteppedSimulation:
     """A simulation between two steps; made by `Scenario.start`.
 
-    A step lets all components take their turns at the present instant, and then the world move by one time step, as in
-    any run: stepped to its end, it leaves the very log that `Scenario.run` writes. Leaving the ``with`` block before
-    ends the run as interrupted, with its log finished. Ctrl-C within a step ends it as well; between two steps it is
-    up to the caller.
+    In a step all components take their turns at the present instant, then the world moves by one time step, as in any
+    run: a simulation that is stepped to its end writes the same log as `Scenario.run`. Leaving the ``with`` block
+    before that ends the run as interrupted, with its log finished. Ctrl-C within a step ends it as well; between two
+    steps the caller has to handle it.
     """
 
     def __init__(self, built: Built, log: Path | None) -> None:
-        """Let the components take up their work.
+        """Initialise the components.
 
         Args:
-            built: What to run; it cannot be run twice.
-            log: Where to record it, or None for nowhere.
+            built: The simulation to run; it cannot be run twice.
+            log: The path of the log, or None for no log.
 
         Raises:
-            RunFailedError: A component could not.
+            RunFailedError: A component failed.
             LogError: The log cannot be written.
         """
         self._simulation = built.simulation
@@ -64,13 +64,13 @@ class SteppedSimulation:
             raise
 
     def step(self, count: int = 1) -> int:
-        """Make steps; fewer where the run ends before.
+        """Make steps; fewer if the run ends before.
 
         Args:
-            count: How many, at least 1.
+            count: The number of steps, at least 1.
 
         Returns:
-            How many were made. The last one may be none, where the run ends because its ``until`` holds.
+            The number of steps that were made. It may be 0 if the run ends because its ``until`` holds.
 
         Raises:
             RuntimeError: The run is over already.
@@ -87,7 +87,7 @@ class SteppedSimulation:
         return self._run.done - before
 
     def finish(self) -> RunResult:
-        """Make all steps that are left, and return what came of the run; see `step` for what it raises."""
+        """Make all remaining steps, and return the result of the run; raises the same exceptions as `step`."""
         if not self.done:
             self._advance(None)
         return self.result
@@ -115,7 +115,7 @@ class SteppedSimulation:
 
     @property
     def steps(self) -> int:
-        """How many steps were made."""
+        """The number of steps that were made."""
         return self._run.done
 
     @property
@@ -125,18 +125,18 @@ class SteppedSimulation:
 
     @property
     def events(self) -> Sequence[Event]:
-        """What has happened since before the last call of `step`; at first, since the start.
+        """The events of the last call of `step`; before the first call, those since the start.
 
-        Events that recur with every step, turn or message are not among them.
+        Events of every step, turn or message are not included.
         """
         return tuple(self._events)
 
     @property
     def result(self) -> RunResult:
-        """What came of the run.
+        """The result of the run.
 
         Raises:
-            RuntimeError: It goes on.
+            RuntimeError: The run is not over.
         """
         if not self.done:
             raise RuntimeError(f"the run of {self._simulation.name} goes on")
@@ -146,7 +146,7 @@ class SteppedSimulation:
         """The true state of a group or an agent.
 
         Args:
-            name: A group, or an agent. The name of a group without a count is its agent's.
+            name: A group or an agent. The name of a group without a count is that of its agent.
             columns: The names of columns to return; by default all, in the order of `state_columns`.
 
         Returns:
@@ -159,14 +159,14 @@ class SteppedSimulation:
         return _part(self._simulation.environment.state(group), row, group.model.state, columns)
 
     def belief(self, name: str, *columns: str) -> Array:
-        """What agents believe of their own state; as `state`."""
+        """The belief of agents of their own state; see `state`."""
         group, row = self._find(name)
         return _part(group.awareness.state, row, group.model.state, columns)
 
     def awareness(self, name: str, part: str, *columns: str) -> Array:
-        """A part of what agents are aware of, of themselves, such as ``risk``; as `state`.
+        """A part of the agents' awareness of themselves, such as ``risk``; see `state`.
 
-        Of a series it is the first point. What was never said is NaN.
+        For a series, this is the first point. Values that were never written are NaN.
         """
         group, row = self._find(name)
         column, declared = group.awareness.columns.get(part), group.awareness.parts.get(part)
@@ -176,7 +176,7 @@ class SteppedSimulation:
         return _part(values, row, declared.columns or (), columns)
 
     def control(self, name: str, *columns: str) -> Array:
-        """The control input that was requested last; as `state`, with the columns of `control_columns`."""
+        """The last requested control input; see `state`, with the columns of `control_columns`."""
         group, row = self._find(name)
         return _part(group.control_input, row, group.model.control_input, columns)
 
@@ -189,17 +189,16 @@ class SteppedSimulation:
         return tuple(quantity.name for quantity in self._find(name)[0].model.control_input)
 
     def set_control(self, name: str, values: ArrayLike | None) -> None:
-        """Control a group or an agent from outside, from the next step on.
+        """Override the control input of a group or an agent, from the next step on.
 
-        The values stand in for whatever the components request, and for the inputs of agents that a failure or a fault
-        has taken out of the run, until other values or None are set. The components go on as before, with all else
-        that they do. The model limits the values as any request; the log has both, as ``control_requested`` and
-        ``control``.
+        The values replace those that the components request, and the inputs of agents that a failure or a fault has
+        taken out of the run, until other values or None are set. The components keep running. The model saturates the
+        values like any request; the log has both, as ``control_requested`` and ``control``.
 
         Args:
             name: A group, or an agent.
-            values: Shape (n, nu) for a group, or (nu,) for all of its agents alike; (nu,) for an agent. None gives
-                the control back to the components.
+            values: Shape (n, nu) for a group, or (nu,) for all of its agents; (nu,) for an agent. None returns control
+                to the components.
 
         Raises:
             KeyError: There is no such name.
@@ -234,7 +233,7 @@ class SteppedSimulation:
         return given
 
     def _find(self, name: str) -> tuple[AgentGroup, int | None]:
-        """The group that a name is of, and the row if it is an agent's."""
+        """Return the group that a name refers to, and the row if it is that of an agent."""
         if name in self._rows:
             return self._rows[name]
         if name in self._named:
@@ -242,33 +241,34 @@ class SteppedSimulation:
         raise KeyError(_unknown("group or agent", name, [*self._named, *self._rows]))
 
     def capture(self) -> SimulationState:
-        """Take the state of the simulation, to `restore` it here or in any process that started the same scenario.
+        """Capture the state of the simulation, to `restore` it here or in another process with the same scenario.
 
         Raises:
-            StateError: The run is over, or something cannot be put away, such as a turn that waits; says what.
+            StateError: The run is over, or something cannot be captured, such as a turn that waits; the message names
+                it.
             LogError: The log cannot be written.
         """
         return take(self._run, self._digest, __version__)
 
     def restore(self, state: SimulationState) -> None:
-        """Put the simulation where it was, or another one of the same scenario was, as its state was taken.
+        """Restore a state of this simulation, or of another one of the same scenario.
 
-        It goes on as that did: the log, too, if there is one, message by message. What a log has of later instants than
-        the state is removed from it if the state was taken while it was written.
+        It continues in the same way as that one, including the log, message by message. If the state was captured while
+        the present log was written, later entries are removed from the log.
 
         Args:
-            state: What `capture` returned, or `SimulationState.from_bytes`.
+            state: The result of `capture` or `SimulationState.from_bytes`.
 
         Raises:
-            StateError: The state is one of another scenario, seed or version, or cannot be put here; says why. Nothing
-                has changed.
+            StateError: The state is one of another scenario, seed or version, or cannot be restored here; the message
+                gives the reason. Nothing was changed.
             LogError: The log cannot be written.
         """
         put(self._run, state, self._digest, __version__)
         self._events.clear()
 
     def close(self) -> None:
-        """End the run if it goes on, and finish its log; to do it twice does nothing."""
+        """End the run if it is not over, and finish its log; closing it twice has no effect."""
         self._leave("ended between two steps")
 
     def _leave(self, reason: str) -> None:
@@ -307,7 +307,7 @@ class SteppedSimulation:
 
 
 def _part(values: Array, row: int | None, quantities: Sequence[Quantity], columns: Sequence[str]) -> Array:
-    """Some columns of a row, or of all rows, read-only."""
+    """Return some columns of a row, or of all rows, read-only."""
     values = values if row is None else values[row]
     if not columns:
         return frozen(values)

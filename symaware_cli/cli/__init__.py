@@ -1,4 +1,4 @@
-"""The command line: one module for each verb, which parses, calls, prints and exits."""
+"""The command line: one module per verb, which parses arguments, calls the API, prints and exits."""
 
 import errno
 import gc

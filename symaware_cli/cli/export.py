@@ -33,7 +33,7 @@ Progress = Callable[[int], None] | None
 
 
 class Target(enum.StrEnum):
-    """What a log can be turned into."""
+    """The formats that a log can be exported to."""
 
     parquet = "parquet"
     csv = "csv"
@@ -61,12 +61,12 @@ def export(
     end: Annotated[float | None, typer.Option("--to", help="Last simulated time, in seconds.")] = None,
     as_json: Json = False,
 ) -> None:
-    """Turn a log into tables (Parquet, CSV), or into an MCAP that Foxglove shows."""
+    """Export a log as tables (Parquet, CSV), or as an MCAP file for Foxglove."""
     filters = {"--fields": fields, "--agents": agents, "--from": start, "--to": end}
     given = [option for option, value in filters.items() if value is not None]
     if form is Target.foxglove and given:
         fail(f"{given[0]} goes with tables only; Foxglove is given all of the log", WRONG_INPUT, as_json)
-    # Whoever ends it finds nothing half-written either.
+    # An interruption leaves no partial files.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         with trouble_shown(as_json):
@@ -112,7 +112,7 @@ def _tables(
     from symaware_cli.exporting.text import CSV
 
     start, last = window
-    # SimulationHooks are whole nanoseconds: what is after the last one begins with the next.
+    # Times are whole nanoseconds: the interval after the last one begins with the next.
     end = None if last is None else last + 1
     selection = select(log, fields=fields, agents=agents, start=start, end=end)
     written = export_tables(log, folder, CSV if form is Target.csv else PARQUET, selection, on_progress)

@@ -35,7 +35,7 @@ STAGES = {"--messages": ("sent", "delivered", "dropped"), "--contacts": ("begin"
 
 
 class MinimumLevel(enum.StrEnum):
-    """How grave an event is, the gravest last."""
+    """The severity of an event, in ascending order."""
 
     debug = "debug"
     info = "info"
@@ -118,7 +118,7 @@ def inspect(
     limit: Annotated[int | None, typer.Option(min=0, help="Greatest number of lines.", rich_help_panel=FILTER)] = None,
     as_json: Json = False,
 ) -> None:
-    """Tell what is in a log: who, how long, how often, which scenario, and what is missing."""
+    """Show what a log contains: agents, times, channels, the scenario, and what is missing."""
     views = {
         "--events": events,
         "--messages": messages,
@@ -176,7 +176,7 @@ def inspect(
 
 
 def _view(chosen: list[str], filters: dict[str, Any], as_json: bool) -> str:
-    """Find out which view is asked for, and that the filters go with it; nothing stands for the overview."""
+    """Return the requested view, after a check that the filters apply to it; None for the overview."""
     if len(chosen) > 1:
         fail(f"choose one of {' and '.join(chosen)}", WRONG_INPUT, as_json)
     view = chosen[0] if chosen else ""

@@ -11,7 +11,7 @@ from symaware_cli.cli.terminal import Json, bold, print_json
 
 
 class Kind(enum.StrEnum):
-    """What can be listed."""
+    """The kinds of plugins that can be listed."""
 
     components = "components"
     environments = "environments"
@@ -24,7 +24,7 @@ def list_plugins(
     kind: Annotated[Kind | None, typer.Argument(help="What to list; by default everything.")] = None,
     as_json: Json = False,
 ) -> None:
-    """List what a scenario can use, and which package each comes from."""
+    """List the plugins that a scenario can use, with their packages."""
     from symaware_cli.scenario.catalogue import PLURALS, Catalogue
 
     catalogue = Catalogue()

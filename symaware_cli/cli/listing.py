@@ -22,17 +22,17 @@ _PAYLOAD = 80
 
 
 def show_entries(log: Log, view: str, wanted: EntryFilter, limit: int | None, as_json: bool) -> None:
-    """List entries as they are read, as there may be many.
+    """Print entries while they are read, because there may be many.
 
     Args:
         log: The log.
-        view: Which: ``--events``, ``--messages`` or ``--contacts``.
-        wanted: Which of them.
-        limit: So many at most; None for all.
-        as_json: For scripts.
+        view: ``--events``, ``--messages`` or ``--contacts``.
+        wanted: A filter.
+        limit: The greatest number; None for all.
+        as_json: Whether to print JSON.
 
     Raises:
-        LogError: There is nothing of the kind, or nobody has such a name.
+        LogError: The log has no such entries, or a name is unknown.
     """
     choose, plain, line, message_name = _VIEWS[view]
     topic = view.replace("--", "/")
@@ -40,7 +40,7 @@ def show_entries(log: Log, view: str, wanted: EntryFilter, limit: int | None, as
         raise LogError(f"{log.path} was not written by SymAware: it has no {view.removeprefix('--')}")
     found = choose(wanted, log)
     entries: Iterator[Any] = islice(found, limit)
-    # The first one before anything is printed: it is there that names turn out to be wrong.
+    # Read the first one before anything is printed, because this detects wrong names.
     first = list(islice(entries, 1))
     if not first and limit != 0:
         _explain(log, view, wanted)
@@ -52,12 +52,12 @@ def show_entries(log: Log, view: str, wanted: EntryFilter, limit: int | None, as
     try:
         print_array(plain(entry) for entry in entries)
     except LogError as error:
-        # The array has been closed; what follows must not be part of it.
+        # The array is closed; further output must not be part of it.
         fail(str(error), WRONG_INPUT)
 
 
 def _explain(log: Log, view: str, wanted: EntryFilter) -> None:
-    """Say on the side that nothing is listed, and what there would be."""
+    """Explain on stderr why nothing is listed, and which entries exist."""
     everything = list(dict.fromkeys(_called(entry) for entry in _VIEWS[view][0](EntryFilter(), log)))
     noun = view.removeprefix("--")
     if not everything:
@@ -111,4 +111,4 @@ _VIEWS: dict[str, tuple[Callable[..., Iterator[Any]], Callable[[Any], Any], Call
     "--messages": (EntryFilter.communications, _plain_communication, _communication, "Message"),
     "--contacts": (EntryFilter.contacts, asdict, _contact, "Contact"),
 }
-"""How each view finds entries, makes plain data and a line of them, and the message that holds them."""
+"""For each view: how to read entries, convert them to plain data and to a line, and their message type."""

@@ -29,8 +29,8 @@ def merge(
     ],
     as_json: Json = False,
 ) -> None:
-    """Join the logs of the processes that shared a run into one."""
-    # Whoever ends it finds nothing half-written either.
+    """Merge the logs of the processes of one run into one log."""
+    # An interruption leaves no partial file.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         with trouble_shown(as_json):
@@ -58,7 +58,7 @@ def merge(
 
 
 def _plain(parts: Sequence[ProcessLog], merged: Merged, lost: Sequence[ProcessLog]) -> dict[str, Any]:
-    """Lay out what was merged for scripts; times in seconds."""
+    """Return the result as plain data for JSON; times in seconds."""
     return {
         "log": str(merged.path),
         "size": merged.size,

@@ -53,7 +53,7 @@ def text(summary: Overview) -> str:
 
 
 def _computed(versions: Mapping[str, str]) -> str:
-    """What computed, as far as it was recorded."""
+    """The processor and libraries that computed the run, as far as they were recorded."""
     by = [f"NumPy {versions.get('NumPy kernels', 'unknown')}", versions.get("BLAS"), versions.get("C library")]
     pinned = versions.get("Pinned", "yes")
     return (
@@ -77,7 +77,7 @@ def _line(label: str, text: str) -> str:
 
 
 def _listed(names: Sequence[str]) -> str:
-    """The names, or the first few of very many."""
+    """The names, or the first few of many."""
     if len(names) <= _MOST + 1:
         return ", ".join(names)
     return f"{', '.join(names[:_MOST])} and {len(names) - _MOST} more"

@@ -27,7 +27,7 @@ def recover(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Make a sound log of all that can be read of a damaged one, and tell what was lost."""
+    """Repair a damaged log: write everything readable to a new log, and report what was lost."""
     with trouble_shown(as_json):
         from symaware_cli.recording.reader import open_log
         from symaware_cli.recording.repair import recover as write
@@ -47,7 +47,7 @@ def recover(
 
 
 def _plain(log: Log, recovery: Recovery | None) -> dict[str, Any]:
-    """Lay out what was recovered and what was lost for scripts; times in seconds."""
+    """Return what was recovered and lost as plain data for JSON; times in seconds."""
     damage = log.damage
     content: dict[str, Any] = {"log": str(log.path), "lost": bool(damage and damage.lost), "damage": None}
     if damage:

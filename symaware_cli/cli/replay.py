@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from symaware_cli.viewing.replay_session import ReplaySession
 
 
-#: Pictures are so many pixels high and wide at least and at most.
+#: The least and greatest width and height of a picture [pixels].
 _SMALLEST, _LARGEST = 200, 8192
 
 
@@ -70,7 +70,7 @@ def replay(
     end: Annotated[float | None, typer.Option("--to", help="The last simulated time, in seconds.")] = None,
     as_json: Json = False,
 ) -> None:
-    """Show a log in the Rerun viewer: who was where, and what each believed, intended, feared and said."""
+    """Show a log in the Rerun viewer: motion, beliefs, intents, risks and messages of all agents."""
     if sum(bool(way) for way in (save, screenshot, web, connect)) > 1:
         fail("choose one of --save, --screenshot, --web and --connect", WRONG_INPUT, as_json)
     if follow and (save or screenshot or start is not None or end is not None):
@@ -125,7 +125,7 @@ def replay(
             fail(str(error), FAILED, as_json)
         except KeyboardInterrupt:
             raise typer.Exit(INTERRUPTED) from None
-    # A log that is still being written always lacks its end.
+    # A log that is still being written has no end yet.
     if not follow and log.damage and log.damage.lost:
         typer.echo(f"symaware: {log.damage}", err=True)
         raise typer.Exit(DATA_LOST)
@@ -140,7 +140,7 @@ def _replay_session(
         return ForeignReplaySession(log)
     from symaware_cli.viewing.replay_session import replay_session
 
-    # SimulationHooks are whole nanoseconds: what is after the last one begins with the next.
+    # Times are whole nanoseconds: the interval after the last one begins with the next.
     return replay_session(log, agents, first, None if last is None else last + 1)
 
 
@@ -156,10 +156,10 @@ def _present(
     bar: bool,
     as_json: bool,
 ) -> None:
-    """Send everything to a viewer, and wait until somebody closes it or presses Ctrl-C."""
+    """Send everything to a viewer, and wait until it is closed or Ctrl-C is pressed."""
     from symaware_cli.viewing import viewer
 
-    # So that the viewer ends with this, whoever ends it.
+    # The viewer ends with this process, however that ends.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     running = nullcontext() if connect else viewer.viewer(web=web, bind=bind, web_port=port)
     with running as started:
@@ -178,18 +178,18 @@ def _present(
                 _tell(facts, as_json)
         except viewer.ViewerError:
             if started and started.closed:
-                # Somebody has seen enough.
+                # The viewer was closed.
                 return
             raise
         if started:
-            # Everything has been shown: to end it is not to interrupt it.
+            # Everything has been shown, so Ctrl-C is not an interruption.
             with suppress(KeyboardInterrupt):
                 started.wait()
         del recording
 
 
 def _require_sound(size: str, bind: str, as_json: bool) -> None:
-    """Leave, unless the options mean something."""
+    """Exit if the options are invalid."""
     width, _, height = size.partition("x")
     if not all(side.isdecimal() and len(side) < 6 and _SMALLEST <= int(side) <= _LARGEST for side in (width, height)):
         why = f"--size is two numbers of pixels from {_SMALLEST} to {_LARGEST}, such as 1600x1000, not {size!r}"
@@ -201,7 +201,7 @@ def _require_sound(size: str, bind: str, as_json: bool) -> None:
 
 
 def _require_shown(moment: int | None, log: Log, first: int | None, last: int | None, as_json: bool) -> None:
-    """Leave if the instant of the picture [ns] is none of those that are shown."""
+    """Exit if the time of the picture [ns] is not within the times that are shown."""
     begin = max(time for time in (log.start_time, first, 0) if time is not None)
     end = min((time for time in (log.end_time, last) if time is not None), default=None)
     if moment is not None and end is not None and not begin <= moment <= end:
@@ -230,5 +230,5 @@ def _tell(facts: dict[str, object], as_json: bool) -> None:
     typer.echo(f"  {facts['shown']}")
     for report in facts.get("reports", ()):  # type: ignore[attr-defined]
         typer.echo(f"  {report}", err=True)
-    # Whoever reads this through a pipe has it before the viewer is closed.
+    # Flushed, so that a reader of a pipe receives it before the viewer is closed.
     sys.stdout.flush()

@@ -142,7 +142,7 @@ def run(
             typer.echo(f"The traceback is in the log: symaware inspect --events {summary.log}", err=True)
     sys.stdout.flush()
     if result.viewer:
-        # Whoever presses Ctrl-C now is done with the view.
+        # Ctrl-C now closes the view.
         with suppress(KeyboardInterrupt):
             result.viewer.wait()
         result.viewer.close()
@@ -150,14 +150,14 @@ def run(
 
 
 def _tell(event: Event) -> None:
-    """Say what becomes of the other processes."""
+    """Print the events of the other processes."""
     if event.name in ("waiting", "joined", "rejoined", "lost", "rejected"):
         typer.echo(f"symaware: {event.text}", err=True)
 
 
 @contextmanager
 def _refusals_shown(as_json: bool) -> Iterator[None]:
-    """Say why this process cannot take its place among others."""
+    """Report why this process cannot take part in the run."""
     from symaware_cli.distributed.transport import TransportError
     from symaware_cli.scenario.place import DistributionError
 
@@ -177,7 +177,7 @@ def _place(
     wait: float,
     as_json: bool,
 ) -> Place | None:
-    """Where this process stands among those that share the run; leave where that makes no sense."""
+    """Return the role of this process in a run of several; exit if the options are inconsistent."""
     if listen is None and join is None:
         for option, given in (("--only", only), ("--bind", bind), ("--key-file", key), ("--name", name)):
             if given:

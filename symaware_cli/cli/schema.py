@@ -14,7 +14,7 @@ def schema(
     output: Annotated[Path | None, typer.Option("--output", "-o", help="The file to write.")] = None,
     built_in: Annotated[bool, typer.Option("--built-in", help="Without the plugins of other packages.")] = False,
 ) -> None:
-    """Write the JSON schema of scenarios, for editors; it knows the parameters of every installed plugin."""
+    """Write the JSON schema of scenarios for editors, with the parameters of every installed plugin."""
     import json
 
     from symaware_cli.scenario.json_schema import scenario_schema

@@ -24,9 +24,9 @@ def show_series(
         spec: ``NAME:FIELD`` or ``NAME:FIELD:COLUMN``.
         start: The first simulated time [ns].
         end: The last simulated time [ns].
-        every: Only the first line of each so many seconds.
-        limit: So many lines at most.
-        as_json: For scripts.
+        every: Print only the first line per this many seconds.
+        limit: The greatest number of lines.
+        as_json: Whether to print JSON.
 
     Raises:
         LogError: The log has no such series.
@@ -95,7 +95,7 @@ def _columns(log: Log, name: str, series: Series, column: str | None) -> tuple[l
 
 
 def _column(log: Log, names: tuple[str, ...], column: str) -> int:
-    """The place of a column, which its name or its number tells."""
+    """The index of a column, given by its name or number."""
     if column in names:
         return names.index(column)
     if column.isdecimal() and int(column) < len(names):
@@ -111,13 +111,13 @@ def _thinned(times: NDArray[np.int64], every: float) -> NDArray[np.intp]:
 
 
 def _extremes(values: Array) -> dict[str, Array]:
-    """The least, mean and greatest number of each column; NaN where there is none."""
+    """The minimum, mean and maximum of each column; NaN for an empty one."""
     lines = {word: np.full(values.shape[1], np.nan) for word in ("minimum", "mean", "maximum")}
     some = ~np.isnan(values).all(axis=0)
     if some.any():
         known = values[:, some]
         lines["minimum"][some], lines["maximum"][some] = np.nanmin(known, axis=0), np.nanmax(known, axis=0)
-        with np.errstate(invalid="ignore"):  # of +inf and -inf there is no mean
+        with np.errstate(invalid="ignore"):  # +inf and -inf have no mean
             lines["mean"][some] = np.nanmean(known, axis=0)
     return lines
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def _completed(incomplete: str) -> list[str]:
-    """The names of all plugins that begin like this."""
+    """The names of all plugins with this prefix."""
     from symaware_cli.scenario.catalogue import GROUPS, Catalogue
 
     catalogue = Catalogue()
@@ -62,7 +62,7 @@ def _text(description: Description) -> str:
         lines += ["", "Parameters"]
         width = max(len(parameter.name) for parameter in description.parameters)
         for parameter in description.parameters:
-            # As it is written in a scenario.
+            # As written in a scenario.
             default = "required" if parameter.required else f"default {json.dumps(parameter.default)}"
             lines.append(f"  {parameter.name:<{width}}  {parameter.type}, {default}")
             if parameter.description:

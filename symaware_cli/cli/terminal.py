@@ -1,4 +1,4 @@
-"""What all verbs share: their common options, and how they show trouble and leave."""
+"""Common options, error reports and exit codes of all verbs."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ Json = Annotated[bool, typer.Option("--json", help="Print JSON for scripts.")]
 
 @contextmanager
 def output_kept(for_scripts: bool) -> Iterator[None]:
-    """Let what plugins print go to stderr, so that scripts read nothing but our JSON on stdout.
+    """Redirect the output of plugins to stderr, so that stdout contains only JSON.
 
-    That is so for native libraries, too, which write to the file descriptor.
+    This includes native libraries, which write to the file descriptor.
 
     Args:
-        for_scripts: Whether to; otherwise nothing happens.
+        for_scripts: Whether to redirect; otherwise nothing happens.
     """
     if not for_scripts:
         yield
@@ -54,34 +54,34 @@ def output_kept(for_scripts: bool) -> Iterator[None]:
         try:
             yield
         finally:
-            # What is still in the buffer of the C library would come after our JSON.
+            # Flush the buffer of the C library, which would otherwise follow the JSON.
             ctypes.CDLL(None).fflush(None)
             os.dup2(kept, 1)
             os.close(kept)
 
 
 def is_plain() -> bool:
-    """Whether nothing but text is wanted: `NO_COLOR` (https://no-color.org) or `TERM=dumb` says so."""
+    """Whether plain text is requested by `NO_COLOR` (https://no-color.org) or `TERM=dumb`."""
     return bool(os.environ.get("NO_COLOR")) or os.environ.get("TERM") == "dumb"
 
 
 def is_lively(stream: TextIO) -> bool:
-    """Whether a stream is a terminal that may be sent colours and moving bars."""
+    """Whether a stream is a terminal that supports colours and progress bars."""
     return stream.isatty() and not is_plain()
 
 
 def bold(text: str) -> str:
-    """A text to be printed in bold, where that is wanted."""
+    """Return a text in bold, if colours are allowed."""
     return typer.style(text, bold=True) if is_lively(sys.stdout) else text
 
 
 def print_json(content: Any) -> None:
-    """Print what a script reads."""
+    """Print a value as JSON."""
     typer.echo(json.dumps(_finite(content), indent=2, allow_nan=False, default=str))
 
 
 def print_array(entries: Iterable[Any]) -> None:
-    """Print what a script reads, entry by entry, as there may be many."""
+    """Print a JSON array entry by entry, because there may be many."""
     between = "\n"
     typer.echo("[", nl=False)
     try:
@@ -94,7 +94,7 @@ def print_array(entries: Iterable[Any]) -> None:
 
 
 def _finite(content: Any) -> Any:
-    """Put into words the numbers that JSON does not have, such as an infinite risk."""
+    """Replace numbers that JSON does not have, such as an infinite risk, by text."""
     if isinstance(content, float):
         return content if math.isfinite(content) else str(content)
     if isinstance(content, dict):
@@ -105,7 +105,7 @@ def _finite(content: Any) -> Any:
 
 
 def fail(message: str, status: int, as_json: bool = False) -> NoReturn:
-    """Say what is wrong, and leave."""
+    """Print an error and exit."""
     if as_json:
         print_json({"error": message})
     else:
@@ -114,12 +114,12 @@ def fail(message: str, status: int, as_json: bool = False) -> NoReturn:
 
 
 def names(listed: str | None) -> list[str]:
-    """Take names apart that commas separate."""
+    """Split a list of names at commas."""
     return [name.strip() for name in (listed or "").split(",") if name.strip()]
 
 
 def instant(option: str, time: float | None, as_json: bool = False) -> int | None:
-    """Turn the time [s] that an option was given into nanoseconds; leave where it cannot be one."""
+    """Convert the time [s] of an option to nanoseconds; exit if it is invalid."""
     if time is None:
         return None
     if not 0 <= time < 1e9:
@@ -128,7 +128,7 @@ def instant(option: str, time: float | None, as_json: bool = False) -> int | Non
 
 
 def span(start: float | None, end: float | None, as_json: bool = False) -> tuple[int | None, int | None]:
-    """The first and the last instant [ns] of what --from and --to [s] ask for; leave where there is nothing between."""
+    """Return the first and last instant [ns] of --from and --to [s]; exit if there is nothing in between."""
     first, last = instant("--from", start, as_json), instant("--to", end, as_json)
     if first is not None and last is not None and first > last:
         fail(f"--from {start:g} is later than --to {end:g}", WRONG_INPUT, as_json)
@@ -137,7 +137,7 @@ def span(start: float | None, end: float | None, as_json: bool = False) -> tuple
 
 @contextmanager
 def trouble_shown(as_json: bool = False) -> Iterator[None]:
-    """Turn problems with scenarios and logs into a report and an exit status."""
+    """Report problems with scenarios and logs, and exit with their status."""
     from symaware_cli.recording.error import LogError, OutputError, UnknownNameError
     from symaware_cli.scenario.problem import ScenarioError, nearest, render, to_json
 
@@ -159,5 +159,5 @@ def trouble_shown(as_json: bool = False) -> Iterator[None]:
 
 
 def printable(text: str) -> str:
-    """A text from a log without what would break lines or be taken for commands by a terminal."""
+    """Return a text from a log without line breaks and terminal control characters."""
     return text if text.isprintable() else "".join(each if each.isprintable() else ascii(each)[1:-1] for each in text)

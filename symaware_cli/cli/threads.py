@@ -1,4 +1,4 @@
-"""Threads and processes that plugins have left behind: the interpreter would wait for them for ever."""
+"""Threads and processes that plugins have left behind, for which the interpreter would wait forever."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from typing import Any
 
 from symaware_cli.core import Component, GroupComponent
 
-#: Wall time that threads are given to end after the work is done [s].
+#: Wall time that threads have to end after the work is done [s].
 _PATIENCE = 2.0
 
 
 def do_not_wait(status: str | int | None) -> None:
-    """End the process if threads or child processes go on some time after all work is done, and say which.
+    """Exit the process if threads or child processes continue some time after the work is done, and name them.
 
     Args:
-        status: With what the process is about to exit.
+        status: The exit status.
     """
     if _left() or _children():
         threading.Thread(
@@ -28,7 +28,7 @@ def do_not_wait(status: str | int | None) -> None:
 
 
 def _left() -> list[threading.Thread]:
-    """The threads that the interpreter waits for, beside the main one."""
+    """The threads that the interpreter waits for, except the main one."""
     main = threading.main_thread()
     return [each for each in threading.enumerate() if each is not main and each.is_alive() and not each.daemon]
 
@@ -58,7 +58,7 @@ def _watch(status: int) -> None:
 
 
 def _origin(thread: threading.Thread) -> str:
-    """Which component a thread works for, or at least where it is."""
+    """The component that a thread belongs to, or else its current function."""
     frame = sys._current_frames().get(thread.ident or 0)
     place = ""
     while frame is not None:

@@ -8,7 +8,7 @@ from symaware_cli.cli.terminal import Json, Overrides, ScenarioPath, Seed, outpu
 
 
 def validate(scenario: ScenarioPath, seed: Seed = None, overrides: Overrides = None, as_json: Json = False) -> None:
-    """Check a scenario without running it; every problem is shown with its place."""
+    """Check a scenario without running it, and report every problem with its place."""
     with trouble_shown(as_json), output_kept(as_json):
         from symaware_cli.api.scenario import Scenario
 

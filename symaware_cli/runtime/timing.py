@@ -128,7 +128,7 @@ class Timetable:
         Args:
             timing: Period, offset and jitter.
             time_step: That of the world, in nanoseconds.
-            grid: SimulationHooks are rounded up to a multiple of this, each at most once; 0 for none.
+            grid: Instants are rounded up to a multiple of this, each at most once; 0 for none.
             key: What the jitter is keyed by, beside the nominal instant of each turn.
         """
         self._period = time_step if timing.period is None else timing.period
