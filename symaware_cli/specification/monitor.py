@@ -57,9 +57,11 @@ class Monitor:
         self._settled = False
         #: After how many calls of `update` and `finish` each row was decided.
         self._decided: NDArray[np.int64] = np.zeros(rows, np.int64)
-        self._samples = History(_predicates(formula), rows)
+        self._samples: list[list[Any]] = []
         self._known: list[Array] = []
         self._told = 0
+        limit = KEPT // max(1, rows * _predicates(formula))
+        self._last_kept = limit if self.horizon is None else self.horizon
         self._judge()
 
     def update(self, values: Sequence[Array]) -> None:
@@ -73,8 +75,10 @@ class Monitor:
         samples: list[Any] = (
             [each.item() for each in values] if self._clock.single else [np.array(each) for each in values]
         )
-        if self.horizon is None or now <= self.horizon:
-            self._keep(samples)
+        if now <= self._last_kept:
+            self._samples.append(samples)
+        elif self.horizon is None:
+            self.complete = False
         exact: Any = None
         if self.interval or not self._settled:
             self._clock.now = now
@@ -143,28 +147,17 @@ class Monitor:
             if not signals:
                 continue
             instants, ended = min(call, self.instants), call > self.instants
-            if instants > self._samples.end:
+            if instants > len(self._samples):
                 if self.horizon is None:
                     continue
-                instants = self._samples.end
+                instants = len(self._samples)
             for place, each in zip(places, reasons(self.formula, signals, instants, ended), strict=True):
                 found[place] = each
         return found
 
-    def _keep(self, values: Sequence[Any]) -> None:
-        samples = self._samples
-        if not self.complete:
-            return
-        if samples.end * len(values) * self.rows >= KEPT:
-            self.complete = False
-            return
-        row = samples.add()
-        for i in range(len(row)):
-            row[i] = values[i]
-
     def _signals(self) -> list[Array]:
         """The samples of each predicate that were kept [instants, rows]."""
-        kept = self._samples.between(0, self._samples.end)
+        kept = np.array(self._samples).reshape(len(self._samples), -1, self.rows)
         return [kept[:, i] for i in range(kept.shape[1])]
 
     def _judge(self, exact: Any = None) -> None:
@@ -172,7 +165,10 @@ class Monitor:
         if exact is not None:
             lower = upper = np.atleast_1d(exact)
         else:
-            below, above = self._stream.bound(0, 0, 1), self._stream.bound(1, 0, 1)
+            below, above = (
+                self._stream.bound(side, 0, 1) if self.ended or self.instants > self._stream.soonest[side] else None
+                for side in (0, 1)
+            )
             if below is None and above is None:
                 return
             lower = self._clock.full(1, False)[0] if below is None else below[0]

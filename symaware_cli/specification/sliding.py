@@ -124,6 +124,15 @@ class Recent:
             self._values.popleft()
             self.first += 1
 
+    def delayed(self, value: Any, steps: int) -> Any:
+        """Add the value of the next instant, and take out the one that lies so many steps before it, if there is."""
+        self._values.append(value)
+        self.end += 1
+        if self.end - self.first <= steps:
+            return None
+        self.first += 1
+        return self._values.popleft()
+
     def at(self, instant: int) -> Any:
         """The value of an instant."""
         return self._values[instant - self.first]

@@ -88,10 +88,15 @@ class Stream:
         clock: The common clock.
         horizon: The number of steps after which exact values are known; None if only at the end of the run.
         reach: The number of steps ahead of now after which bounds no longer change from one instant to the next.
+        soonest: The numbers of steps before which nothing is known of lower and upper bounds; infinite for never, as
+            long as the run goes on.
         exact: The last instant whose exact value was returned, or -1.
     """
 
-    def __init__(self, clock: Clock, horizon: int | None, reach: int) -> None:
+    def __init__(
+        self, clock: Clock, horizon: int | None, reach: int, soonest: tuple[float, float] = (-np.inf, -np.inf)
+    ) -> None:
+        self.soonest = soonest
         self.exact = -1
         self.clock = clock
         self.horizon = horizon
@@ -145,7 +150,7 @@ class PredicateStream(Stream):
     """A predicate."""
 
     def __init__(self, clock: Clock, index: int) -> None:
-        super().__init__(clock, 0, 0)
+        super().__init__(clock, 0, 0, (0, 0))
         self._index = index
 
     def push(self, samples: Sequence[Any]) -> Any:
@@ -162,7 +167,7 @@ class NotStream(Stream):
     """A negation."""
 
     def __init__(self, clock: Clock, operand: Stream) -> None:
-        super().__init__(clock, operand.horizon, operand.reach)
+        super().__init__(clock, operand.horizon, operand.reach, operand.soonest[::-1])
         self._operand = operand
 
     def push(self, samples: Sequence[Any]) -> Any:
@@ -201,22 +206,23 @@ class Together:
         self._last = last
         self._early = [None if each.horizon == self.horizon else Recent() for each in operands]
 
-    def push(self, samples: Sequence[Any], now: int) -> list[Any] | None:
+    def push(self, samples: Sequence[Any]) -> list[Any] | None:
         """Exact values at the same instant, if all know one."""
-        due = -1 if self.horizon is None else now - self.horizon
         found: list[Any] = []
-        for operand, early in zip(self.operands, self._early, strict=True):
+        horizon = self.horizon
+        for operand, early in zip(self.operands, self._early, strict=False):
             value = operand.push(samples)
+            if value is None:
+                continue
             if early is None:
+                found.append(value)
+            elif horizon is not None:
+                value = early.delayed(value, horizon - (operand.horizon or 0))
                 if value is not None:
                     found.append(value)
-                continue
-            if value is not None and (self.horizon is not None or self._last is None or early.end <= self._last):
+            elif self._last is None or early.end <= self._last:
                 early.append(value)
-            if due >= 0:
-                early.drop(due)
-                found.append(early.at(due))
-        return found if due >= 0 else None
+        return found if len(found) == len(self.operands) else None
 
     def bound(self, position: int, side: int, begin: int, end: int) -> Values | None:
         """Bounds of an operand; as they are known after exact values of all."""
@@ -237,7 +243,9 @@ class JunctionStream(Stream):
 
     def __init__(self, clock: Clock, operands: Sequence[Stream], greatest: bool, last: int | None) -> None:
         self._together = Together(clock, operands, last)
-        super().__init__(clock, self._together.horizon, self._together.reach)
+        lower, upper = ([each.soonest[side] for each in operands] for side in (0, 1))
+        soonest = (min(lower), max(upper)) if greatest else (max(lower), min(upper))
+        super().__init__(clock, self._together.horizon, self._together.reach, soonest)
         self._greatest = greatest
         # What is known late is known least.
         late = [(0 if each.horizon is None else 1, -(each.horizon or 0)) for each in operands]
@@ -245,7 +253,7 @@ class JunctionStream(Stream):
 
     def push(self, samples: Sequence[Any]) -> Any:
         """See the base class."""
-        found = self._together.push(samples, self.clock.now)
+        found = self._together.push(samples)
         if found is None:
             return None
         self.exact += 1
@@ -270,7 +278,9 @@ class AheadStream(Stream):
     def __init__(
         self, clock: Clock, operand: Stream, first: int, last: int, greatest: bool, starts: int | None
     ) -> None:
-        super().__init__(clock, None if operand.horizon is None else operand.horizon + last, operand.reach)
+        lower, upper = operand.soonest
+        soonest = (first + lower, last + upper) if greatest else (last + lower, first + upper)
+        super().__init__(clock, None if operand.horizon is None else operand.horizon + last, operand.reach, soonest)
         self._operand = operand
         self._first, self._last = first, last
         self._greatest = greatest
@@ -459,7 +469,8 @@ class SoFarStream(Stream):
                 return None
             return np.broadcast_to(self._so_far, (end - begin, self.clock.rows))
         ufunc = np.maximum if self._greatest else np.minimum
-        return ufunc(accumulated(ufunc, found), self._so_far)[begin - after :]
+        result: Values = ufunc(accumulated(ufunc, found), self._so_far)
+        return result[begin - after :]
 
 
 class UntilStream(Stream):
@@ -480,7 +491,7 @@ class UntilStream(Stream):
 
     def push(self, samples: Sequence[Any]) -> Any:
         """See the base class."""
-        found = self._together.push(samples, self.clock.now)
+        found = self._together.push(samples)
         if found is None:
             return None
         left, right = found
@@ -557,7 +568,7 @@ class SinceStream(Stream):
 
     def push(self, samples: Sequence[Any]) -> Any:
         """See the base class."""
-        found = self._together.push(samples, self.clock.now)
+        found = self._together.push(samples)
         if found is None:
             return None
         left, right = found

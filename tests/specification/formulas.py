@@ -30,11 +30,24 @@ def random_formula(
     past: bool = True,
     unbounded: bool = True,
     constants: bool = True,
+    limits: bool = True,
 ) -> Formula:
-    """A formula of at most so many operators above each other."""
+    """A formula of at most so many operators above each other.
+
+    Args:
+        generator: Draws it.
+        depth: How many.
+        widest: How far windows begin, and how many instants they have, at most.
+        past: Whether operators look back, too.
+        unbounded: Whether windows may have no end.
+        constants: Whether there are constants.
+        limits: Whether windows without an end may begin later.
+    """
 
     def below() -> Formula:
-        return random_formula(generator, depth - 1, widest=widest, past=past, unbounded=unbounded, constants=constants)
+        return random_formula(
+            generator, depth - 1, widest=widest, past=past, unbounded=unbounded, constants=constants, limits=limits
+        )
 
     if depth == 0 or generator.random() < 0.1:
         if constants and generator.random() < 0.1:
@@ -42,6 +55,8 @@ def random_formula(
         return Predicate(int(generator.integers(PREDICATES)))
     first = int(generator.integers(widest))
     last = None if unbounded and generator.random() < 0.25 else first + int(generator.integers(widest))
+    if last is None and not limits:
+        first = 0
     match int(generator.integers(9 if past else 6)):
         case 0:
             return Not(below())

@@ -1,0 +1,112 @@
+"""What it costs to monitor ``always[0,5] (a implies eventually[0,2] b)`` at 20 Hz, once a and b are known.
+
+``python benchmarks/specifications.py [--rounds N]`` prints, for one agent and for 1,000, CPU time for each agent and
+instant of monitors with and without the interval, which are asked for exact robustness at each instant, and for one
+agent that of rtamt and sentil. All take turns, round after round; what counts is the least.
+"""
+
+import argparse
+import json
+import statistics
+import time
+import warnings
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from symaware_cli.specification.formula import Always, Array, Eventually, Not, Or, Predicate
+from symaware_cli.specification.monitor import Monitor
+
+FORMULA = Always(0, 100, Or((Not(Predicate(0)), Eventually(0, 40, Predicate(1)))))
+WRITTEN = "{always}[0,100] ((a >= 0) {implies} ({eventually}[0,40] (b >= 0)))"
+
+
+def signals(agents: int, instants: int) -> list[tuple[Array, Array]]:
+    """Robustness of a and b at each instant: at times a, and soon after it b."""
+    generator = np.random.default_rng(1)
+    phases = generator.uniform(0.0, 2.0 * np.pi, agents)
+    times = 0.05 * np.arange(instants)
+    return [(np.sin(0.9 * t + phases) - 0.5, np.sin(2.9 * t + phases) + 0.1) for t in times]
+
+
+def ours(agents: int, interval: bool) -> Callable[[Sequence[tuple[Array, Array]]], None]:
+    """A monitor of so many agents."""
+
+    def run(samples: Sequence[tuple[Array, Array]]) -> None:
+        monitor = Monitor(FORMULA, agents, interval=interval)
+        for each in samples:
+            monitor.update(each)
+            monitor.exact()
+
+    return run
+
+
+def rtamt_online() -> Callable[[Sequence[tuple[Array, Array]]], None]:
+    """The monitor of rtamt for the same formula, rewritten to look back."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        import rtamt
+
+    def run(samples: Sequence[tuple[Array, Array]]) -> None:
+        for i, (a, b) in enumerate(samples):
+            specification.update(i, [("a", float(a[0])), ("b", float(b[0]))])
+
+    specification = rtamt.StlDiscreteTimeOnlineSpecification()
+    for name in ("a", "b"):
+        specification.declare_var(name, "float")
+    specification.spec = WRITTEN.format(always="always", eventually="eventually", implies="implies")
+    specification.parse()
+    specification.pastify()
+    return run
+
+
+def sentil_online() -> Callable[[Sequence[tuple[Array, Array]]], None]:
+    """The monitor of sentil for the same formula."""
+    import sentil
+
+    monitor = sentil.OnlineMonitor(WRITTEN.format(always="G", eventually="F", implies="->"))
+
+    def run(samples: Sequence[tuple[Array, Array]]) -> None:
+        monitor.reset()
+        for i, (a, b) in enumerate(samples):
+            monitor.update(float(i), {"a": float(a[0]), "b": float(b[0])})
+
+    return run
+
+
+def main() -> None:
+    """Measure, and print what came of it."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--rounds", type=int, default=9)
+    parser.add_argument("--instants", type=int, default=1000)
+    parser.add_argument("--no-peers", action="store_true", help="measure SymAware alone")
+    parser.add_argument("--json", action="store_true", help="print nanoseconds of each round")
+    arguments = parser.parse_args()
+    cases = {
+        "one agent": (1, ours(1, False), 5000.0),
+        "one agent, interval": (1, ours(1, True), 15000.0),
+        "1,000 agents": (1000, ours(1000, False), 25.0),
+        "1,000 agents, interval": (1000, ours(1000, True), 400.0),
+    }
+    if not arguments.no_peers:
+        cases["one agent, rtamt"] = (1, rtamt_online(), np.nan)
+        cases["one agent, sentil, interval"] = (1, sentil_online(), np.nan)
+    samples = {agents: signals(agents, arguments.instants) for agents in (1, 1000)}
+    found: dict[str, list[float]] = {name: [] for name in cases}
+    for _ in range(arguments.rounds):
+        for name, (agents, run, _) in cases.items():
+            began = time.process_time()
+            run(samples[agents])
+            found[name].append(1e9 * (time.process_time() - began) / agents / arguments.instants)
+    if arguments.json:
+        print(json.dumps(found))
+        return
+    print("| | ns for each agent and instant, least (median) | aim |\n|---|---:|---:|")
+    for name, each in found.items():
+        aim = cases[name][2]
+        limit = "" if np.isnan(aim) else f"<= {aim:,.0f}"
+        print(f"| {name} | {min(each):,.0f} ({statistics.median(each):,.0f}) | {limit} |")
+
+
+if __name__ == "__main__":
+    main()
