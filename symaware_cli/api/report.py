@@ -57,6 +57,7 @@ def summary_report(summary: RunSummary) -> Report:
         facts.append(("closest", _extreme(summary.minimum_separation, "m between the outlines of")))
     if summary.highest_risk:
         facts.append(("highest risk", _extreme(summary.highest_risk, "of")))
+    facts += [(each.verdict, str(each)) for each in summary.specifications]
     if summary.log:
         size = size_in_words(summary.log_size or 0)
         facts += [("recorded", f"{summary.updates:,} updates, {size}"), ("log", summary.log)]

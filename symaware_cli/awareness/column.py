@@ -238,6 +238,17 @@ class SeriesColumn:
             self._changed = set()
         return None if every else sorted(changed)
 
+    def maxima(self) -> Array:
+        """The largest value of each agent's series, 0 where it is empty or has none above; shape (n,)."""
+        self.settle()
+        if self._times is not None and self._values.size:
+            peaks: Array = np.maximum(self._values.reshape(self.count, -1).max(axis=1), 0.0)
+        else:
+            peaks = np.zeros(self.count)
+        for row, series in self._rows.items():
+            peaks[row] = series.values.max(initial=0.0) if len(series) else 0.0
+        return peaks
+
     def maximum(self) -> tuple[float, int] | None:
         """Return the largest value of any series and its row; None if all are empty."""
         self.settle()

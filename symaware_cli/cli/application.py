@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from symaware_cli.cli import (
+    check,
     export,
     inspect,
     list,  # noqa: A004 (a verb)
@@ -26,7 +27,7 @@ application = typer.Typer(
     name="symaware",
     help="Run multi-agent scenarios with situational awareness: deterministic, recorded, checkable.",
     epilog="Exit status: 0 success; 1 the run failed; 2 the input is invalid; 3 success, but data "
-    "was lost; 130 interrupted.",
+    "was lost or a specification is violated; 130 interrupted.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     # Help and usage errors, too: Rich would leave out the colours and keep the rest.
@@ -60,6 +61,7 @@ for _verb in (
     plot.plot,
     export.export,
     inspect.inspect,
+    check.check,
     recover.recover,
     merge.merge,
     list.list_plugins,

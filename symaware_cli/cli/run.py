@@ -16,6 +16,7 @@ from symaware_cli.api.result import RunFailedError, RunInterrupted
 from symaware_cli.cli.terminal import (
     FAILED,
     INTERRUPTED,
+    VIOLATED,
     WRONG_INPUT,
     Json,
     Overrides,
@@ -146,7 +147,8 @@ def run(
         with suppress(KeyboardInterrupt):
             result.viewer.wait()
         result.viewer.close()
-    raise typer.Exit({"finished": 0, "failed": FAILED, "interrupted": INTERRUPTED}[result.status])
+    finished = VIOLATED if summary.violated else 0
+    raise typer.Exit({"finished": finished, "failed": FAILED, "interrupted": INTERRUPTED}[result.status])
 
 
 def _tell(event: Event) -> None:

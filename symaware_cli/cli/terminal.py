@@ -14,7 +14,7 @@ from typing import Annotated, Any, NoReturn, TextIO
 
 import typer
 
-FAILED, WRONG_INPUT, DATA_LOST, INTERRUPTED = 1, 2, 3, 130
+FAILED, WRONG_INPUT, DATA_LOST, VIOLATED, INTERRUPTED = 1, 2, 3, 3, 130
 
 ScenarioPath = Annotated[
     Path, typer.Argument(help="A scenario in YAML or TOML, or a log that contains one.", metavar="SCENARIO")

@@ -20,6 +20,7 @@ from symaware_cli.core.entity_group import EntityGroup
 from symaware_cli.core.environment import Environment
 from symaware_cli.core.event import EventBus
 from symaware_cli.core.message import Exchange
+from symaware_cli.core.verdict import SpecificationStatus, SpecificationStatuses
 from symaware_cli.world.entity import Entity
 from symaware_cli.world.model import Model
 from symaware_cli.world.roster import Roster
@@ -57,6 +58,7 @@ class AgentGroup(EntityGroup):
         knowledge_changes: The changes of the knowledge.
         awareness: The awareness of all agents.
         surroundings: The objects that all agents of the run share.
+        specifications: The statuses of the specifications of the run, by name.
     """
 
     def __init__(
@@ -79,6 +81,7 @@ class AgentGroup(EntityGroup):
             for row, each in enumerate(knowledge or [{} for _ in ids])
         )
         self._known: dict[str, KnownColumn] = {}
+        self.specifications: Mapping[str, SpecificationStatuses] = {}
         self.surroundings: Surroundings
 
     def set_roster(self, roster: Roster) -> None:
@@ -224,6 +227,12 @@ class Agent:
     def control_input(self) -> Array:
         """A copy of the control input that the agent requests; shape (nu,)."""
         return self.model.control_input
+
+    @property
+    def specifications(self) -> Mapping[str, SpecificationStatus]:
+        """The statuses, up to the last step, of the specifications that concern the agent, by name."""
+        found = {name: statuses.of(self.id) for name, statuses in self.group.specifications.items()}
+        return {name: status for name, status in found.items() if status is not None}
 
     @property
     def surroundings(self) -> Surroundings:

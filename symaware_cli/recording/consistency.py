@@ -184,8 +184,24 @@ def _contact(message: Any, channel: ChannelInfo) -> None:
         raise ValueError(f"a point with {len(message.point)} coordinates")
 
 
+def _specification(message: Any, channel: ChannelInfo) -> None:
+    count = int(channel.metadata.get("count", "0"))
+    rows, exact = list(message.rows), list(message.exact_rows)
+    if any(row >= count for row in (*rows, *exact)):
+        raise ValueError(f"row {max((*rows, *exact))} of {count}")
+    if message.verdicts and len(message.verdicts) != (len(rows) or count):
+        raise ValueError(f"{len(message.verdicts)} verdicts of {len(rows) or count} rows")
+    if any(code > 3 for code in message.verdicts):
+        raise ValueError(f"there is no verdict {max(message.verdicts)}")
+    if any(len(each) not in (0, len(message.verdicts)) for each in (message.lower, message.upper)):
+        raise ValueError("the interval is not that of the rows with verdicts")
+    if len(message.robustness) != len(message.times) * (len(exact) or count):
+        raise ValueError(f"{len(message.robustness)} numbers at {len(message.times)} instants")
+
+
 _CHECKS: dict[str, Callable[[Any, ChannelInfo], None]] = {
     "Rows": _rows,
+    "Specification": _specification,
     "SeriesRows": _series,
     "TableRows": _tables,
     "Awareness": _awareness,

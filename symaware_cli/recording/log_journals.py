@@ -22,6 +22,7 @@ from symaware_cli.recording.sensor_channels import (
     scans,
     sensors,
 )
+from symaware_cli.recording.specifications import LoggedSpecification, logged
 
 Sensed = TypeVar("Sensed", bound=LoggedReading)
 """An entry of what a sensor measured."""
@@ -69,6 +70,17 @@ class LogJournals(LogFile):
                 with self._readable(message):
                     entries = logged_events.communications(message.time, message.decode(), roster)
                 yield from entries
+
+    @cached_property
+    def specifications(self) -> Mapping[str, LoggedSpecification]:
+        """The specifications that were monitored, by name, in the scenario's order."""
+        found = {}
+        for topic, info in self.channels.items():
+            if info.carries("Specification"):
+                name = topic.rpartition("/")[2]
+                with self._fitting(topic):
+                    found[name] = logged(name, info.metadata, self.messages(topic))
+        return found
 
     def contacts(self, start: int | None = None, end: int | None = None) -> Iterator[LoggedContact]:
         """Iterate over the beginnings and ends of contacts; see `events`."""

@@ -65,6 +65,7 @@ MESSAGES: dict[str, type[Message]] = {
         v1.Image,
         v1.Contact,
         v1.Timing,
+        v1.Specification,
     )
 }
 """The generated class of each message, by its name without the package."""

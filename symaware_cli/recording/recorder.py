@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import Any, ClassVar, Literal
 
 import numpy as np
@@ -16,7 +16,9 @@ from symaware_cli.recording import wire
 from symaware_cli.recording.channels import EntityChannels, GroupChannels, PostureChannels
 from symaware_cli.recording.json_text import as_json
 from symaware_cli.recording.names import KINDS
+from symaware_cli.recording.specifications import SpecificationRecorder
 from symaware_cli.recording.writer import LogWriter, PaceFigures
+from symaware_cli.specification.specification import SpecificationMonitor
 
 _LEVELS = {
     Level.DEBUG: v1.Event.DEBUG,
@@ -207,6 +209,10 @@ class Recorder:
         self._write_recurring(now)
         # Fields may stand in any order, and these are written without an object for each number.
         self.writer.add(self._messages, now, record.SerializeToString(deterministic=True) + columns)
+
+    def specifications(self, monitors: Iterable[SpecificationMonitor]) -> SpecificationRecorder:
+        """Open channels for specifications, and return what writes on them."""
+        return SpecificationRecorder(self.writer, monitors)
 
     def finish(self, now: int, steps: int, outcome: Mapping[str, Any]) -> None:
         """End the log."""

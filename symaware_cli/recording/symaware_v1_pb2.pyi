@@ -289,3 +289,21 @@ class Timing(_message.Message):
     late: int
     worst_lateness: float
     def __init__(self, wall_time: _Optional[float] = ..., cpu_time: _Optional[float] = ..., steps: _Optional[int] = ..., pace: _Optional[float] = ..., instants: _Optional[int] = ..., late: _Optional[int] = ..., worst_lateness: _Optional[float] = ...) -> None: ...
+
+class Specification(_message.Message):
+    __slots__ = ("rows", "verdicts", "lower", "upper", "times", "exact_rows", "robustness")
+    ROWS_FIELD_NUMBER: _ClassVar[int]
+    VERDICTS_FIELD_NUMBER: _ClassVar[int]
+    LOWER_FIELD_NUMBER: _ClassVar[int]
+    UPPER_FIELD_NUMBER: _ClassVar[int]
+    TIMES_FIELD_NUMBER: _ClassVar[int]
+    EXACT_ROWS_FIELD_NUMBER: _ClassVar[int]
+    ROBUSTNESS_FIELD_NUMBER: _ClassVar[int]
+    rows: _containers.RepeatedScalarFieldContainer[int]
+    verdicts: bytes
+    lower: _containers.RepeatedScalarFieldContainer[float]
+    upper: _containers.RepeatedScalarFieldContainer[float]
+    times: _containers.RepeatedScalarFieldContainer[int]
+    exact_rows: _containers.RepeatedScalarFieldContainer[int]
+    robustness: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, rows: _Optional[_Iterable[int]] = ..., verdicts: _Optional[bytes] = ..., lower: _Optional[_Iterable[float]] = ..., upper: _Optional[_Iterable[float]] = ..., times: _Optional[_Iterable[int]] = ..., exact_rows: _Optional[_Iterable[int]] = ..., robustness: _Optional[_Iterable[float]] = ...) -> None: ...

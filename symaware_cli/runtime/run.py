@@ -38,6 +38,7 @@ from symaware_cli.runtime.scheduler import TurnScheduler
 from symaware_cli.runtime.shared import Shared, Sharing
 from symaware_cli.runtime.simulation import Simulation
 from symaware_cli.runtime.simulation_hooks import SimulationHooks
+from symaware_cli.runtime.specifications import Specifications
 from symaware_cli.runtime.workers import Workers
 
 if TYPE_CHECKING:
@@ -158,6 +159,9 @@ class Run:
         self._faults = FaultScheduler(
             options.faults, simulation, self.schedulers, self.membership, self._motion, queue, router
         )
+        self._specifications = Specifications(
+            simulation, options.specifications, options.instances, router, self._observer, recorder
+        )
         self._instants = SimulationHooks(
             simulation,
             self.kernel,
@@ -171,6 +175,7 @@ class Run:
             pacer=self._pacer,
             bridge=self._bridge,
             sharing=participant,
+            specifications=self._specifications,
             on_progress=on_progress,
         )
 
@@ -261,6 +266,7 @@ class Run:
             wall_time=self._spent - self._waited,
             pace=self._pacer.kept if self._pacer else None,
             failure=self.failure,
+            specifications=self._specifications.outcomes(),
         )
 
     @contextmanager
@@ -343,9 +349,12 @@ class Run:
             if over is not None:
                 reason += f"; {over}"
             else:
-                self._instants.look_last()
-                if self._options.until is not None:
+                over = self._instants.look_last()
+                if over is not None:
+                    reason += f"; {over}"
+                elif self._options.until is not None:
                     reason += f"; never {self._options.until.text}"
+            self._specifications.finish(simulation.clock.now)
             waiting = [each for scheduler in self.schedulers for each in scheduler.end()]
             if waiting:
                 reason += f"; {len(waiting)} turns still waited: {waiting[0]}" + (", ..." if len(waiting) > 1 else "")

@@ -14,6 +14,7 @@ from symaware_cli.core import Contact, Environment, Event, Level, seconds
 from symaware_cli.geometry.bodies import Bodies
 from symaware_cli.runtime.pacer import Pace
 from symaware_cli.runtime.simulation import Simulation
+from symaware_cli.specification.outcome import Outcome
 
 if TYPE_CHECKING:
     from symaware_cli.recording.recorder import Recorder
@@ -63,6 +64,7 @@ class RunSummary:
         warnings: How many events of the level `Level.WARNING` agents and their components fired, by name; sorted.
         pace: How well the pace was kept, if one was asked for.
         began: The simulated time at which this process began to take part [s].
+        specifications: What has become of the specifications, in the scenario's order.
     """
 
     name: str
@@ -87,6 +89,12 @@ class RunSummary:
     warnings: Mapping[str, int] = field(default_factory=dict)
     pace: Pace | None = None
     began: float = 0.0
+    specifications: tuple[Outcome, ...] = ()
+
+    @property
+    def violated(self) -> tuple[str, ...]:
+        """The names of the specifications that are violated."""
+        return tuple(each.name for each in self.specifications if each.verdict == "violated")
 
     @property
     def real_time_factor(self) -> float:
@@ -208,6 +216,7 @@ def summarise(
     wall_time: float,
     pace: Pace | None = None,
     failure: RunError | None = None,
+    specifications: tuple[Outcome, ...] = (),
 ) -> RunSummary:
     """The figures of a run.
 
@@ -225,6 +234,7 @@ def summarise(
         wall_time: How long it took [s].
         pace: See `RunSummary`.
         failure: Why it failed, if it did.
+        specifications: See `Summary`.
     """
     return RunSummary(
         name=simulation.name,
@@ -249,4 +259,5 @@ def summarise(
         warnings=dict(sorted(observer.warnings.items())),
         pace=pace,
         began=seconds(began),
+        specifications=specifications,
     )

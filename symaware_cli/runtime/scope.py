@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.core import PARTS, AgentGroup, TimeSeries, seconds
+from symaware_cli.geometry.region import Region
 from symaware_cli.specification.expression import FUNCTIONS
+from symaware_cli.specification.scope import Scope, World, nearest_believed
 
 if TYPE_CHECKING:
     from symaware_cli.runtime.run_summary import Observer
@@ -82,7 +84,7 @@ class AgentScope:
             case "knowledge":
                 return group.knowledge[row]
             case "nearest":
-                return self._nearest(row)
+                return nearest_believed(group, row)
             case "position":
                 return group.model.positions(group.awareness.state)[row]
             case "risk":
@@ -95,20 +97,6 @@ class AgentScope:
                 one = slice(row, row + 1)
                 return group.model.velocity(group.awareness.state[one], group.control_input[one])[0]
         raise KeyError(name)
-
-    def _nearest(self, row: int) -> float:
-        group, tracks, world = self._group, self._group.awareness.tracks, self._group.awareness.world
-        if tracks is not None:
-            others = tracks.positions[tracks.pointers[row] : tracks.pointers[row + 1]]
-        elif world is not None:
-            others = np.delete(world.positions, world.roster.start(group.name) + row, 0)
-            others = others if world.present is None else others[np.isfinite(others).all(axis=1)]
-        else:
-            return np.inf
-        own = np.zeros(others.shape[1])
-        position = group.model.positions(group.awareness.state)[row]
-        own[: len(position)] = position
-        return float(np.linalg.norm(others - own, axis=1).min(initial=np.inf))
 
 
 def further_parts(groups: Iterable[AgentGroup]) -> list[str]:
@@ -189,3 +177,47 @@ def _part_of(name: str, group: AgentGroup) -> Array:
 
 def _greatest(series: TimeSeries) -> float:
     return float(series.values.max(initial=0.0)) if len(series) else 0.0
+
+
+#: The units of `WORLD_NAMES`; "" where it depends.
+_WORLD_UNITS: Mapping[str, str] = {
+    **dict.fromkeys(WORLD_NAMES, ""),
+    "min_separation": "m",
+    "position": "m",
+    "time": "s",
+}
+
+
+class WorldColumns(Scope):
+    """What specifications of the world are about: one row, of the values of `WorldScope`."""
+
+    def __init__(
+        self, world: World, groups: Sequence[AgentGroup], regions: Mapping[str, Region], parts: Iterable[str]
+    ) -> None:
+        super().__init__(1, world, groups, regions)
+        self.units = {**_WORLD_UNITS, **dict.fromkeys(parts, "")}
+        #: Tells what names stand for; set where a run begins.
+        self.source: WorldScope | None = None
+
+    def agents(self, row: int) -> tuple[str, ...]:
+        """Nobody in particular."""
+        return ()
+
+    def _look_up(self, name: str) -> Any:
+        assert self.source is not None
+        return _one_row(self.source.look_up(name))
+
+
+def _one_row(value: Any) -> Any:
+    """A value as that of one row."""
+    return _InOneRow(value) if isinstance(value, _ByName) else np.asarray(value)[None]
+
+
+class _InOneRow:
+    """What is so of each agent or group, as values of one row."""
+
+    def __init__(self, values: _ByName) -> None:
+        self._values = values
+
+    def __getitem__(self, name: str) -> Array:
+        return self._values[name][None]

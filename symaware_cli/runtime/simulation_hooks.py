@@ -22,6 +22,7 @@ from symaware_cli.runtime.run_summary import Observer
 from symaware_cli.runtime.scope import WorldScope
 from symaware_cli.runtime.shared import Sharing
 from symaware_cli.runtime.simulation import Simulation
+from symaware_cli.runtime.specifications import Specifications
 from symaware_cli.specification.expression import EvaluationError, Expression
 
 if TYPE_CHECKING:
@@ -55,6 +56,7 @@ class SimulationHooks:
         pacer: Pacer | None,
         bridge: AsyncioBridge | None,
         sharing: Sharing | None,
+        specifications: Specifications,
         on_progress: Callable[[int], None] | None,
     ) -> None:
         """Prepare.
@@ -71,6 +73,7 @@ class SimulationHooks:
             recorder: Writes the run down; None where nobody does.
             pacer: What ties simulated time to wall time; None where nothing does.
             bridge: Turns asyncio's loop while there is nothing else to do; None where there is none.
+            specifications: Monitors what is to hold.
             sharing: The other processes of the run; None where it is alone.
             on_progress: Called now and then with simulated time in nanoseconds.
         """
@@ -88,6 +91,7 @@ class SimulationHooks:
         self._pacer = pacer
         self._bridge = bridge
         self._sharing = sharing
+        self._specifications = specifications
         self._on_progress = on_progress
         self._progress_due = 0.0
         #: What was sent and delivered when it was last asked when the next message arrives, and the answer.
@@ -127,6 +131,9 @@ class SimulationHooks:
             self._sharing.acted()
         if is_step:
             self._observer.look(now)
+            ending = self._specifications.look(now)
+            if ending is not None:
+                return ending
             decides = self._sharing is None or self._sharing.decides
             if until is not None and decides and self._is_over(until):
                 return until.text
@@ -209,14 +216,16 @@ class SimulationHooks:
         finally:
             self._interruption.shield()
 
-    def look_last(self) -> None:
-        """Take note of how the world and the agents are at the end."""
+    def look_last(self) -> str | None:
+        """Take note of how the world and the agents are at the end, and say what that violates that ends the run."""
         now = self._simulation.clock.now
         self._observer.look(now)
         if self._recorder:
             self._recorder.record(now, self._kernel.done)
+        ending = self._specifications.look(now)
         self._interruption.unshield()
         self._interruption.shield()
+        return ending
 
     def _progress(self, now: int) -> None:
         monotonic = time.monotonic()

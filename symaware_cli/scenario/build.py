@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path as FilePath
@@ -31,7 +31,9 @@ from symaware_cli.runtime.failure import RunError
 from symaware_cli.runtime.faults import Fault
 from symaware_cli.runtime.options import RunOptions
 from symaware_cli.runtime.presence import PresenceInterval
+from symaware_cli.runtime.scope import further_parts
 from symaware_cli.runtime.simulation import ComponentEntry, Simulation
+from symaware_cli.runtime.timing import Trigger
 from symaware_cli.scenario.assets import assets, check_assets
 from symaware_cli.scenario.catalogue import Catalogue
 from symaware_cli.scenario.check import check
@@ -48,7 +50,9 @@ from symaware_cli.scenario.requirement import check_requirements
 from symaware_cli.scenario.resolved import resolved
 from symaware_cli.scenario.sampling import Sampler
 from symaware_cli.scenario.source import Path
+from symaware_cli.scenario.specifications import SpecificationBuilder, check_values
 from symaware_cli.scenario.timing_check import TimingCheck
+from symaware_cli.specification.specification import Specification
 
 Array = NDArray[np.float64]
 
@@ -96,6 +100,8 @@ def build(
     seed: int | None = None,
     catalogue: Catalogue | None = None,
     name: str | None = None,
+    world: Callable[[Environment], Environment] | None = None,
+    statements: FilePath | None = None,
 ) -> Built:
     """Read a scenario and make everything it names, without running any of it.
 
@@ -105,27 +111,35 @@ def build(
         seed: A seed that wins over the scenario's.
         catalogue: What is installed.
         name: What to call the file in messages; by default its path.
+        world: Makes another environment that takes the place of the scenario's; None for that itself.
+        statements: A file of specifications that take the place of the scenario's.
 
     Raises:
         ScenarioError: With every problem found.
     """
     found: Sequence[Problem] = ()
     try:
-        composition = compose(path, overrides, name)
+        composition = compose(path, overrides, name, statements)
     except CompositionError as error:
         # What is wrong so far lies in single values; the rest can be looked at in the same pass.
         composition, found = error.partial, error.problems
     if seed is not None:
         composition.data["seed"] = seed
-    return _SimulationBuilder(composition, catalogue or Catalogue(), found, path.parent).build()
+    return _SimulationBuilder(composition, catalogue or Catalogue(), found, path.parent, world).build()
 
 
 class _SimulationBuilder:
     def __init__(
-        self, composition: Composition, catalogue: Catalogue, found: Sequence[Problem], folder: FilePath
+        self,
+        composition: Composition,
+        catalogue: Catalogue,
+        found: Sequence[Problem],
+        folder: FilePath,
+        world: Callable[[Environment], Environment] | None,
     ) -> None:
         self._composition = composition
         self._folder = folder
+        self._world = world
         self._found = tuple(found)
         self._problems: list[Problem] = []
         self._uses: dict[str, dict[str, Any]] = {}
@@ -170,6 +184,9 @@ class _SimulationBuilder:
         if self._problems or self._found or isinstance(document, list) or environment is None:
             raise ScenarioError([*self._found, *filter(self._is_news, self._problems)])
         simulation = self._simulation(document, environment, groups, component_entries)
+        check_values(options.specifications, self._report)
+        if self._problems:
+            raise ScenarioError(self._problems)
         if network is not None:
             simulation.connect(network)
         text = resolved(data, document)
@@ -193,6 +210,8 @@ class _SimulationBuilder:
         run, until = document.run, check.until(document.run, groups)
         faults: Sequence[Fault | None] = ()
         presence: Mapping[str, Sequence[PresenceInterval]] = {}
+        specifications: Sequence[Specification] = ()
+        instances: Mapping[str, Trigger] = {}
         if len(groups) == len(document.agents):
             builder = FaultBuilder(
                 self._composition, self._report, check, environment, groups, component_entries, document.faults
@@ -200,6 +219,17 @@ class _SimulationBuilder:
             faults = [builder.build(name, use) for name, use in document.faults.items()]
             members = PresenceBuilder(self._report, check, environment, document.environment.use, component_entries)
             presence = members.build(groups, document.agents)
+            statements = SpecificationBuilder(
+                self._report,
+                check,
+                environment,
+                environment.time_step,
+                groups,
+                component_entries,
+                further_parts(groups),
+            )
+            specifications = statements.build(document)
+            instances = statements.triggers
         return RunOptions(
             mode=run.mode,
             until=until,
@@ -208,6 +238,8 @@ class _SimulationBuilder:
             workers=run.workers,
             faults=tuple(fault for fault in faults if fault is not None),
             presence=presence,
+            specifications=specifications,
+            instances=instances,
         )
 
     def _is_news(self, problem: Problem) -> bool:
@@ -237,7 +269,7 @@ class _SimulationBuilder:
             self._report("broken-plugin", f"{quoted(entry['use'])} has no time step", ("environment", "use"))
             return None
         environment.folder = self._folder
-        return environment
+        return environment if self._world is None else self._world(environment)
 
     def _topologies(self, entry: Any) -> dict[Path, Topology]:
         """Make every topology that is named, by its path."""

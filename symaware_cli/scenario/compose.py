@@ -96,7 +96,13 @@ class CompositionError(ScenarioError):
         self.partial = partial
 
 
-def compose(path: FilePath, overrides: Sequence[str] = (), name: str | None = None) -> Composition:
+#: The sections of a file of specifications.
+_STATEMENTS = ("specifications", "regions")
+
+
+def compose(
+    path: FilePath, overrides: Sequence[str] = (), name: str | None = None, statements: FilePath | None = None
+) -> Composition:
     """Reads a scenario and resolves it.
 
     Files are merged as JSON Merge Patch (RFC 7396) says: mappings merge, everything else replaces, and null removes
@@ -106,6 +112,7 @@ def compose(path: FilePath, overrides: Sequence[str] = (), name: str | None = No
         path: The scenario file.
         overrides: What `--set` was given, as `path=value`.
         name: What to call the file in messages; by default its path.
+        statements: A file of specifications, with the regions they need, which takes the place of the scenario's.
 
     Raises:
         ScenarioError: With every problem found; a `CompositionError` if the document can be checked further.
@@ -114,9 +121,17 @@ def compose(path: FilePath, overrides: Sequence[str] = (), name: str | None = No
     root = files.compose_top()
     parsed = [Override.parse(text) for text in overrides]
     sources = files.sources | {override.source.name: override.source for override in parsed}
+    stated = None if statements is None else read(statements, str(statements))
+    if stated is not None:
+        sources[stated.name] = stated
+        _require_statements(stated)
     # An override has no tree of its own, so only files can lack one.
     if root is None or not _is_whole(sources) or any(each.root is None for each in files.sources.values()):
         raise ScenarioError(_problems(sources))
+    if stated is not None:
+        if stated.root is None:
+            raise ScenarioError(_problems(sources))
+        root = _restated(root, stated.root)
     for override in parsed:
         root = override.apply(root)
     root = substitute(root, sources)
@@ -146,6 +161,26 @@ def _found_beside(root: Node, folders: Mapping[str, str], inside: str = "", arou
             entries, changed = entries | {"file": MappingEntry(named.key, beside)}, True
         return Node(entries, root.span) if changed else root
     return root
+
+
+def _require_statements(source: Source) -> None:
+    """Report what in a file of specifications is neither a specification nor a region."""
+    if source.root is None:
+        return
+    if not isinstance(source.root.value, dict):
+        source.report("wrong-type", "this is no mapping", source.root.span, (), expected="`specifications`")
+        return
+    for key, entry in source.root.value.items():
+        if key not in _STATEMENTS:
+            message, expected = f"{quoted(key)} does not belong here", " or ".join(map(quoted, _STATEMENTS))
+            source.report("unknown-key", message, entry.key, (key,), expected=expected)
+
+
+def _restated(root: Node, statements: Node) -> Node:
+    """Returns a document whose specifications are others, and which has further regions."""
+    if isinstance(root.value, dict) and isinstance(statements.value, dict) and "specifications" in statements.value:
+        root = Node({key: entry for key, entry in root.value.items() if key != "specifications"}, root.span)
+    return merge(root, statements)
 
 
 def _problems(sources: Mapping[str, Source]) -> list[Problem]:

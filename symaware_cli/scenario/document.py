@@ -7,55 +7,24 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, WithJsonSchema, model_validator
+from pydantic import Field, WithJsonSchema, model_validator
 
 from symaware_cli.core import Entity, Obstacle
+from symaware_cli.geometry.region import Region
 from symaware_cli.geometry.shape import LARGEST, Number
 from symaware_cli.network.channel.channel_parameters import ChannelParameters
+from symaware_cli.scenario.section import Condition, Identifier, Name, Seconds, Section, Target, TriggerSection, Use
+from symaware_cli.scenario.specification_section import SpecificationUse
 
 #: The version of the format that this package reads.
 FORMAT = 1
 
-
-_NAME = r"^[A-Za-z_][A-Za-z0-9_-]*$"
-Name = Annotated[str, Field(pattern=_NAME, max_length=64)]
 
 _PER_AGENT = (
     "One value for all agents; a list of values, one for each; or a seeded distribution: "
     "{uniform: [low, high]}, {normal: [mean, deviation]}, {grid: {...}}, {circle: {...}}."
 )
 PerAgent = Annotated[Any, WithJsonSchema({})]
-
-
-class Section(BaseModel):
-    """Base of all sections of the document: no key but the ones described."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class Use(Section):
-    """A plugin, by the name it is registered under."""
-
-    use: str = Field(description="Entry-point name of the plugin, such as `perception.self`.")
-    with_: dict[str, Any] = Field(default_factory=dict, alias="with", description="The plugin's own parameters.")
-
-
-Seconds = Annotated[float, Field(ge=0, le=1e9)]
-Condition = Annotated[str, Field(max_length=500)]
-
-
-class TriggerSection(Section):
-    """An event on which a component takes a turn."""
-
-    event: str = Field(min_length=1, max_length=64, description="The event's name, such as `goal-reached`.")
-    of: str | None = Field(
-        None,
-        min_length=1,
-        max_length=200,
-        description="The source of the event: a component of the same agent, by its name; "
-        "`environment`; or any path, in which * matches anything, such as `agents.leader.steer`. "
-        "By default any component of the same agent.",
-    )
 
 
 class Drawn(Section):
@@ -223,7 +192,6 @@ class GroupSection(Section):
     )
 
 
-Target = Annotated[str, Field(min_length=1, max_length=200)]
 _AGENTS = "Which agents: an id, a group or a pattern, such as `robot.2`, `robot` or `robot.*`."
 _COMPONENT = "A component of some agents, such as `robot.2.steer`, `robot.steer` for the whole group, or `*.steer`."
 
@@ -446,6 +414,10 @@ class ScenarioDocument(Section):
         "default. A run in one process does not use it.",
     )
     faults: dict[Name, FaultUse] = Field(default_factory=dict, description="What goes wrong, by name.")
+    regions: dict[Identifier, Region] = Field(
+        default_factory=dict, description="Sets of the workspace, by the names that formulas and conditions refer to."
+    )
+    specifications: dict[Name, SpecificationUse] = Field(default_factory=dict, description="What is to hold, by name.")
     recording: Recording = Field(default_factory=lambda: Recording(), description="What goes into the log.")
 
     @model_validator(mode="after")

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import errno
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
 
+from symaware_cli.core import Environment
 from symaware_cli.scenario.build import Built, build
 
 #: The attachment that a log is run again from.
@@ -20,15 +21,28 @@ _SPECIAL = frozenset("\\:\0")
 _NO_FILE = (errno.ENAMETOOLONG, errno.ENOTDIR, errno.EEXIST, errno.EISDIR, errno.EINVAL, errno.EILSEQ)
 
 
-def open_scenario(path: Path, overrides: Sequence[str] = (), seed: int | None = None) -> Built:
+def open_scenario(
+    path: Path,
+    overrides: Sequence[str] = (),
+    seed: int | None = None,
+    world: Callable[[Environment], Environment] | None = None,
+    statements: Path | None = None,
+) -> Built:
     """Build what a scenario file describes, or what a log is the record of.
+
+    Args:
+        path: The scenario or the log.
+        overrides: What ``--set`` was given.
+        seed: A seed that wins over the scenario's.
+        world: Makes another environment that takes the place of the scenario's; None for that itself.
+        statements: A file of specifications that take the place of the scenario's.
 
     Raises:
         ScenarioError: The scenario has problems.
         LogError: The log cannot be read, or holds no scenario.
     """
     if path.suffix != ".mcap":
-        return build(path, overrides, seed)
+        return build(path, overrides, seed, world=world, statements=statements)
     from symaware_cli.recording.error import LogError
     from symaware_cli.recording.reader import open_log
 
@@ -41,7 +55,7 @@ def open_scenario(path: Path, overrides: Sequence[str] = (), seed: int | None = 
         for name, content in attachments.items():
             _extract(name, content, Path(folder))
         extracted.write_bytes(resolved)
-        built = build(extracted, overrides, seed, name=f"{path}:{RESOLVED}")
+        built = build(extracted, overrides, seed, name=f"{path}:{RESOLVED}", world=world, statements=statements)
     written = {
         name.removeprefix("scenario/"): content for name, content in attachments.items() if name.startswith("scenario/")
     }

@@ -11,8 +11,9 @@ from symaware_cli.core import AgentGroup, Environment, nanoseconds
 from symaware_cli.runtime.presence import Moment, PresenceInterval
 from symaware_cli.runtime.scope import WORLD_NAMES, AgentScope, further_parts
 from symaware_cli.runtime.simulation import ComponentEntry
-from symaware_cli.scenario.document import GroupSection, Presence, TriggerSection
+from symaware_cli.scenario.document import GroupSection, Presence
 from symaware_cli.scenario.problem import quoted
+from symaware_cli.scenario.section import TriggerSection
 from symaware_cli.scenario.source import Path
 from symaware_cli.scenario.timing_check import TimingCheck, trigger_of
 from symaware_cli.specification.expression import EvaluationError, Expression

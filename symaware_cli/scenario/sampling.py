@@ -19,8 +19,8 @@ from symaware_cli.core import Model
 from symaware_cli.geometry.shape import LARGEST, Length, Number
 from symaware_cli.scenario.check import a_number, check, said_of
 from symaware_cli.scenario.compose import Composition
-from symaware_cli.scenario.document import Section
 from symaware_cli.scenario.problem import Problem, dotted, nearest, quoted
+from symaware_cli.scenario.section import Section
 from symaware_cli.scenario.source import Path
 from symaware_cli.world.arrays import FARTHEST, is_within
 from symaware_cli.world.chance import GroupChance, agent_numbers

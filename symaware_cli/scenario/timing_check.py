@@ -63,18 +63,21 @@ class TimingCheck:
         try:
             return Expression(text, names)
         except ExpressionError as error:
-            example = "highest_risk < 0.2" if path[0] == "run" else "risk > 0.2"
-            expected = f"one of {', '.join(error.names)}" if error.names else f"a comparison such as `{example}`"
-            suggestion = nearest(error.name, error.names) if error.name else None
-            problem = self._composition.problem(
-                "bad-expression",
-                f"{quoted(dotted(path))}: {error.problem}",
-                path,
-                expected=expected,
-                suggestion=suggestion,
-            )
-            self._report(_narrowed(problem, text, error))
+            self.expression_problem(text, path, error, "highest_risk < 0.2" if path[0] == "run" else "risk > 0.2")
             return None
+
+    def expression_problem(self, text: str, path: Path, error: ExpressionError, example: str) -> None:
+        """Report what is wrong with an expression, at its place in the file."""
+        expected = f"one of {', '.join(error.names)}" if error.names else f"a comparison such as `{example}`"
+        suggestion = nearest(error.name, error.names) if error.name else None
+        problem = self._composition.problem(
+            "bad-expression",
+            f"{quoted(dotted(path))}: {error.problem}",
+            path,
+            expected=expected,
+            suggestion=suggestion,
+        )
+        self._report(_narrowed(problem, text, error))
 
     def until(self, run: RunSection, groups: Sequence[AgentGroup]) -> Expression | None:
         """The condition that ends a run; None where there is none, or after a problem."""

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from symaware_cli.core import TimeSeries
+from symaware_cli.specification.formula import plain
 from symaware_cli.specification.node import (
     Arithmetic,
     Call,
@@ -31,6 +32,7 @@ from symaware_cli.specification.node import (
     walk,
 )
 from symaware_cli.specification.parser import parse
+from symaware_cli.specification.region import PlacedRegion
 from symaware_cli.specification.token import ExpressionError
 
 __all__ = ["FUNCTIONS", "EvaluationError", "Expression", "ExpressionError", "Lookup"]
@@ -130,6 +132,13 @@ def _distance(one: Any, other: Any) -> float:
     return float(np.linalg.norm(first - second))
 
 
+def _inside(point: Any, region: Any) -> Any:
+    """How far a point lies within a region, encoded."""
+    if not isinstance(region, PlacedRegion):
+        raise TypeError(f"a {type(region).__name__} is not a region")
+    return region.robustness(np.atleast_2d(_numeric(point)))[0]
+
+
 def _extreme(choose: Callable[..., Any]) -> Callable[..., float]:
     def function(*values: Any) -> float:
         numbers = np.concatenate([np.atleast_1d(_numeric(value)).ravel() for value in values])
@@ -153,9 +162,11 @@ FUNCTIONS: Mapping[str, tuple[int | None, Callable[..., Any]]] = {
     "cos": (1, _numeric_function(np.cos)),
     "count": (1, lambda values: float(np.count_nonzero(values))),
     "distance": (2, _distance),
+    "inside": (2, lambda point, region: bool(_inside(point, region) > 0.0)),
     "max": (None, _extreme(np.max)),
     "min": (None, _extreme(np.min)),
     "norm": (1, lambda value: float(np.linalg.norm(_numeric(value)))),
+    "signed_distance": (2, lambda point, region: float(plain(_inside(point, region)))),
     "sin": (1, _numeric_function(np.sin)),
     "sqrt": (1, _numeric_function(np.sqrt)),
     "wrap": (1, _numeric_function(lambda angle: np.remainder(angle + math.pi, 2 * math.pi) - math.pi)),

@@ -6,8 +6,9 @@ import re
 import pytest
 from pydantic import BaseModel, ValidationError
 
-from symaware_cli.scenario.document import GroupSection, ScenarioDocument, Section
+from symaware_cli.scenario.document import GroupSection, ScenarioDocument
 from symaware_cli.scenario.sampling import CirclePlacement, GridPlacement
+from symaware_cli.scenario.section import Section
 
 LEAST = {
     "symaware": 1,

@@ -1,0 +1,140 @@
+"""Specifications evaluated on a log: those of its scenario, or new ones."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from symaware_cli.api.recorded_run import RecordedRun
+from symaware_cli.core import nanoseconds, seconds
+from symaware_cli.environments.recorded import RecordedEnvironment
+from symaware_cli.recording.error import LogError
+from symaware_cli.recording.reader import Log, open_log
+from symaware_cli.runtime.event_router import EventRouter
+from symaware_cli.runtime.run_summary import Observer
+from symaware_cli.runtime.specifications import Specifications
+from symaware_cli.scenario.execution import prepared
+from symaware_cli.scenario.files import open_scenario
+from symaware_cli.specification.formulation import formulate
+from symaware_cli.specification.node import Name, walk
+from symaware_cli.specification.outcome import Outcome
+from symaware_cli.specification.specification import Specification
+
+
+@dataclass(frozen=True, slots=True)
+class CheckResult:
+    """What a log says of specifications.
+
+    Attributes:
+        log: The log.
+        scenario: The name of its scenario.
+        seed: The seed of the run.
+        sampled: Time between two recorded steps [s], if not every step was recorded; None otherwise.
+        is_whole: Whether the run came to its declared end; where it did not, what is not decided yet stays so.
+        specifications: What has become of each specification.
+    """
+
+    log: Path
+    scenario: str
+    seed: int
+    sampled: float | None
+    is_whole: bool
+    specifications: tuple[Outcome, ...]
+
+    @property
+    def violated(self) -> tuple[str, ...]:
+        """The names of those that are violated."""
+        return tuple(each.name for each in self.specifications if each.verdict == "violated")
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        return {**asdict(self), "log": str(self.log)}
+
+
+def check_log(
+    path: Path,
+    specifications: Mapping[str, Mapping[str, Any]] | Path | None = None,
+    again: bool = False,
+) -> CheckResult:
+    """Evaluate specifications on a log.
+
+    Where every step was recorded, verdicts and robustness are those that the run itself found, bit for bit.
+
+    Args:
+        path: The log.
+        specifications: New ones by name, as under `specifications` in a scenario, or a file of them; by default those
+            of the log.
+        again: Whether to repeat the run, instead of reading what was recorded of it.
+
+    Raises:
+        LogError: The log cannot be read, or does not say what the specifications need.
+        ScenarioError: A specification is wrong.
+        RunError: A specification has no value.
+    """
+    statements = specifications if isinstance(specifications, Path) else None
+    overrides = [f"specifications={json.dumps(specifications)}"] if isinstance(specifications, Mapping) else []
+    if again:
+        return _repeated(path, overrides, statements)
+    log = open_log(path)
+    built = open_scenario(path, overrides, world=RecordedEnvironment, statements=statements)
+    simulation, options, recording = built.simulation, built.options, built.document.recording
+    stated: Sequence[Specification] = options.specifications
+    for each in stated:
+        _require_recorded(log, each, recording.omit)
+    step = simulation.environment.time_step
+    period = max(1, -(-nanoseconds(recording.interval) // step)) * step
+    if period != step:
+        stated = [replace(each, formulation=formulate(each.formulation.tree, period)) for each in stated]
+    monitors = Specifications(
+        simulation, stated, options.instances, EventRouter(simulation.events), Observer(simulation), period=period
+    )
+    run = RecordedRun(log, simulation)
+    with np.errstate(all="ignore"):
+        for now in run.instants(period):
+            monitors.look(now)
+    is_whole = log.outcome is not None and log.outcome.get("status") == "finished"
+    if is_whole:
+        monitors.finish(simulation.clock.now)
+    sampled = seconds(period) if period != step else None
+    return CheckResult(path, simulation.name, simulation.seed, sampled, is_whole, monitors.outcomes())
+
+
+def _repeated(path: Path, overrides: Sequence[str], statements: Path | None) -> CheckResult:
+    """What the run of a log finds, if it is made again."""
+    built = open_scenario(path, overrides, statements=statements)
+    with prepared(built, None, may_exit=False) as run:
+        summary = run.execute()
+    if run.failure is not None:
+        raise run.failure
+    is_whole = summary.status == "finished"
+    return CheckResult(path, summary.name, summary.seed, None, is_whole, summary.specifications)
+
+
+def _require_recorded(log: Log, specification: Specification, omitted: Sequence[str]) -> None:
+    """Look whether a log says what a specification is about.
+
+    Raises:
+        LogError: It does not.
+    """
+    names = {node.name for node in walk(specification.formulation.tree) if isinstance(node, Name)}
+    moving = {"closing_speed", "control_input", "speed", "velocity"}
+    if specification.of == "belief":
+        needed = {"state", *({"control"} if names & moving else ()), *({"awareness"} & {*map(_kind, names)})}
+        needed |= names & {"intent", "risk", "uncertainty"}
+    else:
+        needed = {"world", *({"control", "applied"} if names & moving else ())}
+    missing = sorted(needed & {*omitted})
+    if missing:
+        raise LogError(
+            f"{log.path} does not say what `{specification.name}` is about: its scenario leaves {', '.join(missing)} "
+            "out of the log; repeat the run with --again"
+        )
+
+
+def _kind(name: str) -> str:
+    return "awareness" if name == "nearest" else name

@@ -1,0 +1,183 @@
+"""A run as its log has it, step by step: the simulation that was recorded, in each state that was recorded of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symaware_cli.awareness.column import Column, SeriesColumn
+from symaware_cli.awareness.table_column import TableColumn
+from symaware_cli.awareness.tracks import Tracks
+from symaware_cli.core import AgentGroup, Contact, Event, Level, TimeSeries
+from symaware_cli.environments.recorded import RecordedEnvironment
+from symaware_cli.recording.json_text import read_json
+from symaware_cli.recording.log_message import LogMessage
+from symaware_cli.recording.logged_events import contact as contact_entry
+from symaware_cli.recording.logged_events import event as event_entry
+from symaware_cli.recording.reader import Log
+from symaware_cli.runtime.simulation import Simulation
+
+Array = NDArray[np.float64]
+
+
+class RecordedRun:
+    """Goes through a log and puts what it says into the simulation of the same scenario.
+
+    Attributes:
+        log: The log.
+        simulation: The simulation, whose environment is a `RecordedEnvironment`.
+    """
+
+    def __init__(self, log: Log, simulation: Simulation) -> None:
+        self.log = log
+        self.simulation = simulation
+        assert isinstance(simulation.environment, RecordedEnvironment)
+        self._environment = simulation.environment
+        self._groups = {group.name: group for group in simulation.groups}
+        self._states: dict[str, Array] = {}
+        self._inputs: dict[str, Array] = {}
+        self._others: dict[str, list[tuple[NDArray[np.intp], Array]]] = {}
+        for group in simulation.groups:
+            absent = set(log.manifest["groups"][group.name].get("absent", ()))
+            if absent:
+                self._set_present(group, np.array([id not in absent for id in group.ids]))
+
+    def instants(self, period: int) -> Iterator[int]:
+        """Yield instants at which the world was recorded, in nanoseconds; the simulation is as it was then.
+
+        Args:
+            period: The time between two of them, in nanoseconds.
+
+        Raises:
+            LogError: The log is damaged.
+        """
+        rooms = ("agents", "world", "events", "contacts")
+        topics = [topic for topic in self.log.channels if topic.split("/")[1] in rooms]
+        upcoming, last = 0, 0
+        for message in self.log.messages(topics):
+            while message.time > upcoming:
+                yield self._show(upcoming)
+                upcoming += period
+            self.simulation.clock.now = message.time
+            if self._take(message):
+                last = message.time
+        outcome = self.log.outcome
+        end = last if outcome is None else outcome["time"]
+        while upcoming <= end:
+            yield self._show(upcoming)
+            upcoming += period
+
+    def _show(self, now: int) -> int:
+        """Show the world as it is, and return the instant."""
+        self.simulation.clock.now = now
+        self._environment.show(now, self._states, self._inputs)
+        self._states, self._inputs = {}, {}
+        return now
+
+    def _take(self, message: LogMessage) -> bool:
+        """Take a message over, and tell whether it says where agents truly are."""
+        _, room, *rest = message.channel.topic.split("/")
+        if room == "events":
+            if message.channel.carries("Event"):
+                self._event(message)
+        elif room == "contacts":
+            entry = contact_entry(message.time, message.decode())
+            made = Contact(entry.a, entry.b, entry.point, entry.depth, entry.stage == "BEGIN", entry.impulse)
+            self.simulation.events.fire(Event("contact", "environment", message.time, subject=made))
+        elif rest and rest[0] in self._groups:
+            group, kind = self._groups[rest[0]], rest[-1]
+            if room == "world":
+                return self._truth(group, kind, message)
+            if len(rest) == 2:
+                self._belief(group, kind, message)
+        return False
+
+    def _event(self, message: LogMessage) -> None:
+        entry, simulation = event_entry(message.time, message.decode()), self.simulation
+        if entry.name in ("added", "removed"):
+            id = entry.source.removeprefix("agents.")
+            group = next((each for each in simulation.groups if id in each.ids), None)
+            if group is not None:
+                present = np.ones(len(group), bool) if group.present is None else group.present.copy()
+                present[group.ids.index(id)] = entry.name == "added"
+                self._set_present(group, present)
+        if entry.name not in ("violated", "satisfied"):
+            simulation.announce(entry.name, entry.source, entry.text, level=Level[entry.level], **entry.data)
+
+    @staticmethod
+    def _set_present(group: AgentGroup, present: NDArray[np.bool_]) -> None:
+        present.flags.writeable = False
+        group.present = present
+
+    def _truth(self, group: AgentGroup, kind: str, message: LogMessage) -> bool:
+        if kind == "state":
+            before = self._states.get(group.name, self._environment.state(group))
+            self._states[group.name] = _changed(before, message.decode())
+            return True
+        if kind == "control":
+            before = self._inputs.get(group.name, self._environment.applied_input(group))
+            self._inputs[group.name] = _changed(before, message.decode())
+        return False
+
+    def _belief(self, group: AgentGroup, kind: str, message: LogMessage) -> None:
+        awareness = group.awareness
+        if kind == "control":
+            group.control_input = _changed(group.control_input, message.decode())
+        elif kind == "knowledge":
+            content = message.decode()
+            for place, text in enumerate(content.values):
+                group.knowledge[content.rows[place] if content.rows else place].replace(read_json(text))
+        elif kind == "awareness":
+            self._aware(group, message)
+        elif kind in awareness.parts:
+            column, content = awareness.columns[kind], message.decode()
+            if isinstance(column, Column):
+                column.values = _changed(column.values, content)
+            elif isinstance(column, SeriesColumn):
+                rows = range(len(group)) if content.rows is None else content.rows.tolist()
+                for row, (times, values) in zip(rows, content, strict=False):
+                    column.set_row(row, TimeSeries.sampled(times, values) if len(times) else TimeSeries())
+            elif isinstance(column, TableColumn):
+                rows = range(len(group)) if content.rows is None else content.rows.tolist()
+                for place, row in enumerate(rows):
+                    column.set_row(row, content.at(place))
+
+    def _aware(self, group: AgentGroup, message: LogMessage) -> None:
+        """Take over what agents know of where others are."""
+        content: Any = message.decode()
+        if not content.tells_states:
+            return
+        roster = self._environment.roster
+        if content.world:
+            self._show(message.time)
+            group.awareness.world = self._environment.snapshot()
+            return
+        count = len(group)
+        rows = range(count) if content.rows is None else content.rows.tolist()
+        lengths = np.broadcast_to(content.lengths, (len(rows),)).astype(int)
+        width = int(content.columns[0]) if len(content.columns) else 2 * roster.dimensions
+        values = content.values.reshape(-1, width)
+        known = self._others.setdefault(
+            group.name, [(np.empty(0, np.intp), np.empty((0, roster.dimensions))) for _ in range(count)]
+        )
+        first = 0
+        for row, length in zip(rows, lengths.tolist(), strict=True):
+            last = first + length
+            known[row] = content.entities[first:last].astype(np.intp), values[first:last, : roster.dimensions]
+            first = last
+        pointers = np.cumsum([0, *(len(each) for each, _ in known)])
+        positions = np.concatenate([each for _, each in known])
+        indices = np.concatenate([each for each, _ in known])
+        group.awareness.seen = Tracks(message.time, pointers, indices, positions, np.zeros_like(positions))
+
+
+def _changed(before: Array, content: Any) -> Array:
+    """Values with some rows replaced by those of a message."""
+    if content.rows is None:
+        return np.array(content.values)
+    after = np.array(before)
+    after[content.rows] = content.values
+    return after

@@ -1,0 +1,133 @@
+"""``symaware check``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from symaware_cli.cli.terminal import FAILED, VIOLATED, WRONG_INPUT, Json, fail, print_json, printable, trouble_shown
+
+if TYPE_CHECKING:
+    from symaware_cli.api.checking import CheckResult
+
+
+def check(
+    paths: Annotated[list[Path], typer.Argument(help="Logs, or folders of logs.", metavar="LOG...")],
+    formula: Annotated[
+        str | None, typer.Option(help="A formula to check instead of the specifications of the log.")
+    ] = None,
+    each: Annotated[
+        str | None,
+        typer.Option(help="The group of whose agents the formula is; by default every group.", metavar="GROUP"),
+    ] = None,
+    pairs: Annotated[
+        str | None, typer.Option(help="The group of whose pairs of agents the formula is.", metavar="GROUP")
+    ] = None,
+    of: Annotated[str, typer.Option(help="What the formula is about: truth or belief.")] = "truth",
+    file: Annotated[
+        Path | None,
+        typer.Option(help="A file of specifications to check instead, as in a scenario.", metavar="SPECIFICATIONS"),
+    ] = None,
+    again: Annotated[
+        bool, typer.Option("--again", help="Repeat the run instead of reading what was recorded of it.")
+    ] = False,
+    as_json: Json = False,
+) -> None:
+    """Check specifications on logs: those of the run, or new ones."""
+    if formula is None:
+        for option, given in (("--each", each), ("--pairs", pairs), ("--of", of != "truth")):
+            if given:
+                fail(f"{option} says what a formula is about: it goes with --formula", WRONG_INPUT, as_json)
+    elif file is not None:
+        fail("--formula and --file both say what to check: give one of them", WRONG_INPUT, as_json)
+    elif each is not None and pairs is not None:
+        fail("--each and --pairs both say what the formula is about: give one of them", WRONG_INPUT, as_json)
+    if of not in ("truth", "belief"):
+        fail(f"--of takes truth or belief, not {of}", WRONG_INPUT, as_json)
+    logs = _logs(paths, as_json)
+    results = []
+    with trouble_shown(as_json):
+        from symaware_cli.api.checking import check_log
+        from symaware_cli.runtime.failure import RunError
+
+        for log in logs:
+            stated: Mapping[str, Any] | Path | None = file
+            if formula is not None:
+                stated = _stated(log, formula, each, pairs, of)
+            try:
+                results.append(check_log(log, stated, again))
+            except RunError as error:
+                fail(str(error), FAILED, as_json)
+    if as_json:
+        found = [result.to_json() for result in results]
+        print_json(found[0] if len(found) == 1 and paths[0].is_file() else {"logs": found})
+    elif len(results) == 1:
+        typer.echo("\n".join(_lines(results[0])))
+    else:
+        typer.echo("\n".join(_table(results)))
+    raise typer.Exit(VIOLATED if any(result.violated for result in results) else 0)
+
+
+def _logs(paths: Sequence[Path], as_json: bool) -> list[Path]:
+    """The logs that are named, and those in folders; sorted within each."""
+    logs: list[Path] = []
+    for path in paths:
+        found = sorted(path.rglob("*.mcap")) if path.is_dir() else [path]
+        if not found:
+            fail(f"there are no logs in {path}", WRONG_INPUT, as_json)
+        logs += found
+    return logs
+
+
+def _stated(log: Path, formula: str, each: str | None, pairs: str | None, of: str) -> Mapping[str, Any]:
+    """The specifications that a formula amounts to."""
+    if pairs is not None:
+        return {"formula": {"pairs": pairs, "formula": formula}}
+    if each is not None:
+        return {"formula": {"each": each, "of": of, "formula": formula}}
+    from symaware_cli.recording.reader import open_log
+
+    groups = list(open_log(log).agents)
+    return {
+        ("formula" if len(groups) == 1 else group): {"each": group, "of": of, "formula": formula} for group in groups
+    }
+
+
+def _lines(result: CheckResult) -> list[str]:
+    """What is said of one log."""
+    lines = [f"{result.log}: {result.scenario}, seed {result.seed}"]
+    if not result.specifications:
+        lines.append("  there are no specifications; give one with --formula or --file")
+    lines += [f"  {each.verdict:<10} {printable(str(each))}" for each in result.specifications]
+    return lines + [f"  {'note':<10} {note}" for note in _notes(result)]
+
+
+def _notes(result: CheckResult) -> list[str]:
+    notes = []
+    if result.sampled is not None:
+        notes.append(f"sampled: the log has an instant every {result.sampled:g} s; --again looks at every step")
+    if not result.is_whole:
+        notes.append("the run did not come to its end, so what was not decided by then stays undecided")
+    return notes
+
+
+def _table(results: Sequence[CheckResult]) -> list[str]:
+    """What is said of several logs, a line for each."""
+    names = list(dict.fromkeys(each.name for result in results for each in result.specifications))
+    width = max(len(str(result.log)) for result in results)
+    columns = {name: max(len(name), 20) for name in names}
+    lines = ["  ".join([f"{'log':<{width}}", *(f"{name:<{columns[name]}}" for name in names)]).rstrip()]
+    for result in results:
+        said = {each.name: _cell(each.verdict, each.robustness) for each in result.specifications}
+        cells = [f"{said.get(name, '-'):<{columns[name]}}" for name in names]
+        lines.append("  ".join([f"{result.log!s:<{width}}", *cells]).rstrip())
+    counts = {name: sum(name in result.violated for result in results) for name in names}
+    violated = ", ".join(f"{name} in {count} of {len(results)}" for name, count in counts.items() if count)
+    return [*lines, f"violated: {violated or 'none'}"]
+
+
+def _cell(verdict: str, robustness: float | None) -> str:
+    return verdict if robustness is None else f"{verdict} {robustness:.4g}"

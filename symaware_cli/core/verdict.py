@@ -1,0 +1,28 @@
+"""What has become of specifications, as agents see it."""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Protocol
+
+
+class SpecificationStatus(NamedTuple):
+    """What has become of a specification so far.
+
+    Attributes:
+        verdict: True where it is satisfied, False where it is violated, None while it is undecided.
+        robustness: The exact robustness of its formula at the latest instant at which that is known; NaN before the
+            first.
+        interval: The least and the greatest that its robustness can still turn out to be; infinite where they are not
+            computed.
+    """
+
+    verdict: bool | None
+    robustness: float
+    interval: tuple[float, float]
+
+
+class SpecificationStatuses(Protocol):
+    """The statuses of one specification, by agent."""
+
+    def of(self, agent: str) -> SpecificationStatus | None:
+        """The status for an agent: its own, the worst of its pairs, or the world's; None where it has none."""

@@ -1,0 +1,46 @@
+"""A world that follows a log."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from symaware_cli.core import Environment
+from symaware_cli.environments.columns import Array, ColumnEnvironment
+
+
+class RecordedEnvironment(ColumnEnvironment):
+    """Stands in for another world: it has the states that were recorded there, and moves nobody by itself."""
+
+    def __init__(self, original: Environment) -> None:
+        """Take the place of a world that was not initialised.
+
+        Args:
+            original: That world.
+        """
+        super().__init__()
+        self.time_step = original.time_step
+        self.folder = original.folder
+        self.ground = original.ground
+        self.provides = original.provides  # type: ignore[misc]
+
+    def show(self, time: int, states: Mapping[str, Array], inputs: Mapping[str, Array]) -> None:
+        """Become as the world was.
+
+        Args:
+            time: The instant, in nanoseconds.
+            states: The true states of groups that changed.
+            inputs: The control inputs that were applied.
+        """
+        for name, state in states.items():
+            state.flags.writeable = False
+            self._states[self._number[name]] = state
+        for name, applied in inputs.items():
+            applied.flags.writeable = False
+            self._applied[self._number[name]] = applied
+        self._time = time
+        self._count_present()
+        self._snapshot = None
+
+    def step(self) -> None:
+        """Refuse: what comes next is in the log."""
+        raise NotImplementedError("a recorded world makes no steps")

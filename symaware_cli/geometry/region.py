@@ -1,0 +1,179 @@
+"""Regions: named sets of the workspace, and how deep a point lies in them; lengths are metres."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Annotated, Any, Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import AfterValidator, ConfigDict, Field, SerializerFunctionWrapHandler, model_serializer, model_validator
+
+from symaware_cli.geometry.shape import Length, Number, Point, Polygon, Position, StrictModel
+
+Array: TypeAlias = NDArray[np.float64]
+
+Kind = Literal["box", "circle", "polygon", "union", "intersection", "complement"]
+KINDS: tuple[Kind, ...] = ("box", "circle", "polygon", "union", "intersection", "complement")
+
+
+def _is_box(bounds: tuple[float, ...]) -> tuple[float, ...]:
+    if len(bounds) not in (2, 4, 6):
+        raise ValueError(f"2, 4 or 6 bounds are needed, the least and greatest of each coordinate, not {len(bounds)}")
+    for axis, (low, high) in enumerate(zip(bounds[::2], bounds[1::2], strict=True)):
+        if low >= high:
+            raise ValueError(f"the least of coordinate {axis} is not below its greatest")
+    return bounds
+
+
+def _is_polygon(vertices: tuple[Point, ...]) -> tuple[Point, ...]:
+    return Polygon(vertices=vertices).vertices
+
+
+class Disc(StrictModel):
+    """All points within a distance of its centre: a disc, or a ball where the centre has three coordinates."""
+
+    centre: Position = Field(description="Centre [x, y] or [x, y, z] [m].")
+    radius: Length = Field(description="Radius [m].")
+
+
+class RegionShape(StrictModel):
+    """A set of points; exactly one kind.
+
+    Primitive kinds (`box`, `circle`, `polygon`) contain their boundaries. Of a point with more coordinates than the
+    region has, the first ones count.
+    """
+
+    model_config = ConfigDict(json_schema_extra={"minProperties": 1})
+
+    box: Annotated[tuple[Number, ...], AfterValidator(_is_box)] | None = Field(
+        None, description="Least and greatest of each coordinate: [x, x, y, y] or [x, x, y, y, z, z] [m]."
+    )
+    circle: Disc | None = Field(None, description="A disc or, with three coordinates, a ball.")
+    polygon: Annotated[tuple[Point, ...], AfterValidator(_is_polygon)] | None = Field(
+        None, description="The corners of a convex polygon in order [m]."
+    )
+    union: tuple[str | RegionShape, ...] | None = Field(
+        None, min_length=1, description="What lies in any of several regions: names of regions, or regions."
+    )
+    intersection: tuple[str | RegionShape, ...] | None = Field(
+        None, min_length=1, description="What lies in all of several regions: names of regions, or regions."
+    )
+    complement: str | RegionShape | None = Field(
+        None, description="What does not lie in a region: the name of one, or a region."
+    )
+
+    @model_validator(mode="after")
+    def _is_one_kind(self) -> RegionShape:
+        given = [kind for kind in KINDS if getattr(self, kind) is not None]
+        if len(given) != 1:
+            said = f"{', '.join(given[:-1])} and {given[-1]}" if given else "none"
+            raise ValueError(f"a region has exactly one kind of {', '.join(KINDS)}; this one has {said}")
+        return self
+
+    @model_serializer(mode="wrap")
+    def _without_the_other_kinds(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        return {key: content for key, content in dump(self).items() if content is not None}
+
+    @property
+    def kind(self) -> Kind:
+        """Which of the kinds it is."""
+        return next(kind for kind in KINDS if getattr(self, kind) is not None)
+
+    @property
+    def members(self) -> Sequence[str | RegionShape]:
+        """What it is made of; nothing where it is a primitive."""
+        if self.complement is not None:
+            return (self.complement,)
+        return self.union or self.intersection or ()
+
+    @property
+    def dimensions(self) -> int:
+        """How many coordinates a primitive has."""
+        if self.box is not None:
+            return len(self.box) // 2
+        return len(self.circle.centre) if self.circle is not None else 2
+
+    def depth(self, points: Array) -> Array:
+        """How far points lie within a primitive [m]: the distance to its boundary, negative outside.
+
+        Args:
+            points: At least as many coordinates as the region has; shape (n, d).
+
+        Returns:
+            Exact Euclidean distances; shape (n,).
+        """
+        if self.circle is not None:
+            return self.circle.radius - _norm(points - np.array(self.circle.centre))
+        if self.box is not None:
+            bounds = np.array(self.box).reshape(-1, 2)
+            middle, half = bounds.mean(axis=1), 0.5 * (bounds[:, 1] - bounds[:, 0])
+            beyond = np.abs(points - middle) - half
+            outside = _norm(np.maximum(beyond, 0.0))
+            return np.asarray(-outside - np.minimum(beyond.max(axis=1), 0.0))
+        assert self.polygon is not None
+        return _polygon_depth(np.array(self.polygon), points)
+
+
+class Region(RegionShape):
+    """A named set of points of the workspace, which may move with an agent."""
+
+    around: str | None = Field(
+        None,
+        description="The agent that it moves with: coordinates are relative to it. If left out, they are the world's.",
+    )
+    turns: bool = Field(
+        True,
+        description="Whether the x axis of a region around an agent points along the agent's heading, if it has one.",
+    )
+
+
+def names_in(region: RegionShape) -> Iterator[str]:
+    """Yield the names of the regions that a region is made of."""
+    for member in region.members:
+        if isinstance(member, str):
+            yield member
+        else:
+            yield from names_in(member)
+
+
+def relative(points: Array, origin: Array, heading: float | None) -> Array:
+    """The coordinates of points in the frame of an agent.
+
+    Args:
+        points: In the world; shape (n, d).
+        origin: The agent's position; shape (k,). What it lacks is 0.
+        heading: Where the x axis of the frame points [rad]; None where the frame does not turn.
+    """
+    moved = points.copy()
+    shared = min(points.shape[1], len(origin))
+    moved[:, :shared] -= origin[:shared]
+    if heading is None:
+        return moved
+    cosine, sine = np.cos(heading), np.sin(heading)
+    turned = moved.copy()
+    turned[:, 0] = cosine * moved[:, 0] + sine * moved[:, 1]
+    turned[:, 1] = cosine * moved[:, 1] - sine * moved[:, 0]
+    return turned
+
+
+def _norm(vectors: Array) -> Array:
+    """Euclidean lengths, element by element, so that a row's bits do not depend on the others; (n, d) to (n,)."""
+    total = vectors[:, 0] * vectors[:, 0]
+    for axis in range(1, vectors.shape[1]):
+        total = total + vectors[:, axis] * vectors[:, axis]
+    return np.asarray(np.sqrt(total))
+
+
+def _polygon_depth(vertices: Array, points: Array) -> Array:
+    """The depth in a convex polygon whose corners run counter-clockwise."""
+    inward = np.full(len(points), np.inf)
+    apart = np.full(len(points), np.inf)
+    for corner, following in zip(vertices, np.roll(vertices, -1, axis=0), strict=True):
+        along = following - corner
+        squared = along[0] * along[0] + along[1] * along[1]
+        x, y = points[:, 0] - corner[0], points[:, 1] - corner[1]
+        inward = np.minimum(inward, (along[0] * y - along[1] * x) / np.sqrt(squared))
+        share = np.clip((along[0] * x + along[1] * y) / squared, 0.0, 1.0)
+        apart = np.minimum(apart, _norm(np.stack([x - share * along[0], y - share * along[1]], axis=1)))
+    return np.where(inward >= 0.0, inward, -apart)

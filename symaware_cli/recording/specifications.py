@@ -1,0 +1,198 @@
+"""Specifications in a log: written while a run goes on, and read back."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from symaware_cli.recording import symaware_v1_pb2 as v1
+from symaware_cli.recording.wire.packing import FLOAT, INDEX, TIME, packed
+from symaware_cli.recording.writer import LogWriter
+from symaware_cli.specification.specification import SpecificationMonitor
+
+#: The topic of a specification.
+TOPIC = "/specifications/{}"
+
+#: The most numbers of robustness in one message.
+_MOST = 8_192
+
+#: How verdicts are written; what is about somebody who was never there has one of its own.
+_CODES = {0: 0, 1: 1, -1: 2}
+_VERDICTS = {0: 0, 1: 1, 2: -1, 3: 0}
+_NEVER_THERE = 3
+
+
+class SpecificationRecorder:
+    """Writes what becomes of specifications: verdicts and intervals that changed, and robustness that became known."""
+
+    def __init__(self, writer: LogWriter, monitors: Iterable[SpecificationMonitor]) -> None:
+        """Open a channel for each.
+
+        Args:
+            writer: The log.
+            monitors: What is written.
+        """
+        self._writer = writer
+        self._channels: dict[str, int] = {}
+        self._last: dict[str, tuple[NDArray[Any], ...]] = {}
+        for monitor in monitors:
+            specification = monitor.specification
+            rows = [specification.scope.agents(row) for row in range(specification.scope.rows)]
+            metadata = {
+                "count": str(len(rows)),
+                "formula": specification.text,
+                "of": specification.of,
+                "each": specification.each or "",
+                "predicates": json.dumps([atom.text for atom in specification.formulation.atoms]),
+                "rows": json.dumps(rows),
+                "start": str(specification.start),
+                "end": "" if specification.end is None else str(specification.end),
+            }
+            topic = TOPIC.format(specification.name)
+            self._channels[specification.name] = writer.channel(topic, "Specification", metadata)
+
+    def record(self, monitor: SpecificationMonitor, now: int) -> None:
+        """Write what changed of a specification, at an instant in nanoseconds."""
+        name = monitor.specification.name
+        channel, last = self._channels[name], self._last.get(name)
+        state = monitor.verdicts, monitor.lower, monitor.upper, monitor.begun.copy()
+        if last is None:
+            changed = np.ones(len(state[0]), bool)
+        else:
+            changed = np.zeros(len(state[0]), bool)
+            for mine, its in zip(state, last, strict=True):
+                changed |= mine != its
+        if changed.any():
+            self._last[name] = state
+            rows = None if changed.all() else np.flatnonzero(changed)
+            verdicts, lower, upper, begun = (each if rows is None else each[rows] for each in state)
+            codes = bytes(
+                _CODES[verdict] if there else _NEVER_THERE
+                for verdict, there in zip(verdicts.tolist(), begun.tolist(), strict=True)
+            )
+            head = v1.Specification(verdicts=codes).SerializeToString(deterministic=True)
+            body = _field(1, rows, INDEX)
+            if monitor.specification.interval:
+                body += packed(3, lower, FLOAT) + packed(4, upper, FLOAT)
+            self._writer.add(channel, now, head + body)
+        for exact in monitor.take_exact():
+            rows = None if len(exact.rows) == len(monitor.verdicts) else exact.rows
+            some = max(1, _MOST // len(exact.rows))
+            for first in range(0, len(exact.times), some):
+                part = slice(first, first + some)
+                times, values = packed(5, exact.times[part], TIME), packed(7, exact.values[part].ravel(), FLOAT)
+                self._writer.add(channel, now, times + _field(6, rows, INDEX) + values)
+
+
+def _field(number: int, values: ArrayLike | None, dtype: np.dtype[Any]) -> bytes:
+    return b"" if values is None else packed(number, values, dtype)
+
+
+@dataclass(frozen=True, slots=True)
+class LoggedSpecification:
+    """A specification of a log.
+
+    Attributes:
+        name: Its name.
+        formula: The formula.
+        of: ``truth`` or ``belief``.
+        each: The group of whose agents there is a verdict each; empty for pairs and the world.
+        predicates: The predicates of the formula.
+        rows: The ids of the agents that each row is about.
+        start: The instant that verdicts are about, ns; None for the end of the run.
+        end: The last instant that counts, ns; None for the end of the run.
+        times: When verdicts or intervals changed, ns; shape (k,).
+        verdicts: 1 satisfied, -1 violated, 0 undecided; shape (k, rows).
+        begun: Which rows were ever there; shape (rows,).
+        lower: The least that the robustness can turn out to be; shape (k, rows), minus infinity where not computed.
+        upper: The greatest; shape (k, rows).
+        instants: At which exact robustness is known, ns, ascending; shape (m,).
+        robustness: That, NaN of rows of which it is not known; shape (m, rows).
+    """
+
+    name: str
+    formula: str
+    of: str
+    each: str
+    predicates: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    start: int
+    end: int | None
+    times: NDArray[np.int64]
+    verdicts: NDArray[np.int8]
+    begun: NDArray[np.bool_]
+    lower: NDArray[np.float64]
+    upper: NDArray[np.float64]
+    instants: NDArray[np.int64]
+    robustness: NDArray[np.float64]
+
+    @property
+    def verdict(self) -> NDArray[np.int8]:
+        """The last verdict of each row; shape (rows,)."""
+        return self.verdicts[-1] if len(self.verdicts) else np.zeros(len(self.rows), np.int8)
+
+
+class _Message(Protocol):
+    @property
+    def time(self) -> int: ...
+
+    def decode(self) -> v1.Specification: ...
+
+
+def logged(name: str, metadata: Mapping[str, str], messages: Iterable[_Message]) -> LoggedSpecification:
+    """Put a specification together from its messages.
+
+    Args:
+        name: Its name.
+        metadata: Of its channel.
+        messages: In their order.
+    """
+    rows = tuple(tuple(each) for each in json.loads(metadata["rows"]))
+    state = np.zeros(len(rows), np.int8), np.full(len(rows), -np.inf), np.full(len(rows), np.inf)
+    times: list[int] = []
+    history: list[tuple[NDArray[Any], ...]] = []
+    begun = np.zeros(len(rows), bool)
+    exact: dict[int, NDArray[np.float64]] = {}
+    for message in messages:
+        content = message.decode()
+        if content.verdicts:
+            chosen = list(content.rows) or slice(None)
+            state = state[0].copy(), state[1].copy(), state[2].copy()
+            state[0][chosen] = [_VERDICTS[code] for code in content.verdicts]
+            begun[chosen] |= np.frombuffer(content.verdicts, np.uint8) != _NEVER_THERE
+            if content.lower:
+                state[1][chosen], state[2][chosen] = content.lower, content.upper
+            if times and times[-1] == message.time:
+                history[-1] = state
+            else:
+                times.append(message.time)
+                history.append(state)
+        if content.times:
+            own: Sequence[int] = list(content.exact_rows) or range(len(rows))
+            values = np.array(content.robustness).reshape(len(content.times), len(own))
+            for instant, value in zip(content.times, values, strict=True):
+                exact.setdefault(instant, np.full(len(rows), np.nan))[list(own)] = value
+    instants = sorted(exact)
+    columns = [np.array([each[place] for each in history]).reshape(len(times), len(rows)) for place in range(3)]
+    return LoggedSpecification(
+        name=name,
+        formula=metadata["formula"],
+        of=metadata["of"],
+        each=metadata["each"],
+        predicates=tuple(json.loads(metadata["predicates"])),
+        rows=rows,
+        start=int(metadata["start"]),
+        end=int(metadata["end"]) if metadata["end"] else None,
+        times=np.array(times, np.int64),
+        verdicts=columns[0].astype(np.int8),
+        begun=begun,
+        lower=columns[1].astype(float),
+        upper=columns[2].astype(float),
+        instants=np.array(instants, np.int64),
+        robustness=np.array([exact[each] for each in instants]).reshape(len(instants), len(rows)),
+    )

@@ -1,0 +1,58 @@
+"""What a scenario says about specifications."""
+
+from __future__ import annotations
+
+from typing import Literal, Self
+
+from pydantic import Field, model_validator
+
+from symaware_cli.scenario.section import Identifier, Name, Seconds, Section, Target, TriggerSection
+
+
+class SpecificationUse(Section):
+    """A formula about the run that is monitored while it goes on."""
+
+    formula: str = Field(
+        max_length=2000,
+        description="What is to hold, such as `always (inside(position, arena) and nearest > 0.6)`. Operators: always, "
+        "eventually, until, once, historically and since, each with a window in seconds such as [0, 5] if it is to be "
+        "limited; next, and, or, not, implies.",
+    )
+    each: Name | None = Field(None, description="The group of whose agents there is a verdict each.")
+    pairs: Target | list[tuple[Target, Target]] | None = Field(
+        None,
+        description="The pairs of agents of which there is a verdict each: a group, for all pairs in it, or a list of "
+        "pairs [first, second] of ids or groups. Without `each` and `pairs` the formula is about the world.",
+    )
+    of: Literal["truth", "belief"] = Field(
+        "truth", description="Whether the formula is about what is true, or about what each agent believes."
+    )
+    where: dict[Identifier, str] = Field(
+        default_factory=dict, description="Formulas to refer to by name, each also by those that follow it."
+    )
+    from_: Seconds | TriggerSection = Field(
+        0.0,
+        alias="from",
+        description="When the formula is to hold [s]; or an event: then it is to hold from each time the event fires.",
+    )
+    to: Seconds | None = Field(None, description="The last instant that counts [s]; the end of the run if left out.")
+    on_violation: Literal["continue", "end", "event"] = Field(
+        "continue",
+        description="What becomes of a violation: the run goes on; it ends; or it goes on, with a warning. In every "
+        "case an event `violated` fires, on which components can take turns.",
+    )
+    interval: bool = Field(
+        True,
+        description="Whether to compute, before the verdict, the interval that the robustness lies in. Leaving it out "
+        "saves time.",
+    )
+
+    @model_validator(mode="after")
+    def _is_of_one_scope(self) -> Self:
+        if self.each is not None and self.pairs is not None:
+            raise ValueError("say either `each` or `pairs`")
+        if self.of == "belief" and self.each is None:
+            raise ValueError("what is believed is believed by agents: say of which group, with `each`")
+        if self.to is not None and not isinstance(self.from_, TriggerSection) and self.to < self.from_:
+            raise ValueError("`to` comes before `from`")
+        return self

@@ -1,0 +1,220 @@
+"""From what a scenario says about specifications to what a run monitors, and reports of what is wrong with it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from itertools import combinations, product
+
+import numpy as np
+
+from symaware_cli.core import AgentGroup, nanoseconds
+from symaware_cli.geometry.region import Region
+from symaware_cli.runtime.scope import WorldColumns
+from symaware_cli.runtime.simulation import ComponentEntry
+from symaware_cli.runtime.timing import Trigger
+from symaware_cli.scenario.document import ScenarioDocument
+from symaware_cli.scenario.problem import nearest, quoted
+from symaware_cli.scenario.section import TriggerSection
+from symaware_cli.scenario.source import Path
+from symaware_cli.scenario.specification_section import SpecificationUse
+from symaware_cli.scenario.timing_check import TimingCheck, trigger_of
+from symaware_cli.specification.columns import COLUMN_FUNCTIONS, KindError
+from symaware_cli.specification.expression import FUNCTIONS
+from symaware_cli.specification.formulation import Formulation, formulate
+from symaware_cli.specification.node import Name, Node, walk
+from symaware_cli.specification.parser import RESERVED, parse
+from symaware_cli.specification.region import RegionError, check_names
+from symaware_cli.specification.scope import AgentScope, BeliefScope, PairScope, Scope, World
+from symaware_cli.specification.specification import Specification
+from symaware_cli.specification.token import ExpressionError
+from symaware_cli.specification.units import check_units
+
+#: The most pairs of which there is a verdict each.
+MOST_PAIRS = 10_000
+
+
+class SpecificationBuilder:
+    """Understands the specifications of a scenario, and reports what is wrong with them."""
+
+    def __init__(
+        self,
+        report: Callable[..., None],
+        check: TimingCheck,
+        world: World,
+        time_step: int,
+        groups: Sequence[AgentGroup],
+        entries: Sequence[ComponentEntry],
+        parts: Sequence[str],
+    ) -> None:
+        """Prepare.
+
+        Args:
+            report: Reports a problem: its code, a message, and the path of what it is about.
+            check: Understands expressions and events.
+            world: The world.
+            time_step: The time between two steps, in nanoseconds.
+            groups: All groups.
+            entries: All components.
+            parts: The names of the parts of awareness that components declare.
+        """
+        self._report = report
+        self._check = check
+        self._world = world
+        self._time_step = time_step
+        self._groups = {group.name: group for group in groups}
+        self._entries = entries
+        self._parts = parts
+        self._ids = {id: (group, row) for group in groups for row, id in enumerate(group.ids)}
+        self._regions: Mapping[str, Region] = {}
+        #: The events with which instances of specifications begin, by name.
+        self.triggers: dict[str, Trigger] = {}
+
+    def build(self, document: ScenarioDocument) -> Sequence[Specification]:
+        """Make the specifications that are sound; the others are reported."""
+        self._regions = self._sound_regions(document.regions)
+        found = (self._specification(name, use) for name, use in document.specifications.items())
+        return [each for each in found if each is not None]
+
+    def _sound_regions(self, regions: Mapping[str, Region]) -> Mapping[str, Region]:
+        sound = True
+        for name, region in regions.items():
+            path: Path = ("regions", name)
+            if name in RESERVED or name in COLUMN_FUNCTIONS:
+                self._report("invalid-value", f"{quoted(name)} means something else in formulas", path, key=True)
+                sound = False
+            if region.around is not None and region.around not in self._ids:
+                self._unknown(region.around, "agent", (*path, "around"), self._ids)
+                sound = False
+        try:
+            check_names(regions)
+        except RegionError as error:
+            suggestion = nearest(error.name, [each for each in regions if each != error.region])
+            self._report("unknown-region", str(error), ("regions", error.region), key=True, suggestion=suggestion)
+            sound = False
+        return regions if sound else {}
+
+    def _specification(self, name: str, use: SpecificationUse) -> Specification | None:
+        path: Path = ("specifications", name)
+        scope = self._scope(use, path)
+        formulation = None if scope is None else self._formulation(use, scope, path)
+        if isinstance(use.from_, TriggerSection):
+            trigger = trigger_of(use.from_.event, use.from_.of)
+            if use.each is None and trigger.source is None:
+                said = "an event of an agent's own components belongs to a specification with `each`"
+                self._report("invalid-value", said, (*path, "from"), expected="an `of` that says whose event")
+                return None
+            self._check.source(trigger, use.each, self._entries, (*path, "from"))
+            self.triggers[name] = trigger
+        if scope is None or formulation is None:
+            return None
+        return Specification(
+            name=name,
+            of=use.of,
+            each=use.each,
+            scope=scope,
+            formulation=formulation,
+            start=0 if isinstance(use.from_, TriggerSection) else nanoseconds(use.from_),
+            end=None if use.to is None else nanoseconds(use.to),
+            on_violation=use.on_violation,
+            interval=use.interval,
+        )
+
+    def _scope(self, use: SpecificationUse, path: Path) -> Scope | None:
+        """What a specification is about; None after a problem."""
+        groups = list(self._groups.values())
+        if use.each is not None:
+            if use.each not in self._groups:
+                self._unknown(use.each, "group", (*path, "each"), self._groups)
+                return None
+            kind = BeliefScope if use.of == "belief" else AgentScope
+            return kind(self._groups[use.each], self._world, groups, self._regions)
+        if use.pairs is None:
+            return WorldColumns(self._world, groups, self._regions, self._parts)
+        pairs = self._pairs(use.pairs, (*path, "pairs"))
+        return None if pairs is None else PairScope(pairs, self._world, groups, self._regions)
+
+    def _pairs(self, said: str | Sequence[tuple[str, str]], path: Path) -> Sequence[tuple[str, str]] | None:
+        """The ids of the pairs; None after a problem."""
+        if isinstance(said, str):
+            if said not in self._groups:
+                self._unknown(said, "group", path, self._groups)
+                return None
+            found = list(combinations(self._groups[said].ids, 2))
+        else:
+            known = {**{name: group.ids for name, group in self._groups.items()}, **{id: (id,) for id in self._ids}}
+            wrong = [
+                (number, place, name)
+                for number, pair in enumerate(said)
+                for place, name in enumerate(pair)
+                if name not in known
+            ]
+            for number, place, name in wrong:
+                self._unknown(name, "agent or group", (*path, number, place), known)
+            if wrong:
+                return None
+            every = [pair for first, second in said for pair in product(known[first], known[second])]
+            found = list(dict.fromkeys(pair for pair in every if pair[0] != pair[1]))
+        if not found:
+            self._report("invalid-value", "there is no pair: it takes two agents", path, expected="two agents")
+            return None
+        if len(found) > MOST_PAIRS:
+            said_count = f"there are {len(found):,} pairs, and a verdict for each of {MOST_PAIRS:,} at most"
+            self._report("invalid-value", said_count, path, expected="`nearest` in a specification with `each`")
+            return None
+        return found
+
+    def _formulation(self, use: SpecificationUse, scope: Scope, path: Path) -> Formulation | None:
+        """The formula, with the definitions under `where`; None after a problem."""
+        definitions: dict[str, Node] = {}
+        for name, text in use.where.items():
+            place: Path = (*path, "where", name)
+            if name in scope.names or name in RESERVED or name in COLUMN_FUNCTIONS:
+                self._report("invalid-value", f"{quoted(name)} means something else in formulas", place, key=True)
+                return None
+            tree = self._tree(text, scope, definitions, place)
+            if tree is None:
+                return None
+            definitions[name] = tree[0]
+        found = self._tree(use.formula, scope, definitions, (*path, "formula"))
+        return None if found is None else found[1]
+
+    def _tree(
+        self, text: str, scope: Scope, definitions: Mapping[str, Node], path: Path
+    ) -> tuple[Node, Formulation] | None:
+        functions = {name: count for name, (count, _) in FUNCTIONS.items()}
+        try:
+            tree = parse(text, scope.names, functions, definitions)
+            for node in walk(tree):
+                if isinstance(node, Name) and node.name in scope.ambiguous:
+                    said = f"`{node.name}` is {scope.ambiguous[node.name]}; rename one of them"
+                    raise ExpressionError(said, node.span)
+            formulation = formulate(tree, self._time_step)
+            check_units(tree, scope.units)
+        except ExpressionError as error:
+            self._check.expression_problem(text, path, error, "always risk < 0.2")
+            return None
+        return tree, formulation
+
+    def _unknown(self, name: str, what: str, path: Path, known: Collection[str]) -> None:
+        self._report(
+            f"unknown-{what.split()[0]}",
+            f"there is no {what} {quoted(name)}",
+            path,
+            expected=f"one of {', '.join(known)}" if len(known) <= 20 else f"the name of an {what}",
+            suggestion=nearest(name, known),
+        )
+
+
+def check_values(specifications: Sequence[Specification], report: Callable[..., None]) -> None:
+    """Evaluate the predicates of specifications once, and report those that have no value at the beginning."""
+    for specification in specifications:
+        if isinstance(specification.scope, WorldColumns):
+            continue
+        path: Path = ("specifications", specification.name, "formula")
+        for atom in specification.formulation.atoms:
+            try:
+                with np.errstate(all="ignore"):
+                    atom.robustness(specification.scope.look_up)
+            except (KindError, ValueError, TypeError, KeyError, IndexError, ArithmeticError) as error:
+                said = str(error).strip("'\"")
+                report("bad-expression", f"{quoted(specification.name)}: `{atom.text}` has no value: {said}", path)

@@ -1,0 +1,152 @@
+"""From the tree of a specification to its formula: predicates apart, windows in steps, definitions checked."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from symaware_cli.core import nanoseconds
+from symaware_cli.specification import formula as stl
+from symaware_cli.specification.columns import KindError, Lookup, robustness
+from symaware_cli.specification.node import Constant, Junction, Node, Not, Temporal, walk
+from symaware_cli.specification.printing import printed
+from symaware_cli.specification.token import ExpressionError
+
+#: How deep the operators of a formula may be nested.
+_DEEPEST = 50
+
+
+@dataclass(frozen=True, slots=True)
+class Atom:
+    """A predicate of a formula.
+
+    Attributes:
+        node: Its tree.
+        text: The same, to be read.
+        robustness: Evaluates it for all rows.
+    """
+
+    node: Node
+    text: str
+    robustness: Callable[[Lookup], Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Formulation:
+    """A specification's formula.
+
+    Attributes:
+        formula: The formula; its predicates are the positions of atoms.
+        atoms: The different predicates, in the order in which they occur.
+        tree: What it was made from.
+    """
+
+    formula: stl.Formula
+    atoms: tuple[Atom, ...]
+    tree: Node
+
+
+def formulate(tree: Node, time_step: int) -> Formulation:
+    """Turn the tree of a specification into a formula.
+
+    Args:
+        tree: As parsed.
+        time_step: The time between two instants, in nanoseconds.
+
+    Raises:
+        ExpressionError: A window holds no instant, a temporal operator stands where a value is needed, or the
+            operators are nested too deeply.
+    """
+    builder = _Formulator(time_step)
+    formula = builder.formula(tree, 0)
+    return Formulation(formula, tuple(builder.atoms), tree)
+
+
+def subformula(tree: Node, path: tuple[int, ...]) -> Node:
+    """The part of a specification that a path of positions of operands leads to, in the formula that was made of it."""
+    for place in path:
+        match tree:
+            case Junction():
+                tree = tree.operands[place]
+            case Not(operand=operand):
+                tree = operand
+            case Temporal():
+                tree = tree.operands[place]
+    return tree
+
+
+class _Formulator:
+    """Walks over a tree; knows the predicates found so far."""
+
+    def __init__(self, time_step: int) -> None:
+        self._time_step = time_step
+        self.atoms: list[Atom] = []
+        self._places: dict[Node, int] = {}
+
+    def formula(self, node: Node, depth: int) -> stl.Formula:
+        if depth > _DEEPEST:
+            raise ExpressionError("the formula is nested too deeply", node.span)
+        match node:
+            case Constant(value=bool() as value):
+                return stl.Constant(value)
+            case Not(operand=operand):
+                return stl.Not(self.formula(operand, depth + 1))
+            case Junction():
+                operands = tuple(self.formula(each, depth + 1) for each in node.operands)
+                if node.operator == "and":
+                    return stl.And(operands)
+                if node.operator == "or":
+                    return stl.Or(operands)
+                return stl.Or((stl.Not(operands[0]), operands[1]))
+            case Temporal():
+                return self._temporal(node, depth)
+        return self._predicate(node)
+
+    def _temporal(self, node: Temporal, depth: int) -> stl.Formula:
+        first, last = self._steps(node)
+        operands = [self.formula(each, depth + 1) for each in node.operands]
+        match node.operator:
+            case "until":
+                return stl.Until(first, last, *operands)
+            case "since":
+                return stl.Since(first, last, *operands)
+            case "always":
+                return stl.Always(first, last, operands[0])
+            case "historically":
+                return stl.Historically(first, last, operands[0])
+            case "once":
+                return stl.Once(first, last, operands[0])
+        return stl.Eventually(first, last, operands[0])
+
+    def _steps(self, node: Temporal) -> tuple[int, int | None]:
+        """The window of an operator in steps."""
+        if node.operator == "next":
+            return 1, 1
+        if node.window is None:
+            return 0, None
+        start, end = node.window
+        step = self._time_step
+        first = -(-nanoseconds(start) // step)
+        if math.isinf(end):
+            return first, None
+        last = nanoseconds(end) // step
+        if first > last:
+            said = f"no instant lies in the window from {start:g} s to {end:g} s: they are {step / 1e9:g} s apart"
+            raise ExpressionError(said, node.span)
+        return first, last
+
+    def _predicate(self, node: Node) -> stl.Formula:
+        for each in walk(node):
+            if isinstance(each, Temporal | Junction | Not):
+                word = each.operator if isinstance(each, Temporal | Junction) else "not"
+                raise ExpressionError(f"`{word}` cannot stand within a value or the arguments of a function", each.span)
+        if node not in self._places:
+            try:
+                evaluate = robustness(node)
+            except KindError as error:
+                raise ExpressionError(str(error), node.span) from None
+            self._places[node] = len(self.atoms)
+            self.atoms.append(Atom(node, printed(node), evaluate))
+        return stl.Predicate(self._places[node])

@@ -1,0 +1,110 @@
+"""Named regions as expressions see them: where they are at an instant, and whether points lie in them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from symaware_cli.geometry.region import Array, Region, RegionShape, names_in, relative
+from symaware_cli.specification.formula import encoded
+
+#: Where an agent is and where it heads: position, shape (k,) [m], NaN where it is not in the world; heading [rad], None
+#: where it has none.
+Anchor = Callable[[str], tuple[Array, float | None]]
+
+
+class RegionError(ValueError):
+    """A region cannot be made of what it names.
+
+    Attributes:
+        region: The region's name.
+        name: The name in it that is wrong.
+    """
+
+    def __init__(self, message: str, region: str, name: str) -> None:
+        super().__init__(message)
+        self.region = region
+        self.name = name
+
+
+def check_names(regions: Mapping[str, Region]) -> None:
+    """Look whether regions name only regions, and none is made of itself.
+
+    Raises:
+        RegionError: One does.
+    """
+    for start in regions:
+        seen, waiting = {start}, list(names_in(regions[start]))
+        while waiting:
+            name = waiting.pop()
+            if name not in regions:
+                raise RegionError(f"there is no region `{name}`", start, name)
+            if name == start:
+                raise RegionError(f"the region `{start}` is made of itself", start, name)
+            if regions[name].around is not None:
+                said = f"the region `{name}` moves with an agent, so no other can be made of it"
+                raise RegionError(said, start, name)
+            if name not in seen:
+                seen.add(name)
+                waiting += names_in(regions[name])
+
+
+class PlacedRegion:
+    """A region as it is at the present instant.
+
+    Attributes:
+        name: Its name.
+        region: What it is.
+        dimensions: How many coordinates a point needs at least.
+    """
+
+    def __init__(self, name: str, regions: Mapping[str, Region], anchor: Anchor) -> None:
+        self.name = name
+        self.region = regions[name]
+        self._regions = regions
+        self._anchor = anchor
+        self.dimensions = self._dimensions(self.region)
+
+    def robustness(self, points: Array) -> Array:
+        """How far points lie within the region [m], negative outside, encoded as `formula.encoded` says.
+
+        For primitives this is the Euclidean distance to the boundary. For a union it is the greatest depth in a member
+        and for an intersection the least, which may be less than the distance to the boundary inside a union and
+        outside an intersection, but never more.
+
+        Args:
+            points: Shape (n, d).
+
+        Raises:
+            ValueError: The points have fewer coordinates than the region.
+        """
+        if points.ndim != 2 or points.shape[1] < self.dimensions:
+            found = 1 if points.ndim < 2 else points.shape[1]
+            raise ValueError(f"the region `{self.name}` has {self.dimensions} coordinates, the point {found}")
+        if self.region.around is not None:
+            position, heading = self._anchor(self.region.around)
+            if np.isnan(position).any():
+                return np.full(len(points), -np.inf)
+            points = relative(points, position, heading if self.region.turns else None)
+        return self._robustness(self.region, points)
+
+    def _robustness(self, region: RegionShape, points: Array) -> Array:
+        if not region.members:
+            return encoded(region.depth(points[:, : region.dimensions]), holds_at_zero=True)
+        every = [self._robustness(self._named(each), points) for each in region.members]
+        if region.complement is not None:
+            return -every[0]
+        choose = np.maximum if region.union is not None else np.minimum
+        total = every[0]
+        for each in every[1:]:
+            total = choose(total, each)
+        return total
+
+    def _named(self, member: str | RegionShape) -> RegionShape:
+        return self._regions[member] if isinstance(member, str) else member
+
+    def _dimensions(self, region: RegionShape) -> int:
+        if not region.members:
+            return region.dimensions
+        return max(self._dimensions(self._named(each)) for each in region.members)

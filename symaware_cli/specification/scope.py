@@ -1,0 +1,361 @@
+"""What a specification is about: the names it may refer to, with units, and what they stand for, in columns.
+
+There are four scopes: what is true of the agents of a group, what these believe, what is true of pairs of agents, and
+the world. `docs/specifications.md` has the tables of names.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from functools import cached_property
+from typing import Any, ClassVar, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symaware_cli.core import AgentGroup, EntityGroup, Snapshot, seconds
+from symaware_cli.geometry.region import Region
+from symaware_cli.specification.formula import Array
+from symaware_cli.specification.region import PlacedRegion
+
+#: The unit of each name of `AgentScope`; "" where it depends.
+AGENT_UNITS: Mapping[str, str] = {
+    "control_input": "",
+    "knowledge": "",
+    "nearest": "m",
+    "position": "m",
+    "speed": "m/s",
+    "state": "",
+    "time": "s",
+    "velocity": "m/s",
+}
+#: Of `BeliefScope`, besides.
+BELIEF_UNITS: Mapping[str, str] = {"has_intent": "", "risk": "", "uncertainty": ""}
+#: Of `PairScope`.
+PAIR_UNITS: Mapping[str, str] = {
+    "closing_speed": "m/s",
+    "distance": "m",
+    "position": "m",
+    "speed": "m/s",
+    "time": "s",
+    "velocity": "m/s",
+}
+
+
+class World(Protocol):
+    """What is asked of a world: an `Environment`, or one that was read from a log."""
+
+    @property
+    def groups(self) -> Sequence[EntityGroup]:
+        """The groups in the roster's order."""
+
+    def state(self, group: EntityGroup) -> Array:
+        """The true states of a group; shape (n, nx)."""
+
+    def applied_input(self, group: EntityGroup) -> Array:
+        """The control inputs that moved a group in the step that ended now; shape (n, nu)."""
+
+    def snapshot(self) -> Snapshot:
+        """The whole world now."""
+
+
+class Scope(ABC):
+    """Tells what names stand for at the present instant.
+
+    Attributes:
+        rows: Of how many it tells: agents, pairs, or one world.
+        units: The names, each with its unit, "" where it is unknown.
+        regions: The regions by name.
+        ambiguous: Names that mean two things, each with what they are.
+    """
+
+    units: Mapping[str, str]
+
+    def __init__(self, rows: int, world: World, groups: Sequence[EntityGroup], regions: Mapping[str, Region]) -> None:
+        self.rows = rows
+        self.ambiguous: dict[str, str] = {}
+        self._world = world
+        self._rows_of = {id: (group, row) for group in groups for row, id in enumerate(group.ids)}
+        self.regions = {name: PlacedRegion(name, regions, self.anchor) for name in sorted(regions)}
+
+    @property
+    def names(self) -> Collection[str]:
+        """All that a specification may refer to."""
+        return {*self.units, *self.regions}
+
+    @property
+    def present(self) -> NDArray[np.bool_] | None:
+        """Which rows there are at present; None for all of them."""
+        return None
+
+    @abstractmethod
+    def agents(self, row: int) -> tuple[str, ...]:
+        """The ids of the agents that a row is about."""
+
+    def look_up(self, name: str) -> Any:
+        """What a name stands for, for all rows."""
+        if name == "time":
+            return seconds(self._world.snapshot().time)
+        return self.regions[name] if name in self.regions else self._look_up(name)
+
+    @abstractmethod
+    def _look_up(self, name: str) -> Any:
+        """What a name of `units` stands for."""
+
+    def anchor(self, id: str) -> tuple[Array, float | None]:
+        """Where an agent truly is, and where it heads; see `region.Anchor`."""
+        group, row = self._rows_of[id]
+        state, heading = self._world.state(group)[row], group.model.heading
+        position = group.model.positions(state[None])[0]
+        if group.present is not None and not group.present[row]:
+            position = np.full_like(position, np.nan)
+        return position, None if heading is None else float(state[heading])
+
+
+class AgentScope(Scope):
+    """What is true of the agents of a group."""
+
+    _units: ClassVar[Mapping[str, str]] = AGENT_UNITS
+
+    def __init__(
+        self, group: AgentGroup, world: World, groups: Sequence[EntityGroup], regions: Mapping[str, Region]
+    ) -> None:
+        super().__init__(len(group), world, groups, regions)
+        self.group = group
+        fixed = {**self._units, **self._parts()}
+        self._elements = {
+            quantity.name: column for column, quantity in enumerate(group.model.state) if quantity.name not in fixed
+        }
+        known = {name for each in group.knowledge for name in each if name.isidentifier()} - fixed.keys()
+        kinds = (
+            (self._elements, "an element of the state"),
+            (known, "a piece of knowledge"),
+            (self.regions, "a region"),
+        )
+        for name in sorted({*self._elements, *known}):
+            meanings = [meaning for names, meaning in kinds if name in names]
+            if len(meanings) > 1:
+                self.ambiguous[name] = " and ".join(meanings)
+        self._known = known - self._elements.keys() - self.regions.keys()
+        units = {name: group.model.state[column].unit for name, column in self._elements.items()}
+        self.units = {**fixed, **units, **dict.fromkeys(self._known, "")}
+
+    def _parts(self) -> Mapping[str, str]:
+        """Further names, with their units."""
+        return {}
+
+    @property
+    def present(self) -> NDArray[np.bool_] | None:
+        """Which agents are in the world; None for all of them."""
+        return self.group.present
+
+    def agents(self, row: int) -> tuple[str, ...]:
+        """The id of an agent."""
+        return (self.group.ids[row],)
+
+    @property
+    def states(self) -> Array:
+        """The states that names refer to; shape (n, nx)."""
+        return self._world.state(self.group)
+
+    @property
+    def inputs(self) -> Array:
+        """The control inputs that names refer to; shape (n, nu)."""
+        return self._world.applied_input(self.group)
+
+    def _look_up(self, name: str) -> Any:
+        group = self.group
+        if name in self._elements:
+            return self.states[:, self._elements[name]]
+        if name in self._known:
+            return _Known(group)[name]
+        match name:
+            case "control_input":
+                return self.inputs
+            case "knowledge":
+                return _Known(group)
+            case "nearest":
+                return self._nearest()
+            case "position":
+                return group.model.positions(self.states)
+            case "speed":
+                return _norm(self.look_up("velocity"))
+            case "state":
+                return self.states
+            case "velocity":
+                return group.model.velocity(self.states, self.inputs)
+        raise KeyError(name)
+
+    def _nearest(self) -> Array:
+        """The distance between an agent's centre and that of the nearest other [m]; infinite if there is none."""
+        positions = self._world.snapshot().positions
+        start = self._world.snapshot().roster.start(self.group.name)
+        least = np.full(self.rows, np.inf)
+        for row in range(self.rows):
+            apart = _norm(positions - positions[start + row])
+            apart[start + row] = np.inf
+            least[row] = np.nanmin(apart, initial=np.inf)
+        return least
+
+
+class BeliefScope(AgentScope):
+    """What the agents of a group believe of themselves and others."""
+
+    _units: ClassVar[Mapping[str, str]] = {**AGENT_UNITS, **BELIEF_UNITS}
+
+    def _parts(self) -> Mapping[str, str]:
+        awareness = self.group.awareness
+        return dict.fromkeys(awareness.columns.keys() - self._units.keys() - {"intent"}, "")
+
+    @property
+    def states(self) -> Array:
+        """What the agents believe their own states to be."""
+        return self.group.awareness.state
+
+    @property
+    def inputs(self) -> Array:
+        """The control inputs that they request."""
+        return self.group.control_input
+
+    def anchor(self, id: str) -> tuple[Array, float | None]:
+        """Refuse: where an agent truly is, is no belief."""
+        raise ValueError(f"a region around `{id}` is where that truly is; beliefs have no such regions")
+
+    def _look_up(self, name: str) -> Any:
+        awareness = self.group.awareness
+        match name:
+            case "has_intent":
+                return np.array([len(awareness.intent.row(row)) > 0 for row in range(self.rows)])
+            case "risk" | "uncertainty":
+                column = awareness.risk if name == "risk" else awareness.uncertainty
+                return column.maxima()
+        if name in awareness.columns and name not in AGENT_UNITS:
+            return np.array([awareness.columns[name].present(row) for row in range(self.rows)])
+        return super()._look_up(name)
+
+    def _nearest(self) -> Array:
+        return np.array([nearest_believed(self.group, row) for row in range(self.rows)])
+
+
+class PairScope(Scope):
+    """What is true of pairs of agents."""
+
+    units = PAIR_UNITS
+
+    def __init__(
+        self,
+        pairs: Sequence[tuple[str, str]],
+        world: World,
+        groups: Sequence[EntityGroup],
+        regions: Mapping[str, Region],
+    ) -> None:
+        super().__init__(len(pairs), world, groups, regions)
+        self._pairs = tuple(pairs)
+
+    @cached_property
+    def _first(self) -> NDArray[np.intp]:
+        """The index of the first agent of each pair."""
+        indices = self._world.snapshot().roster.indices
+        return np.array([indices[first] for first, _ in self._pairs], np.intp)
+
+    @cached_property
+    def _second(self) -> NDArray[np.intp]:
+        indices = self._world.snapshot().roster.indices
+        return np.array([indices[second] for _, second in self._pairs], np.intp)
+
+    @property
+    def present(self) -> NDArray[np.bool_] | None:
+        """Of which pairs both agents are in the world; None for all of them."""
+        here = self._world.snapshot().present
+        return None if here is None else here[self._first] & here[self._second]
+
+    def agents(self, row: int) -> tuple[str, ...]:
+        """The ids of a pair."""
+        return self._pairs[row]
+
+    def _look_up(self, name: str) -> Any:
+        match name:
+            case "closing_speed":
+                apart = self._apart()
+                first, second = (self._velocities()[each] for each in (self._first, self._second))
+                total = np.zeros(self.rows)
+                for axis in range(apart.shape[1]):
+                    total = total + apart[:, axis] * (second - first)[:, axis]
+                distance = _norm(apart)
+                return np.divide(-total, distance, out=np.zeros(self.rows), where=distance > 0.0)
+            case "distance":
+                return _norm(self._apart())
+            case "position":
+                return self._of_each(self._world.snapshot().positions)
+            case "speed":
+                return self._of_each(_norm(self._velocities()))
+            case "velocity":
+                return self._of_each(self._velocities())
+        raise KeyError(name)
+
+    def _apart(self) -> Array:
+        """Where the second of each pair is, seen from the first [m]; shape (n, d)."""
+        positions = self._world.snapshot().positions
+        return np.asarray(positions[self._second] - positions[self._first])
+
+    def _velocities(self) -> Array:
+        """The velocities of all agents by index [m/s]; shape (N, d)."""
+        snapshot = self._world.snapshot()
+        velocities = np.zeros(snapshot.positions.shape)
+        for group, start in zip(self._world.groups, snapshot.roster.starts, strict=True):
+            of_group = group.model.velocity(self._world.state(group), self._world.applied_input(group))
+            velocities[start : start + len(group), : of_group.shape[1]] = of_group
+        return velocities
+
+    def _of_each(self, values: Array) -> Mapping[str, Array]:
+        """The values of the first and of the second agent of each pair."""
+        return {"first": values[self._first], "second": values[self._second]}
+
+
+class _Known(Mapping[str, Any]):
+    """What the agents of a group know, by name: numbers in columns, anything else as objects."""
+
+    def __init__(self, group: AgentGroup) -> None:
+        self._group = group
+
+    def __getitem__(self, name: str) -> Any:
+        every = [knowledge[name] for knowledge in self._group.knowledge]
+        if isinstance(every[0], bool) and all(isinstance(value, bool) for value in every):
+            return np.array(every)
+        try:
+            return self._group.known(name)
+        except (TypeError, ValueError):
+            values = np.empty(len(every), object)
+            values[:] = every
+            return values
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._group.knowledge[0])
+
+    def __len__(self) -> int:
+        return len(self._group.knowledge[0])
+
+
+def nearest_believed(group: AgentGroup, row: int) -> float:
+    """The distance from where an agent believes to be to the nearest other that it is aware of [m]; else infinite."""
+    tracks, world = group.awareness.tracks, group.awareness.world
+    if tracks is not None:
+        others = tracks.positions[tracks.pointers[row] : tracks.pointers[row + 1]]
+    elif world is not None:
+        others = np.delete(world.positions, world.roster.start(group.name) + row, 0)
+        others = others if world.present is None else others[np.isfinite(others).all(axis=1)]
+    else:
+        return np.inf
+    own = np.zeros(others.shape[1])
+    position = group.model.positions(group.awareness.state)[row]
+    own[: len(position)] = position
+    return float(_norm(others - own).min(initial=np.inf))
+
+
+def _norm(vectors: Array) -> Array:
+    """Euclidean lengths, element by element, so that a row's bits do not depend on the others; (n, d) to (n,)."""
+    total = vectors[:, 0] * vectors[:, 0]
+    for axis in range(1, vectors.shape[1]):
+        total = total + vectors[:, axis] * vectors[:, axis]
+    return np.asarray(np.sqrt(total))

@@ -1,0 +1,341 @@
+"""Specifications: formulas about a run, and what has become of them so far."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symaware_cli.core.verdict import SpecificationStatus
+from symaware_cli.specification.columns import KindError
+from symaware_cli.specification.formula import Array, plain
+from symaware_cli.specification.formulation import Formulation, subformula
+from symaware_cli.specification.monitor import Monitor
+from symaware_cli.specification.outcome import Decision, Outcome, outcome_of
+from symaware_cli.specification.printing import printed
+from symaware_cli.specification.scope import Scope
+
+#: What becomes of a run in which a specification is violated.
+OnViolation = Literal["continue", "end", "event"]
+
+
+class SpecificationError(Exception):
+    """A specification has no value at an instant; the message says which predicate, of whom and why."""
+
+
+@dataclass(frozen=True, slots=True)
+class Specification:
+    """A formula about a run, of each row of a scope.
+
+    Attributes:
+        name: Its name in the scenario.
+        of: What it is about: ``truth`` or ``belief``.
+        each: The group of whose agents there is a verdict each; None for pairs and the world.
+        scope: What its names stand for.
+        formulation: The formula.
+        start: The instant that verdicts are about, in nanoseconds.
+        end: The last instant that counts, in nanoseconds; None for the end of the run.
+        on_violation: What becomes of the run when it is violated.
+        interval: Whether the robust satisfaction interval is computed before the verdict.
+    """
+
+    name: str
+    of: Literal["truth", "belief"]
+    each: str | None
+    scope: Scope
+    formulation: Formulation
+    start: int = 0
+    end: int | None = None
+    on_violation: OnViolation = "event"
+    interval: bool = True
+
+    @property
+    def text(self) -> str:
+        """The formula, to be read."""
+        return printed(self.formulation.tree)
+
+
+@dataclass(frozen=True, slots=True)
+class Exact:
+    """Robustness that became known.
+
+    Attributes:
+        times: The instants that it belongs to, in nanoseconds; shape (m,).
+        rows: Whose; shape (k,).
+        values: Shape (m, k).
+    """
+
+    times: NDArray[np.int64]
+    rows: NDArray[np.intp]
+    values: Array
+
+
+class _Cohort:
+    """Rows that began at the same instant.
+
+    Attributes:
+        rows: Which, ascending; shape (k,).
+        monitor: Their monitor.
+        start: Their first instant, in nanoseconds.
+        told: Their verdicts, as far as they were told; shape (k,).
+    """
+
+    def __init__(self, rows: NDArray[np.intp], monitor: Monitor, start: int, told: NDArray[np.int8]) -> None:
+        self.rows = rows
+        self.monitor = monitor
+        self.start = start
+        self.told = told
+
+    def select(self, chosen: NDArray[np.bool_]) -> _Cohort:
+        """Some of them, with their past."""
+        return _Cohort(self.rows[chosen], self.monitor.select(np.flatnonzero(chosen)), self.start, self.told[chosen])
+
+
+class _Worst:
+    """Verdicts and intervals of rows, each the worst of several instances."""
+
+    def __init__(self, count: int) -> None:
+        self.verdicts = np.ones(count, np.int8)
+        self.lower, self.upper = np.full(count, np.inf), np.full(count, np.inf)
+
+    def add(self, cohort: _Cohort, interval: bool) -> None:
+        """Take the instances of a cohort into account."""
+        rows, monitor = cohort.rows, cohort.monitor
+        self.verdicts[rows] = np.minimum(self.verdicts[rows], monitor.verdict)
+        if interval:
+            self.lower[rows] = np.minimum(self.lower[rows], plain(monitor.lower))
+            self.upper[rows] = np.minimum(self.upper[rows], plain(monitor.upper))
+
+    def copy(self) -> _Worst:
+        """The same, to be added to."""
+        other = _Worst(0)
+        other.verdicts, other.lower, other.upper = self.verdicts.copy(), self.lower.copy(), self.upper.copy()
+        return other
+
+
+class SpecificationMonitor:
+    """Follows a specification through a run.
+
+    The formula is to hold for each row from `Specification.start` on, or from when the row is there; or from several
+    instants, the *instances*, of which the worst counts.
+
+    Attributes:
+        specification: The specification.
+        verdicts: Of each row 1 (satisfied), -1 (violated) or 0 (undecided); shape (rows,).
+        lower: The least that the robustness can turn out to be, of each row; minus infinity without intervals.
+        upper: The greatest; infinite without intervals.
+        robustness: The exact robustness at the latest instant at which it is known, of each row; NaN before the first.
+        settled: The exact robustness that the verdicts are about, of each row; NaN while it is not known.
+        begun: Which rows were ever there; shape (rows,).
+        decisions: The verdicts and what decided them, in the order in which they were.
+        is_over: Whether nothing that comes counts any more.
+    """
+
+    uncaptured: ClassVar[Sequence[str]] = ("specification",)
+
+    def __init__(self, specification: Specification, time_step: int, begins: bool = True) -> None:
+        """Prepare.
+
+        Args:
+            specification: What to follow.
+            time_step: The time between two steps, in nanoseconds.
+            begins: Whether it begins by itself, once for each row; otherwise instances begin with `begin`.
+        """
+        count = specification.scope.rows
+        self.specification = specification
+        self.verdicts = np.zeros(count, np.int8)
+        self.lower, self.upper = np.full(count, -np.inf), np.full(count, np.inf)
+        self.robustness = np.full(count, np.nan)
+        self.settled = np.full(count, np.nan)
+        self.begun = np.zeros(count, bool)
+        self.is_over = False
+        self._time_step = time_step
+        self._begins = begins
+        self._due: list[NDArray[np.intp]] = []
+        self._cohorts: list[_Cohort] = []
+        self._ended = _Worst(count)
+        self._exact: list[Exact] = []
+        self.decisions: list[Decision] = []
+
+    def look(self, now: int) -> Sequence[Decision]:
+        """Take the values of the present step, and return what they decided.
+
+        Raises:
+            SpecificationError: A predicate has no value.
+        """
+        specification = self.specification
+        if self.is_over or now < specification.start:
+            return ()
+        if specification.end is not None and now > specification.end:
+            return self.finish()
+        present = specification.scope.present
+        decisions: list[Decision] = []
+        if present is not None:
+            self._leave(present, decisions)
+        self._arrive(present, now)
+        if self._cohorts:
+            values = self._values(present)
+            for cohort in self._cohorts:
+                whole = len(cohort.rows) == specification.scope.rows
+                cohort.monitor.update(values if whole else [each[cohort.rows] for each in values])
+                self._take(cohort, decisions)
+            self._combine()
+        return decisions
+
+    def begin(self, rows: Sequence[int]) -> None:
+        """Have an instance begin with the next step, of the rows that are there."""
+        self._due.append(np.array(rows, np.intp))
+
+    def finish(self) -> Sequence[Decision]:
+        """Take note that what the specification is about has come to its end, and return what that decided."""
+        decisions: list[Decision] = []
+        if not self.is_over:
+            self.is_over = True
+            for cohort in self._cohorts:
+                cohort.monitor.finish()
+                self._take(cohort, decisions)
+            self._combine()
+        return decisions
+
+    def take_exact(self) -> Sequence[Exact]:
+        """The exact robustness that became known since the last call."""
+        exact, self._exact = self._exact, []
+        return exact
+
+    @property
+    def verdict(self) -> int:
+        """The worst verdict of those who were there: violated, then undecided, then satisfied."""
+        seen = self.verdicts[self.begun]
+        return int(seen.min()) if len(seen) else 0
+
+    @property
+    def outcome(self) -> Outcome:
+        """What has become of it so far."""
+        specification, begun = self.specification, np.flatnonzero(self.begun)
+        return outcome_of(
+            specification.name,
+            specification.text,
+            lambda place: specification.scope.agents(int(begun[place])),
+            self.verdicts[begun],
+            self.settled[begun],
+            self.upper[begun],
+            self.decisions,
+        )
+
+    def status(self, rows: Sequence[int]) -> SpecificationStatus:
+        """The worst status of some rows."""
+        chosen = list(rows)
+        verdict = int(self.verdicts[chosen].min())
+        return SpecificationStatus(
+            verdict=None if verdict == 0 else verdict > 0,
+            robustness=float(np.fmin.reduce(self.robustness[chosen])),
+            interval=(float(self.lower[chosen].min()), float(self.upper[chosen].min())),
+        )
+
+    def _arrive(self, present: NDArray[np.bool_] | None, now: int) -> None:
+        """Let the formula begin to hold for those for whom it is time."""
+        specification = self.specification
+        if self._begins and not self.begun.all():
+            self._due.append(np.flatnonzero(~self.begun))
+        for due in self._due:
+            rows = due if present is None else due[present[due]]
+            if len(rows):
+                self.begun[rows] = True
+                monitor = Monitor(specification.formulation.formula, len(rows), interval=specification.interval)
+                self._cohorts.append(_Cohort(rows, monitor, now, np.zeros(len(rows), np.int8)))
+        self._due.clear()
+
+    def _values(self, present: NDArray[np.bool_] | None) -> list[Array]:
+        """The robustness of each predicate, of all rows."""
+        scope = self.specification.scope
+        memory: dict[str, Any] = {}
+
+        def look_up(name: str) -> Any:
+            if name not in memory:
+                memory[name] = scope.look_up(name)
+            return memory[name]
+
+        values = []
+        with np.errstate(all="ignore"):
+            for atom in self.specification.formulation.atoms:
+                try:
+                    value = atom.robustness(look_up)
+                    column = value if value.shape == (scope.rows,) else np.broadcast_to(value, (scope.rows,))
+                except (KindError, ValueError, TypeError, KeyError, IndexError, ArithmeticError) as error:
+                    raise SpecificationError(f"`{atom.text}` has no value: {error}") from error
+                wrong = np.isnan(column)
+                if present is not None:
+                    wrong &= present
+                if wrong.any():
+                    who = " and ".join(scope.agents(int(wrong.argmax())))
+                    raise SpecificationError(f"`{atom.text}` has no value" + (f" for {who}" if who else ""))
+                values.append(column)
+        return values
+
+    def _leave(self, present: NDArray[np.bool_], decisions: list[Decision]) -> None:
+        """End what is about those who are no longer there."""
+        for place, cohort in enumerate(self._cohorts):
+            here = present[cohort.rows]
+            if here.all():
+                continue
+            gone = cohort.select(~here)
+            gone.monitor.finish()
+            self._take(gone, decisions)
+            self._ended.add(gone, self.specification.interval)
+            self._cohorts[place] = cohort.select(here)
+        self._cohorts = [cohort for cohort in self._cohorts if len(cohort.rows)]
+
+    def _take(self, cohort: _Cohort, decisions: list[Decision]) -> None:
+        """Take over what a monitor found."""
+        rows, monitor = cohort.rows, cohort.monitor
+        first, exact = monitor.exact()
+        if len(exact):
+            values, times = plain(exact), cohort.start + (first + np.arange(len(exact))) * self._time_step
+            self._exact.append(Exact(times, rows, values))
+            self.robustness[rows] = values[-1]
+            if first == 0:
+                self.settled[rows] = np.fmin(self.settled[rows], values[0])
+        verdicts = monitor.verdict
+        changed = verdicts != cohort.told
+        if changed.any():
+            found = [self._decision(cohort, place) for place in np.flatnonzero(changed).tolist()]
+            decisions += found
+            self.decisions += found
+            cohort.told = verdicts.copy()
+
+    def _combine(self) -> None:
+        """Put together what is known of all instances; those that are decided are needed no more."""
+        interval = self.specification.interval
+        if not self._begins:
+            for cohort in self._cohorts:
+                if cohort.told.all():
+                    self._ended.add(cohort, interval)
+            self._cohorts = [cohort for cohort in self._cohorts if not cohort.told.all()]
+        outcome = self._ended.copy()
+        for cohort in self._cohorts:
+            outcome.add(cohort, interval)
+        self.verdicts = np.where(self.begun, outcome.verdicts, 0).astype(np.int8)
+        if interval:
+            self.lower = np.where(self.begun, outcome.lower, -np.inf)
+            self.upper = outcome.upper
+
+    def _decision(self, cohort: _Cohort, place: int) -> Decision:
+        specification = self.specification
+        reason, tree = cohort.monitor.reason(place), specification.formulation.tree
+        satisfied = bool(cohort.monitor.verdict[place] > 0)
+        agents = specification.scope.agents(int(cohort.rows[place]))
+        if reason is None:
+            return Decision(specification.name, agents, satisfied, "", specification.text, None, 0.0, satisfied)
+        return Decision(
+            specification=specification.name,
+            agents=agents,
+            satisfied=satisfied,
+            predicate=specification.formulation.atoms[reason.predicate].text,
+            formula=printed(subformula(tree, reason.path[:-1])),
+            instant=cohort.start + reason.instant * self._time_step,
+            robustness=float(plain(np.asarray(reason.robustness))),
+            holds=reason.robustness > 0.0,
+        )
