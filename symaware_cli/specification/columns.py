@@ -229,7 +229,7 @@ _ARITHMETIC: Mapping[str, Callable[[Any, Any], Any]] = {
     "+": operator.add,
     "-": operator.sub,
     "*": operator.mul,
-    "/": np.divide,
+    "/": lambda one, other: np.where(np.equal(other, 0.0), np.nan, np.divide(one, other)),  # nothing is infinite
     "%": np.remainder,
     "**": lambda base, power: np.power(np.asarray(base, float), power),
 }

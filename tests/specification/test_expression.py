@@ -9,8 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from symaware_cli.geometry.region import Region
 from symaware_cli.specification.expression import FUNCTIONS, EvaluationError, Expression, ExpressionError
+from symaware_cli.specification.region import PlacedRegion
 
+REGIONS = {"disc": Region.model_validate({"circle": {"centre": [0, 0], "radius": 7}})}
 VALUES = {
     "x": 2.0,
     "risk": 0.3,
@@ -21,6 +24,7 @@ VALUES = {
     "flags": np.array([True, False]),
     "knowledge": {"goal-2": [1, 2], "count": 3, "deep": {"a": [5]}},
     "infinite": float("inf"),
+    "disc": PlacedRegion("disc", REGIONS, lambda agent: (np.zeros(2), None)),
 }
 
 
@@ -51,6 +55,7 @@ def holds(text):
         ('knowledge["goal-2"][1]', 2),
         ('knowledge["deep"]["a"][0]', 5),
         ("count(flags)", 1),
+        ("signed_distance(position, disc)", 2),
     ],
 )
 def test_what_a_number_is(text, expected):
@@ -71,6 +76,7 @@ def test_what_a_number_is(text, expected):
         ("all(position > 2)", True),
         ("all(position > 3)", False),
         ("any(flags)", True),
+        ("inside(position, disc)", True),
         ("infinite > 1e300", True),
         ("True and not False", True),
         ("risk\n  > 0.2", True),
