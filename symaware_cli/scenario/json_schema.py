@@ -128,9 +128,9 @@ def _with_bases(schema: dict[str, Any]) -> dict[str, Any]:
         "title": schema["title"],
         "description": schema["description"],
         "if": {"required": ["extends"]},
-        "then": {"$ref": "#/$defs/partial:Scenario"},
-        "else": {"$ref": "#/$defs/Scenario"},
-        "$defs": {**definitions, "ScenarioDocument": schema, **partial, "partial:Scenario": _partial(schema)},
+        "then": {"$ref": "#/$defs/partial:ScenarioDocument"},
+        "else": {"$ref": "#/$defs/ScenarioDocument"},
+        "$defs": {**definitions, "ScenarioDocument": schema, **partial, "partial:ScenarioDocument": _partial(schema)},
     }
 
 
