@@ -107,8 +107,8 @@ def _tables(
     from dataclasses import asdict
 
     from symaware_cli.exporting.conversion import export_tables
+    from symaware_cli.exporting.log_selection import select
     from symaware_cli.exporting.parquet import PARQUET
-    from symaware_cli.exporting.selection import select
     from symaware_cli.exporting.text import CSV
 
     start, last = window

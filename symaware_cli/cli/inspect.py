@@ -43,7 +43,7 @@ class MinimumLevel(enum.StrEnum):
     error = "error"
 
 
-class Stage(enum.StrEnum):
+class StageOption(enum.StrEnum):
     """The stages of messages and of contacts."""
 
     sent = "sent"
@@ -102,7 +102,7 @@ def inspect(
     ] = None,
     kind: Annotated[str | None, typer.Option(help="Kind of the messages.", rich_help_panel=FILTER)] = None,
     stage: Annotated[
-        Stage | None,
+        StageOption | None,
         typer.Option(help="Stage of the messages or contacts.", rich_help_panel=FILTER, case_sensitive=False),
     ] = None,
     start: Annotated[

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.core import Contact, EntityGroup, Scenery, Snapshot
-from symaware_cli.geometry.bodies import Bodies
+from symaware_cli.geometry.body_outlines import BodyOutlines
 from symaware_cli.geometry.pieces import Pieces, Separation, separation
 from symaware_cli.geometry.proximity import Pairs, Proximity
 
@@ -40,7 +40,7 @@ class ContactDetector:
         shapes = [group.entity.shape for group in groups]
         self._agents = len(ids)
         self._names = [*ids, *scenery.names]
-        self._bodies = Bodies([shape.pieces[0] if shape else None for shape in shapes], counts)
+        self._bodies = BodyOutlines([shape.pieces[0] if shape else None for shape in shapes], counts)
         #: A body without a shape is so small that not even its centre touches anything.
         self._radii = np.where(np.repeat([shape is not None for shape in shapes], counts), self._bodies.radii, -np.inf)
         self._cornered, self._any_cornered = self._bodies.cornered, self._bodies.any_cornered

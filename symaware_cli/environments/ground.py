@@ -23,7 +23,7 @@ _REACH = 1000.0
 _RAISED = 1e-5
 
 
-class Ground(Parameters):
+class GroundPlane(Parameters):
     """A plane that everything falls on."""
 
     height: float = Field(0.0, ge=-1e9, le=1e9, description="Where it is [m].")

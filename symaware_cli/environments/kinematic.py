@@ -19,7 +19,7 @@ from symaware_cli.core import (
     WorldError,
 )
 from symaware_cli.environments.actuator import check_time_step
-from symaware_cli.environments.columns import ColumnEnvironment
+from symaware_cli.environments.column_environment import ColumnEnvironment
 from symaware_cli.environments.contact_detector import ContactDetector
 from symaware_cli.environments.process_noise import process_noise
 from symaware_cli.world.integration import euler, rk4

@@ -23,7 +23,7 @@ from symaware_cli.core import (
 )
 from symaware_cli.core.stateful import StateError
 from symaware_cli.environments.actuator import Actuator
-from symaware_cli.environments.columns import ColumnEnvironment, followed
+from symaware_cli.environments.column_environment import ColumnEnvironment, followed
 from symaware_cli.environments.contact_tracker import GROUND, ContactTracker
 
 Array = NDArray[np.float64]

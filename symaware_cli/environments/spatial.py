@@ -18,7 +18,7 @@ from symaware_cli.environments.body_poses import BodyPoses
 from symaware_cli.environments.bullet import MOST_SHOWN, Client, engine, quiet
 from symaware_cli.environments.bullet_collisions import Collisions
 from symaware_cli.environments.contact_tracker import GROUND
-from symaware_cli.environments.ground import Ground, footing, make_plane, make_slab
+from symaware_cli.environments.ground import GroundPlane, footing, make_plane, make_slab
 from symaware_cli.environments.path_follower import follow
 from symaware_cli.environments.physics import BodyStates, PhysicsEnvironment
 from symaware_cli.environments.process_noise import process_noise
@@ -56,7 +56,9 @@ class PyBulletEnvironment(PhysicsEnvironment):
             description="Acceleration of free bodies and of vehicles [x, y, z] [m/s^2]; other agents follow their "
             "models instead.",
         )
-        ground: Ground | None = Field(Ground(), description="The plane that everything falls on; none if null.")
+        ground: GroundPlane | None = Field(
+            GroundPlane(), description="The plane that everything falls on; none if null."
+        )
         height: float = Field(1.0, gt=0, description="How high what has no height of its own is, such as a wall [m].")
         recovery: float = Field(
             0.02,
@@ -156,7 +158,7 @@ class PyBulletEnvironment(PhysicsEnvironment):
 
     # -- bodies
 
-    def _lay_ground(self, ground: Ground) -> None:
+    def _lay_ground(self, ground: GroundPlane) -> None:
         """Make what everything falls on, of whatever there is to stand on it."""
         named: dict[str, tuple[str, ...]] = {group.name: ("agents",) for group in self.groups}
         named |= dict.fromkeys(self.obstacles, ("environment", "entities"))
@@ -289,7 +291,7 @@ class PyBulletEnvironment(PhysicsEnvironment):
         self._levels: dict[str, float] = {}
 
     def _finish(
-        self, body: int, index: int, surface: Entity | Obstacle | Ground, kind: int, damping: float | None = None
+        self, body: int, index: int, surface: Entity | Obstacle | GroundPlane, kind: int, damping: float | None = None
     ) -> None:
         """Say what a body is: whose, of which surface, and whom it meets."""
         self._index[body] = index

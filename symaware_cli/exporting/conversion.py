@@ -11,9 +11,9 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from symaware_cli.exporting import overview
-from symaware_cli.exporting.selection import Selection
-from symaware_cli.exporting.sources import Source, sources_of
+from symaware_cli.exporting import run_tables
+from symaware_cli.exporting.log_selection import Selection
+from symaware_cli.exporting.sources import TableSource, sources_of
 from symaware_cli.exporting.table import Form, Sheet, Table, Values, images_beside, length
 from symaware_cli.recording.error import LogError
 from symaware_cli.recording.output import whole_folder
@@ -71,10 +71,10 @@ def export_tables(
     """
     log.require_manifest()
     selection = selection or Selection()
-    with whole_folder(folder) as place, _TableFolder(place, form, overview.about(log)) as book:
+    with whole_folder(folder) as place, _TableFolder(place, form, run_tables.about(log)) as book:
         try:
-            book.write(overview.AGENTS, overview.agent_rows(log, selection))
-            book.write(overview.ENTITIES, overview.entity_rows(log, selection))
+            book.write(run_tables.AGENTS, run_tables.agent_rows(log, selection))
+            book.write(run_tables.ENTITIES, run_tables.entity_rows(log, selection))
             sources = sources_of(log, selection)
         except (KeyError, TypeError, AttributeError) as error:
             raise LogError(f"the manifest in {log.path} is damaged") from error
@@ -84,7 +84,7 @@ def export_tables(
 
 
 def _batches(
-    log: Log, sources: Mapping[str, Source], selection: Selection, on_progress: Callable[[int], None] | None
+    log: Log, sources: Mapping[str, TableSource], selection: Selection, on_progress: Callable[[int], None] | None
 ) -> Iterator[tuple[Table, list[Values]]]:
     """Read a log in one pass, and lay out what was read where it has become much."""
     entries: dict[str, list[tuple[int, Any]]] = {topic: [] for topic in sources}
@@ -107,7 +107,9 @@ def _batches(
             yield _laid_out(log, topic, source, entries.pop(topic))
 
 
-def _laid_out(log: Log, topic: str, source: Source, entries: Sequence[tuple[int, Any]]) -> tuple[Table, list[Values]]:
+def _laid_out(
+    log: Log, topic: str, source: TableSource, entries: Sequence[tuple[int, Any]]
+) -> tuple[Table, list[Values]]:
     try:
         return source.table, source.convert(entries)
     except (ValueError, IndexError, AttributeError, OverflowError) as error:
@@ -140,8 +142,8 @@ class _TableFolder:
     def finish(self) -> list[Written]:
         """Complete the files, and say what they are."""
         if not self._form.explains:
-            self.write(overview.RUN, overview.run_rows(self._about))
-            self.write(overview.COLUMNS, overview.column_rows([*self._open, overview.COLUMNS]))
+            self.write(run_tables.RUN, run_tables.run_rows(self._about))
+            self.write(run_tables.COLUMNS, run_tables.column_rows([*self._open, run_tables.COLUMNS]))
         while self._open:
             self._open.popitem()[1].close()
         written = [

@@ -7,30 +7,30 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from symaware_cli.exporting.selection import Selection
-from symaware_cli.exporting.table import Column, Table, Values, place_cells, place_columns
+from symaware_cli.exporting.log_selection import Selection
+from symaware_cli.exporting.table import ExportColumn, Table, Values, place_cells, place_columns
 from symaware_cli.recording import logged_events, sensor_channels
 
-TIME = Column("time", "number", "s", "simulated time")
+TIME = ExportColumn("time", "number", "s", "simulated time")
 """The first column of every table but those that do not depend on time."""
 
 EVENTS = Table(
     "events",
     (
         TIME,
-        Column("name", "text", "", "what happened"),
-        Column("source", "text", "", "where, such as agents.robot.2.steer"),
-        Column("level", "text", "", "DEBUG, INFO, WARNING or ERROR"),
-        Column("text", "text", "", "in words"),
-        Column("data", "text", "", "more about it, JSON"),
+        ExportColumn("name", "text", "", "what happened"),
+        ExportColumn("source", "text", "", "where, such as agents.robot.2.steer"),
+        ExportColumn("level", "text", "", "DEBUG, INFO, WARNING or ERROR"),
+        ExportColumn("text", "text", "", "in words"),
+        ExportColumn("data", "text", "", "more about it, JSON"),
     ),
 )
 RECURRING = Table(
     "recurring",
     (
         TIME,
-        Column("name", "text", "", "what happens with every step, turn or message"),
-        Column("source", "text", "", "where"),
+        ExportColumn("name", "text", "", "what happens with every step, turn or message"),
+        ExportColumn("source", "text", "", "where"),
     ),
     optional=True,
 )
@@ -38,40 +38,42 @@ MESSAGES = Table(
     "messages",
     (
         TIME,
-        Column("id", "integer", "", "the same in all stages of one message"),
-        Column("sender", "text", "", "who sent it"),
-        Column("receiver", "text", "", "who it is for"),
-        Column("kind", "text", "", "what it is about"),
-        Column("stage", "text", "", "SENT, DELIVERED or DROPPED"),
-        Column("sent_time", "number", "s", "when it was sent"),
-        Column("reason", "text", "", "why it was dropped"),
-        Column("payload", "text", "", "what it says, JSON; empty where a stage does not repeat it"),
-        Column("size", "integer", "byte", "size on the simulated channel"),
+        ExportColumn("id", "integer", "", "the same in all stages of one message"),
+        ExportColumn("sender", "text", "", "who sent it"),
+        ExportColumn("receiver", "text", "", "who it is for"),
+        ExportColumn("kind", "text", "", "what it is about"),
+        ExportColumn("stage", "text", "", "SENT, DELIVERED or DROPPED"),
+        ExportColumn("sent_time", "number", "s", "when it was sent"),
+        ExportColumn("reason", "text", "", "why it was dropped"),
+        ExportColumn("payload", "text", "", "what it says, JSON; empty where a stage does not repeat it"),
+        ExportColumn("size", "integer", "byte", "size on the simulated channel"),
     ),
 )
 CONTACTS = Table(
     "contacts",
     (
         TIME,
-        Column("a", "text", "", "the one"),
-        Column("b", "text", "", "the other"),
-        Column("stage", "text", "", "BEGIN or END"),
+        ExportColumn("a", "text", "", "the one"),
+        ExportColumn("b", "text", "", "the other"),
+        ExportColumn("stage", "text", "", "BEGIN or END"),
         *place_columns("where"),
-        Column("depth", "number", "m", "how deep they overlap"),
-        Column("impulse", "number", "N*s", "how hard they hit each other; 0 in worlds without forces"),
+        ExportColumn("depth", "number", "m", "how deep they overlap"),
+        ExportColumn("impulse", "number", "N*s", "how hard they hit each other; 0 in worlds without forces"),
     ),
 )
 TIMING = Table(
     "timing",
     (
         TIME,
-        Column("wall_time", "number", "s", "since the run started"),
-        Column("cpu_time", "number", "s", "used by the process"),
-        Column("steps", "integer", "1", "steps done"),
-        Column("pace", "number", "1", "simulated time per wall time that was asked for; 0 for as fast as possible"),
-        Column("instants", "integer", "1", "instants that had to be kept"),
-        Column("late", "integer", "1", "how many of them began late"),
-        Column("worst_lateness", "number", "s", "by how much the latest"),
+        ExportColumn("wall_time", "number", "s", "since the run started"),
+        ExportColumn("cpu_time", "number", "s", "used by the process"),
+        ExportColumn("steps", "integer", "1", "steps done"),
+        ExportColumn(
+            "pace", "number", "1", "simulated time per wall time that was asked for; 0 for as fast as possible"
+        ),
+        ExportColumn("instants", "integer", "1", "instants that had to be kept"),
+        ExportColumn("late", "integer", "1", "how many of them began late"),
+        ExportColumn("worst_lateness", "number", "s", "by how much the latest"),
     ),
 )
 
@@ -171,9 +173,9 @@ def knowledge_source(path: str, ids: Sequence[str], selection: Selection) -> Ent
         path,
         (
             TIME,
-            Column("agent", "name", "", "whose knowledge it is"),
-            Column("key", "text", "", "what is known"),
-            Column("value", "text", "", "JSON"),
+            ExportColumn("agent", "name", "", "whose knowledge it is"),
+            ExportColumn("key", "text", "", "what is known"),
+            ExportColumn("value", "text", "", "JSON"),
         ),
         optional=True,
     )
@@ -195,16 +197,18 @@ def image_source(path: str, sensor: str, ids: Sequence[str], selection: Selectio
         path,
         (
             TIME,
-            Column("agent", "name", "", "whose camera"),
-            Column("measured", "number", "s", "simulated time that is seen"),
-            Column("kind", "text", "", "COLOUR, DEPTH or SEGMENTS"),
-            Column("width", "integer", "1", "pixels from left to right"),
-            Column("height", "integer", "1", "pixels from top to bottom"),
-            Column("encoding", "text", "", "rgb8: red, green, blue; 16UC1: mm, 65535 for nothing, or who is seen"),
-            Column("field_of_view", "number", "rad", "from the lower to the upper edge"),
+            ExportColumn("agent", "name", "", "whose camera"),
+            ExportColumn("measured", "number", "s", "simulated time that is seen"),
+            ExportColumn("kind", "text", "", "COLOUR, DEPTH or SEGMENTS"),
+            ExportColumn("width", "integer", "1", "pixels from left to right"),
+            ExportColumn("height", "integer", "1", "pixels from top to bottom"),
+            ExportColumn(
+                "encoding", "text", "", "rgb8: red, green, blue; 16UC1: mm, 65535 for nothing, or who is seen"
+            ),
+            ExportColumn("field_of_view", "number", "rad", "from the lower to the upper edge"),
             *place_columns("where the camera was"),
             *place_columns("a point in the middle of the image", "target_"),
-            Column("image", "image", "", "PNG"),
+            ExportColumn("image", "image", "", "PNG"),
         ),
         optional=True,
     )

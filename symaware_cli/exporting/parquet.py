@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from symaware_cli.exporting.table import Column, Form, Images, Names, Table, Values
+from symaware_cli.exporting.table import ExportColumn, Form, ImageCells, Names, Table, Values
 from symaware_cli.recording.error import LogError
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ class ParquetSheet:
 PARQUET = Form(".parquet", ParquetSheet, explains=True)
 
 
-def _field(column: Column) -> pyarrow.Field:
+def _field(column: ExportColumn) -> pyarrow.Field:
     import pyarrow
 
     types = {
@@ -86,4 +86,4 @@ def _array(values: Values, kind: pyarrow.DataType) -> pyarrow.Array:
     if isinstance(values, Names):
         codes = pyarrow.array(values.codes, mask=values.codes < 0)
         return pyarrow.DictionaryArray.from_arrays(codes, pyarrow.array(values.names, pyarrow.string()))
-    return pyarrow.array(values.files if isinstance(values, Images) else values, kind)
+    return pyarrow.array(values.files if isinstance(values, ImageCells) else values, kind)

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.core import Part, Signal
-from symaware_cli.exporting import entries, rows
-from symaware_cli.exporting.selection import Selection
-from symaware_cli.exporting.table import Column, Table, Values
+from symaware_cli.exporting import entries, row_tables
+from symaware_cli.exporting.log_selection import Selection
+from symaware_cli.exporting.table import ExportColumn, Table, Values
 from symaware_cli.recording import logged_events, wire
 from symaware_cli.recording.fields import signal_of, signal_topic
 from symaware_cli.recording.index import ChannelInfo
@@ -32,7 +32,7 @@ _TRUTH = {"state": "world", "pose": "pose", "joints": "joints"}
 _SCAN_GROWTH = 16
 
 
-class Source(Protocol):
+class TableSource(Protocol):
     """Makes a table of the messages of a channel."""
 
     @property
@@ -72,7 +72,7 @@ class Extent:
         return max(self.widths, default=0)
 
 
-def sources_of(log: Log, selection: Selection) -> dict[str, Source]:
+def sources_of(log: Log, selection: Selection) -> dict[str, TableSource]:
     """Find out which tables a log has.
 
     Args:
@@ -86,7 +86,7 @@ def sources_of(log: Log, selection: Selection) -> dict[str, Source]:
         LogError: The log cannot be read any more.
     """
     extents = _extents(log, selection)
-    sources: dict[str, Source] = {}
+    sources: dict[str, TableSource] = {}
     for name, group in log.manifest.get("groups", {}).items():
         ids = tuple(group["agents"])
         chosen = np.array([selection.has_agent(id) for id in ids], bool)
@@ -95,7 +95,7 @@ def sources_of(log: Log, selection: Selection) -> dict[str, Source]:
     for name in log.manifest.get("entities", {}):
         if selection.has_agent(name):
             sources |= _Group(log, name, (name,), {}, np.ones(1, bool), extents).sources(selection)
-    singles: Mapping[str, tuple[str, Source]] = {
+    singles: Mapping[str, tuple[str, TableSource]] = {
         "events": ("/events", entries.event_source(selection)),
         "recurring": ("/events/recurring", entries.recurring_source(selection)),
         "contacts": ("/contacts", entries.contact_source(selection)),
@@ -140,10 +140,10 @@ class _Group:
     chosen: NDArray[np.bool_]
     extents: Mapping[str, Extent]
 
-    def sources(self, selection: Selection) -> dict[str, Source]:
+    def sources(self, selection: Selection) -> dict[str, TableSource]:
         """The tables of the group, by topic."""
         prefix = f"/agents/{self.name}"
-        makers: dict[str, tuple[str, Callable[[str], Source]]] = {
+        makers: dict[str, tuple[str, Callable[[str], TableSource]]] = {
             **{f"/world/{self.name}/{kind}": ("world", partial(self.world, table)) for kind, table in _TRUTH.items()},
             f"{prefix}/control": ("control", partial(self.control, "control_requested", "as the controller asked for")),
             f"/world/{self.name}/control": ("control", partial(self.control, "control", "as applied until then")),
@@ -152,7 +152,7 @@ class _Group:
         }
         for name, signal in self.log.signals(self.name).items():
             makers[signal_topic(self.name, name, signal)] = (signal.name, partial(self.signal, signal))
-        sensing: dict[str, Callable[[str, str], Source]] = {
+        sensing: dict[str, Callable[[str, str], TableSource]] = {
             SCAN: self.scan,
             IMAGE: partial(self.image, selection),
         }
@@ -165,85 +165,89 @@ class _Group:
             if topic in self.log.topics and selection.has_field(kind)
         }
 
-    def world(self, table: str, topic: str) -> Source:
+    def world(self, table: str, topic: str) -> TableSource:
         """What is so."""
         quantities = self._quantities(topic)
-        lay_out = partial(rows.lay_out_rows, width=len(quantities))
+        lay_out = partial(row_tables.lay_out_rows, width=len(quantities))
         return self._source(table, _numbers(quantities, "in truth"), lay_out)
 
-    def control(self, table: str, description: str, topic: str) -> Source:
+    def control(self, table: str, description: str, topic: str) -> TableSource:
         """Control inputs."""
         quantities = self._quantities(topic)
-        lay_out = partial(rows.lay_out_rows, width=len(quantities))
+        lay_out = partial(row_tables.lay_out_rows, width=len(quantities))
         return self._source(table, _numbers(quantities, description), lay_out)
 
-    def signal(self, signal: Signal, topic: str) -> Source:
+    def signal(self, signal: Signal, topic: str) -> TableSource:
         """A part of what the agents are aware of, of themselves, or what a component hands out."""
         quantities = self._quantities(topic)
         columns = _numbers(quantities, signal.description or "as measured")
-        lay_out: Callable[..., rows.Piece] = rows.lay_out_rows
+        lay_out: Callable[..., row_tables.Piece] = row_tables.lay_out_rows
         if signal.kind == "series":
-            lay_out = rows.lay_out_series
+            lay_out = row_tables.lay_out_series
             columns = [
-                Column("point", "integer", "1", "number of the point in its series"),
-                Column("point_time", "number", "s", "simulated time that the point speaks of; NaN if there is none"),
+                ExportColumn("point", "integer", "1", "number of the point in its series"),
+                ExportColumn(
+                    "point_time", "number", "s", "simulated time that the point speaks of; NaN if there is none"
+                ),
                 *columns,
             ]
         elif signal.kind == "table":
-            lay_out = rows.lay_out_tables
-            columns = [Column("entry", "integer", "1", "number of the entry in its table"), *columns]
+            lay_out = row_tables.lay_out_tables
+            columns = [ExportColumn("entry", "integer", "1", "number of the entry in its table"), *columns]
         component = None if isinstance(signal, Part) else topic.split("/")[-1]
         return self._source(signal.name, columns, partial(lay_out, width=len(quantities)), sensor=component)
 
-    def awareness(self, topic: str) -> Source:
+    def awareness(self, topic: str) -> TableSource:
         """What the agents believe of others."""
         extent = self.extents[topic]
         quantities = self._quantities(topic)
         columns = [
-            Column("other", "name", "", "whom the agent knows of; none if it knows of nobody"),
-            Column("age", "number", "s", "since the other was last seen"),
+            ExportColumn("other", "name", "", "whom the agent knows of; none if it knows of nobody"),
+            ExportColumn("age", "number", "s", "since the other was last seen"),
             *_numbers(quantities, "of the other, as believed"),
         ]
         if extent.covariances:
             pairs = [(one, other) for one in quantities for other in quantities]
             spread = [(f"cov_{one[0]}_{other[0]}", f"{one[1]}*{other[1]}".strip("*")) for one, other in pairs]
             columns += _numbers(spread, "covariance")
-        lay_out = partial(rows.lay_out_awareness, width=len(quantities), covariances=extent.covariances)
+        lay_out = partial(row_tables.lay_out_awareness, width=len(quantities), covariances=extent.covariances)
         return self._source("awareness", columns, lay_out, self.log.manifest.get("roster", ()))
 
-    def scan(self, sensor: str, topic: str) -> Source:
+    def scan(self, sensor: str, topic: str) -> TableSource:
         """What a lidar measured."""
         columns = [
-            Column("ray", "integer", "1", "number of the ray in its scan"),
-            Column("measured", "number", "s", "simulated time that was measured"),
-            Column("angle", "number", "rad", "where the ray points, counter-clockwise from the heading"),
-            Column("distance", "number", "m", "how far it goes; infinite if nothing is in range, NaN if it was missed"),
+            ExportColumn("ray", "integer", "1", "number of the ray in its scan"),
+            ExportColumn("measured", "number", "s", "simulated time that was measured"),
+            ExportColumn("angle", "number", "rad", "where the ray points, counter-clockwise from the heading"),
+            ExportColumn(
+                "distance", "number", "m", "how far it goes; infinite if nothing is in range, NaN if it was missed"
+            ),
             *_numbers([("x", "m"), ("y", "m"), ("z", "m"), ("heading", "rad")], "of the sensor, in truth"),
         ]
-        return self._source(SCAN, columns, rows.lay_out_scan, sensor=sensor, growth=_SCAN_GROWTH)
+        return self._source(SCAN, columns, row_tables.lay_out_scan, sensor=sensor, growth=_SCAN_GROWTH)
 
-    def image(self, selection: Selection, sensor: str, topic: str) -> Source:
+    def image(self, selection: Selection, sensor: str, topic: str) -> TableSource:
         """What a camera saw."""
         return entries.image_source(_path(IMAGE, self.name, sensor), sensor, self.ids, selection)
 
-    def knowledge(self, selection: Selection, topic: str) -> Source:
+    def knowledge(self, selection: Selection, topic: str) -> TableSource:
         """What the agents know."""
         return entries.knowledge_source(_path("knowledge", self.name), self.ids, selection)
 
     def _source(
         self,
         kind: str,
-        columns: Sequence[Column],
-        lay_out: Callable[[Any, int], rows.Piece],
+        columns: Sequence[ExportColumn],
+        lay_out: Callable[[Any, int], row_tables.Piece],
         index_names: Sequence[str] | None = None,
         sensor: str | None = None,
         growth: int = 1,
-    ) -> Source:
-        keys = (entries.TIME, Column("agent", "name", "", "whose row it is"))
+    ) -> TableSource:
+        keys = (entries.TIME, ExportColumn("agent", "name", "", "whose row it is"))
         path = _path(kind, self.name) if sensor is None else _path(kind, self.name, sensor)
         table = Table(path, _distinct([*keys, *columns]), optional=True)
         chosen = None if self.chosen.all() else self.chosen
-        return rows.RowSource(table, self.ids, lay_out, index_names, chosen, growth)
+        return row_tables.RowSource(table, self.ids, lay_out, index_names, chosen, growth)
 
     def _quantities(self, topic: str) -> Quantities:
         """The names and units that the channel announces, unless its messages are of another width."""
@@ -267,15 +271,15 @@ def _kind(info: ChannelInfo) -> str:
     return signal[1].name if signal else info.topic.split("/")[-1]
 
 
-def _numbers(quantities: Quantities, description: str) -> list[Column]:
-    return [Column(name, "number", unit, description) for name, unit in quantities]
+def _numbers(quantities: Quantities, description: str) -> list[ExportColumn]:
+    return [ExportColumn(name, "number", unit, description) for name, unit in quantities]
 
 
 def _numbered(width: int) -> Quantities:
     return [(f"value_{place}", "") for place in range(width)]
 
 
-def _distinct(columns: Sequence[Column]) -> tuple[Column, ...]:
+def _distinct(columns: Sequence[ExportColumn]) -> tuple[ExportColumn, ...]:
     """Tell columns of one name apart: a state may well have an element called `time`."""
     taken: set[str] = set()
     distinct = []
@@ -284,5 +288,5 @@ def _distinct(columns: Sequence[Column]) -> tuple[Column, ...]:
         while name in taken:
             name, number = f"{column.name}_{number}", number + 1
         taken.add(name)
-        distinct.append(Column(name, column.kind, column.unit, column.description))
+        distinct.append(ExportColumn(name, column.kind, column.unit, column.description))
     return tuple(distinct)

@@ -15,7 +15,7 @@ Kind = Literal["number", "integer", "name", "text", "image"]
 
 
 @dataclass(frozen=True, slots=True)
-class Column:
+class ExportColumn:
     """A column.
 
     Attributes:
@@ -45,7 +45,7 @@ class Names:
 
 
 @dataclass(frozen=True, slots=True)
-class Images:
+class ImageCells:
     """The values of a column of images.
 
     Attributes:
@@ -58,7 +58,7 @@ class Images:
 Cells: TypeAlias = "NDArray[np.float64] | NDArray[np.int64] | Names | list[str]"
 """The values of a column that a line of text can hold."""
 
-Values: TypeAlias = "Cells | Images"
+Values: TypeAlias = "Cells | ImageCells"
 """The values of a column, by its kind."""
 
 
@@ -73,7 +73,7 @@ class Table:
     """
 
     path: str
-    columns: tuple[Column, ...]
+    columns: tuple[ExportColumn, ...]
     optional: bool = False
 
     def values(self, rows: Sequence[Sequence[Any]], names: Sequence[str] = ()) -> list[Values]:
@@ -126,13 +126,13 @@ class Form:
     explains: bool
 
 
-def place_columns(description: str, prefix: str = "") -> tuple[Column, Column, Column]:
+def place_columns(description: str, prefix: str = "") -> tuple[ExportColumn, ExportColumn, ExportColumn]:
     """Columns of a place, in which a place in a plane has no height."""
     x, y, z = (f"{prefix}{axis}" for axis in "xyz")
     return (
-        Column(x, "number", "m", description),
-        Column(y, "number", "m", description),
-        Column(z, "number", "m", f"{description}; NaN in a plane"),
+        ExportColumn(x, "number", "m", description),
+        ExportColumn(y, "number", "m", description),
+        ExportColumn(z, "number", "m", f"{description}; NaN in a plane"),
     )
 
 
@@ -146,7 +146,7 @@ def length(values: Values) -> int:
     match values:
         case Names():
             return len(values.codes)
-        case Images():
+        case ImageCells():
             return len(values.files)
         case _:
             return len(values)
@@ -166,6 +166,6 @@ def _values(kind: Kind, cells: Sequence[Any], names: Sequence[str]) -> Values:
         case "name":
             return Names(np.array(cells, np.int32), names)
         case "image":
-            return Images(cells)
+            return ImageCells(cells)
         case _:
             return list(cells)

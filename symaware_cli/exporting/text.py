@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from symaware_cli.exporting.table import Cells, Form, Images, Names, Table, Values, images_beside, length
+from symaware_cli.exporting.table import Cells, Form, ImageCells, Names, Table, Values, images_beside, length
 
 _PIECE = 16384
 """Rows that are turned into text at a time."""
@@ -38,13 +38,13 @@ class TextSheet:
     def write(self, values: Sequence[Values]) -> None:
         """Append rows."""
         # A piece at a time: as text, a number takes ten times the memory.
-        cells = [self._put_beside(each) if isinstance(each, Images) else each for each in values]
+        cells = [self._put_beside(each) if isinstance(each, ImageCells) else each for each in values]
         for start in range(0, length(values[0]), _PIECE):
             piece = slice(start, start + _PIECE)
             self._write(zip(*(_cells(each, piece) for each in cells), strict=True))
         self._rows += length(values[0])
 
-    def _put_beside(self, images: Images) -> list[str]:
+    def _put_beside(self, images: ImageCells) -> list[str]:
         """Write images into files of their own, numbered by row, and return how these are called."""
         self._images.mkdir(exist_ok=True)
         names = [f"{row:06}.png" for row, _ in enumerate(images.files, self._rows)]

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from symaware_cli.core import Contact, Environment, Event, Level, seconds
-from symaware_cli.geometry.bodies import Bodies
+from symaware_cli.geometry.body_outlines import BodyOutlines
 from symaware_cli.runtime.pacer import Pace
 from symaware_cli.runtime.simulation import Simulation
 from symaware_cli.specification.outcome import Outcome
@@ -125,7 +125,7 @@ class Observer:
         self.reported: dict[object, tuple[float, str]] = {}
         groups = self._environment.groups
         shapes = [group.entity.shape for group in groups]
-        self._bodies = Bodies(
+        self._bodies = BodyOutlines(
             [shape.pieces[0] if shape else None for shape in shapes], [len(group) for group in groups]
         )
         self._no_headings = np.zeros(len(self._bodies))

@@ -13,9 +13,9 @@ from typing import Any
 from symaware_cli.environments.asset import is_packaged
 from symaware_cli.scenario.overrides import Override
 from symaware_cli.scenario.parameters import substitute
-from symaware_cli.scenario.parser import nearest_file, read
 from symaware_cli.scenario.problem import Problem, ScenarioError, TextSpan, dotted, quoted
-from symaware_cli.scenario.source import MappingEntry, Node, Path, Source
+from symaware_cli.scenario.source import MappingEntry, Path, Source, SourceNode
+from symaware_cli.scenario.source_parser import nearest_file, read
 
 MAX_EXTENDS_DEPTH = 16
 # A diamond of bases merges the same file again and again; this bounds the work.
@@ -48,7 +48,7 @@ class Composition:
         files: Each file as written, keyed by its path relative to the top file's folder; the top file comes first.
     """
 
-    def __init__(self, name: str, root: Node, files: dict[str, bytes], sources: dict[str, Source]) -> None:
+    def __init__(self, name: str, root: SourceNode, files: dict[str, bytes], sources: dict[str, Source]) -> None:
         self.name = name
         self.data: dict[str, Any] = root.plain()
         self.files = files
@@ -146,7 +146,7 @@ def compose(
     return composition
 
 
-def _found_beside(root: Node, folders: Mapping[str, str], inside: str = "", around: str = "") -> Node:
+def _found_beside(root: SourceNode, folders: Mapping[str, str], inside: str = "", around: str = "") -> SourceNode:
     """Returns a document in which the files of shapes are named from the top file's folder, not from who names them."""
     if isinstance(root.value, dict):
         entries = {
@@ -157,9 +157,9 @@ def _found_beside(root: Node, folders: Mapping[str, str], inside: str = "", arou
         named = entries.get("file")
         folder = folders.get(named.node.span.file) if named and around == "shape" else None
         if named and folder and isinstance(named.node.value, str) and not is_packaged(named.node.value):
-            beside = Node(str(PurePosixPath(folder, named.node.value)), named.node.span)
+            beside = SourceNode(str(PurePosixPath(folder, named.node.value)), named.node.span)
             entries, changed = entries | {"file": MappingEntry(named.key, beside)}, True
-        return Node(entries, root.span) if changed else root
+        return SourceNode(entries, root.span) if changed else root
     return root
 
 
@@ -192,7 +192,7 @@ def _is_whole(sources: Mapping[str, Source]) -> bool:
     return all(problem.code in _SINGLE_VALUE for problem in _problems(sources))
 
 
-def merge(base: Node, overlay: Node) -> Node:
+def merge(base: SourceNode, overlay: SourceNode) -> SourceNode:
     """Returns what an overlay makes of a base. Inherited keys keep their order, new ones follow."""
     if not isinstance(base.value, dict) or not isinstance(overlay.value, dict):
         return overlay
@@ -205,7 +205,7 @@ def merge(base: Node, overlay: Node) -> Node:
             del entries[key]
         else:
             entries[key] = MappingEntry(entry.key, merge(inherited.node, entry.node))
-    return Node(entries, overlay.span)
+    return SourceNode(entries, overlay.span)
 
 
 class _Files:
@@ -220,16 +220,16 @@ class _Files:
         self._path = path
         self._folder = os.path.realpath(path.parent)
         # What each file says with its bases merged in, by its path relative to the folder.
-        self._composed: dict[str, Node | None] = {}
+        self._composed: dict[str, SourceNode | None] = {}
         # The files that are being composed right now, the top first.
         self._open: list[str] = []
         self._extends = 0
 
-    def compose_top(self) -> Node | None:
+    def compose_top(self) -> SourceNode | None:
         source = read(self._path, self.name)
         return self._compose(self._path.name, source)
 
-    def _compose(self, relative: str, source: Source) -> Node | None:
+    def _compose(self, relative: str, source: Source) -> SourceNode | None:
         """Returns what a file says with its bases merged in, or `None` if it cannot be told."""
         self.sources[source.name] = source
         self.folders[source.name] = PurePath(relative).parent.as_posix().removeprefix(".")
@@ -240,14 +240,14 @@ class _Files:
         self._open.append(relative)
         bases = [self._base(source, value, path) for value, path in _extended(source, root)]
         self._open.pop()
-        own = Node({key: entry for key, entry in root.value.items() if key != "extends"}, root.span)
-        composed: Node | None = None
+        own = SourceNode({key: entry for key, entry in root.value.items() if key != "extends"}, root.span)
+        composed: SourceNode | None = None
         for layer in [base for base in bases if base is not None] + [own]:
             composed = layer if composed is None else merge(composed, layer)
         self._composed[relative] = composed
         return composed
 
-    def _base(self, source: Source, value: Node, path: Path) -> Node | None:
+    def _base(self, source: Source, value: SourceNode, path: Path) -> SourceNode | None:
         """Returns one file that is named under `extends`, composed; reports where it is named if that cannot be."""
         written = str(value.value)
         relative = os.path.normpath(os.path.join(os.path.dirname(self._open[-1]), written))
@@ -293,13 +293,13 @@ def _nearest_base(file: FilePath, written: str) -> str | None:
     return (PurePosixPath(written).parent / found).as_posix() if found else None
 
 
-def _extended(source: Source, root: Node) -> list[tuple[Node, Path]]:
+def _extended(source: Source, root: SourceNode) -> list[tuple[SourceNode, Path]]:
     """Returns the file names under `extends`, each with its path in the document."""
     assert isinstance(root.value, dict)
     if "extends" not in root.value:
         return []
     value = root.value["extends"].node
-    named: list[tuple[Node, Path]]
+    named: list[tuple[SourceNode, Path]]
     if isinstance(value.value, list):
         named = [(child, ("extends", index)) for index, child in enumerate(value.value)]
     else:

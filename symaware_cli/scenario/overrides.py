@@ -3,7 +3,7 @@
 from typing import Self
 
 from symaware_cli.scenario.problem import TextSpan, nearest, quoted
-from symaware_cli.scenario.source import MAX_DEPTH, MappingEntry, Node, Path, Source, decode, report_depth
+from symaware_cli.scenario.source import MAX_DEPTH, MappingEntry, Path, Source, SourceNode, decode, report_depth
 
 # Mappings whose keys are names that the user made up: a name that is not there is a typing error, never a wish.
 _NAMED = ("agents", "components", "entities")
@@ -19,7 +19,7 @@ class Override:
     def __init__(self, source: Source) -> None:
         self.source = source
         self._segments: list[tuple[str, TextSpan]] = []
-        self._value = Node(None, self._stretch(0, len(source.text)))
+        self._value = SourceNode(None, self._stretch(0, len(source.text)))
 
     @classmethod
     def parse(cls, text: str) -> Self:
@@ -64,7 +64,7 @@ class Override:
         # Blanks in place of the path, so that the parser sees every column where the user typed it.
         blank = Source(self.source.name, b"", " " * start + value)
         parse_yaml(blank)
-        self._value = blank.root or Node(None, self._stretch(start, start + 1))
+        self._value = blank.root or SourceNode(None, self._stretch(start, start + 1))
         for problem in blank.problems:
             self.source.report(
                 problem.code,
@@ -78,7 +78,7 @@ class Override:
     def _path(self) -> Path:
         return tuple(segment for segment, _ in self._segments)
 
-    def apply(self, root: Node) -> Node:
+    def apply(self, root: SourceNode) -> SourceNode:
         """Returns the document with the value in place; what does not fit is left in `source.problems`."""
         if not self._segments:
             # The text could not even be taken apart, which is reported already.
@@ -89,7 +89,7 @@ class Override:
             return root
         return self._replace(root, 0)
 
-    def _replace(self, node: Node, depth: int) -> Node:
+    def _replace(self, node: SourceNode, depth: int) -> SourceNode:
         """Returns a copy of a node with the rest of the path applied to it; the node itself if there is a problem."""
         if depth == len(self._segments):
             return self._value
@@ -110,12 +110,12 @@ class Override:
             return node
         if is_last and self._value.value is None and name in entries:
             # As in a file that extends another, null removes what is there.
-            return Node({key: entry for key, entry in entries.items() if key != name}, node.span)
-        child = entries[name].node if name in entries else Node({}, span)
+            return SourceNode({key: entry for key, entry in entries.items() if key != name}, node.span)
+        child = entries[name].node if name in entries else SourceNode({}, span)
         replaced = self._replace(child, depth + 1)
-        return Node(entries | {name: MappingEntry(span, replaced)}, node.span)
+        return SourceNode(entries | {name: MappingEntry(span, replaced)}, node.span)
 
-    def _replace_item(self, node: Node, items: list[Node], depth: int) -> Node:
+    def _replace_item(self, node: SourceNode, items: list[SourceNode], depth: int) -> SourceNode:
         name, span = self._segments[depth]
         # isdecimal() also holds for digits of other scripts, which int() reads, but nobody means.
         index = int(name) if name.isascii() and name.isdecimal() and len(name) < 10 else len(items)
@@ -125,7 +125,7 @@ class Override:
             self._refuse(message, span, depth, expected)
             return node
         replaced = self._replace(items[index], depth + 1)
-        return Node([*items[:index], replaced, *items[index + 1 :]], node.span)
+        return SourceNode([*items[:index], replaced, *items[index + 1 :]], node.span)
 
     def _is_named(self, depth: int) -> bool:
         """Returns whether a segment names something under a mapping of names."""

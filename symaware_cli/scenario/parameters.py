@@ -8,9 +8,9 @@ from symaware_cli.scenario.source import (
     MAX_DEPTH,
     MAX_NODES,
     MappingEntry,
-    Node,
     Path,
     Source,
+    SourceNode,
     report_depth,
     report_nodes,
 )
@@ -29,7 +29,7 @@ class _SubstitutionStopped(Exception):  # noqa: N818
     """There is no point in going on."""
 
 
-def substitute(root: Node, sources: Mapping[str, Source]) -> Node:
+def substitute(root: SourceNode, sources: Mapping[str, Source]) -> SourceNode:
     """Returns the document with every reference replaced; what cannot be is left in the sources' problems.
 
     A text that is nothing but one reference becomes the value itself, with its type and its place. A reference
@@ -42,16 +42,16 @@ def substitute(root: Node, sources: Mapping[str, Source]) -> Node:
 
 
 class _Substitution:
-    def __init__(self, root: Node, sources: Mapping[str, Source]) -> None:
+    def __init__(self, root: SourceNode, sources: Mapping[str, Source]) -> None:
         self._root = root
         self._sources = sources
-        self._parameters = Node({}, root.span)
-        self._resolved: dict[Path, Node] = {}
+        self._parameters = SourceNode({}, root.span)
+        self._resolved: dict[Path, SourceNode] = {}
         self._failed: set[Path] = set()
         self._open: list[Path] = []
         self._characters = 0
 
-    def document(self) -> Node:
+    def document(self) -> SourceNode:
         assert isinstance(self._root.value, dict)
         entries = dict(self._root.value)
         if "parameters" in entries:
@@ -66,30 +66,30 @@ class _Substitution:
             else:
                 node = self._walk(entry.node, (key,))
             entries[key] = MappingEntry(entry.key, node)
-        return Node(entries, self._root.span)
+        return SourceNode(entries, self._root.span)
 
-    def _report(self, code: str, message: str, node: Node, path: Path, **hints: str | None) -> None:
+    def _report(self, code: str, message: str, node: SourceNode, path: Path, **hints: str | None) -> None:
         source = self._sources[node.span.file]
         source.report(code, message, node.span, path, **hints)
         if len(source.problems) >= MAX_PROBLEMS:
             raise _SubstitutionStopped
 
-    def _walk(self, node: Node, path: Path) -> Node:
+    def _walk(self, node: SourceNode, path: Path) -> SourceNode:
         """Returns a value outside `parameters` with its references replaced, or as it is if that fails."""
         if isinstance(node.value, dict):
             entries = {
                 key: MappingEntry(entry.key, self._walk(entry.node, (*path, key))) for key, entry in node.value.items()
             }
-            return self._checked(Node(entries, node.span), path)
+            return self._checked(SourceNode(entries, node.span), path)
         if isinstance(node.value, list):
             items = [self._walk(child, (*path, index)) for index, child in enumerate(node.value)]
-            return self._checked(Node(items, node.span), path)
+            return self._checked(SourceNode(items, node.span), path)
         try:
             return self._fill(node, path)
         except _Unresolved:
             return node
 
-    def _checked(self, node: Node, path: Path) -> Node:
+    def _checked(self, node: SourceNode, path: Path) -> SourceNode:
         """Returns a node if what the references made of it is within bounds."""
         if node.height > MAX_DEPTH:
             report_depth(self._sources[node.span.file], node.span, path)
@@ -99,7 +99,7 @@ class _Substitution:
             raise _SubstitutionStopped
         return node
 
-    def _parameter(self, name: Path, node: Node) -> Node:
+    def _parameter(self, name: Path, node: SourceNode) -> SourceNode:
         """Returns the parameter of a name (below `parameters`) with its own references replaced."""
         if name in self._resolved:
             return self._resolved[name]
@@ -121,18 +121,18 @@ class _Substitution:
         self._resolved[name] = resolved
         return resolved
 
-    def _contents(self, name: Path, node: Node, path: Path) -> Node:
+    def _contents(self, name: Path, node: SourceNode, path: Path) -> SourceNode:
         if not isinstance(node.value, dict | list):
             return self._fill(node, path)
         # Every part is looked at before the whole is given up, so that each of its problems is reported.
         children = self._children(name, node)
         if isinstance(node.value, dict):
             entries = {key: MappingEntry(entry.key, children[key]) for key, entry in node.value.items()}
-            return self._checked(Node(entries, node.span), path)
-        return self._checked(Node(list(children.values()), node.span), path)
+            return self._checked(SourceNode(entries, node.span), path)
+        return self._checked(SourceNode(list(children.values()), node.span), path)
 
-    def _children(self, name: Path, node: Node) -> dict[str | int, Node]:
-        parts: dict[str | int, Node]
+    def _children(self, name: Path, node: SourceNode) -> dict[str | int, SourceNode]:
+        parts: dict[str | int, SourceNode]
         if isinstance(node.value, dict):
             parts = {key: entry.node for key, entry in node.value.items()}
         else:
@@ -147,7 +147,7 @@ class _Substitution:
             raise _Unresolved
         return parts
 
-    def _fill(self, node: Node, path: Path) -> Node:
+    def _fill(self, node: SourceNode, path: Path) -> SourceNode:
         """Returns a scalar with its references replaced."""
         text = node.value
         if not isinstance(text, str) or "${" not in text:
@@ -171,9 +171,9 @@ class _Substitution:
         if failed:
             raise _Unresolved
         parts.append(text[position:])
-        return Node("".join(parts), node.span)
+        return SourceNode("".join(parts), node.span)
 
-    def _value(self, reference: str | None, node: Node, path: Path) -> Node:
+    def _value(self, reference: str | None, node: SourceNode, path: Path) -> SourceNode:
         """Returns what a reference stands for."""
         found = _NAME.fullmatch(reference) if reference is not None else None
         if found is None:
@@ -198,7 +198,7 @@ class _Substitution:
             raise _Unresolved
         return self._parameter(name, target)
 
-    def _formatted(self, value: Node, reference: str, node: Node, path: Path) -> str:
+    def _formatted(self, value: SourceNode, reference: str, node: SourceNode, path: Path) -> str:
         """Returns a value as it is written inside a longer text."""
         if isinstance(value.value, dict | list | None):
             kind = (

@@ -1,7 +1,7 @@
 """A file of the scenario language: plain data plus the position of every key and value.
 
-YAML and TOML both become the same tree of `Node`, so that nothing behind this module knows which one a person wrote.
-Whatever comes from outside is bounded here: the size of the file, its nesting and the number of values in it.
+YAML and TOML are both parsed to a tree of `SourceNode`, so that later stages do not depend on the format. This module
+limits the size of the file, its nesting and the number of values in it.
 """
 
 import math
@@ -32,10 +32,10 @@ class MappingEntry:
     """A key's position and its value."""
 
     key: TextSpan
-    node: "Node"
+    node: "SourceNode"
 
 
-class Node:
+class SourceNode:
     """A value and where it stands. Nodes are never changed, so that aliases may share them.
 
     Attributes:
@@ -47,7 +47,7 @@ class Node:
 
     __slots__ = ("height", "size", "span", "value")
 
-    def __init__(self, value: "Scalar | list[Node] | dict[str, MappingEntry]", span: TextSpan) -> None:
+    def __init__(self, value: "Scalar | list[SourceNode] | dict[str, MappingEntry]", span: TextSpan) -> None:
         self.value = value
         self.span = span
         self.size = 1
@@ -60,7 +60,7 @@ class Node:
             self.size += child.size
             self.height = max(self.height, child.height + 1)
 
-    def children(self) -> "Iterator[Node]":
+    def children(self) -> "Iterator[SourceNode]":
         """Yields the values directly inside."""
         if isinstance(self.value, dict):
             yield from (entry.node for entry in self.value.values())
@@ -119,7 +119,7 @@ class Source:
         self.text = text
         self.lines = _LINE_BREAK.split(text)
         self.problems: list[Problem] = []
-        self.root: Node | None = None
+        self.root: SourceNode | None = None
 
     @property
     def data(self) -> dict[str, Any]:

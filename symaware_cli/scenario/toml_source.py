@@ -15,9 +15,9 @@ from symaware_cli.scenario.source import (
     MAX_DEPTH,
     MAX_NODES,
     MappingEntry,
-    Node,
     Path,
     Source,
+    SourceNode,
     report_depth,
     report_nodes,
     scalar_fault,
@@ -90,21 +90,21 @@ class _TomlNodeBuilder:
         self._source = source
         self._places = places
 
-    def build(self, value: Any, path: Path, parent: TextSpan | None = None) -> Node:
+    def build(self, value: Any, path: Path, parent: TextSpan | None = None) -> SourceNode:
         span = self._places.values.get(path) or parent or self._source.at(0)
         if not isinstance(value, dict | list):
             fault = scalar_fault(value)
             if fault is None:
-                return Node(value, span)
+                return SourceNode(value, span)
             if len(self._source.problems) < MAX_PROBLEMS:
                 self._source.report(fault.code, fault.message, span, path, expected=fault.expected)
-            return Node(None, span)
+            return SourceNode(None, span)
         if len(path) >= MAX_DEPTH:
             # Dotted keys nest without brackets.
             report_depth(self._source, span, path)
-            return Node(None, span)
+            return SourceNode(None, span)
         if isinstance(value, list):
-            return Node([self.build(item, (*path, index), span) for index, item in enumerate(value)], span)
+            return SourceNode([self.build(item, (*path, index), span) for index, item in enumerate(value)], span)
         entries = {}
         for key, item in value.items():
             key_span = self._places.keys.get((*path, key), span)
@@ -112,7 +112,7 @@ class _TomlNodeBuilder:
             if fault:
                 self._source.report(fault.code, fault.message, key_span, (*path, key))
             entries[key] = MappingEntry(key_span, self.build(item, (*path, key), key_span))
-        return Node(entries, span)
+        return SourceNode(entries, span)
 
 
 class _Places:

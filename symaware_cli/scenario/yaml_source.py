@@ -14,9 +14,9 @@ from symaware_cli.scenario.source import (
     MAX_DEPTH,
     MAX_NODES,
     MappingEntry,
-    Node,
     Scalar,
     Source,
+    SourceNode,
     report_depth,
     report_nodes,
     scalar_fault,
@@ -84,9 +84,9 @@ class _Frame:
         self.is_flow = is_flow
         self.span = span
         self.anchor = anchor
-        self.items: list[Node] = []
+        self.items: list[SourceNode] = []
         self.entries: dict[str, MappingEntry] = {}
-        self.merged: list[Node] = []
+        self.merged: list[SourceNode] = []
         self.key: tuple[str | None, TextSpan] | None = None
 
     def place(self) -> str | int | None:
@@ -100,11 +100,11 @@ class _YamlNodeBuilder:
     """Makes nodes of events, with a stack of its own."""
 
     def __init__(self, source: Source) -> None:
-        self.root: Node | None = None
+        self.root: SourceNode | None = None
         self._source = source
         self._stack: list[_Frame] = []
         # None stands for an anchor whose value is still being read.
-        self._anchors: dict[str, Node | None] = {}
+        self._anchors: dict[str, SourceNode | None] = {}
         self._nodes = 0
         self._documents = 0
 
@@ -162,7 +162,7 @@ class _YamlNodeBuilder:
         if fault:
             self._report(fault.code, fault.message, span, expected=fault.expected)
             value = None
-        self._anchor_and_add(Node(value, span), event.anchor)
+        self._anchor_and_add(SourceNode(value, span), event.anchor)
 
     def _tagged(self, event: yaml.ScalarEvent, tag: str, span: TextSpan) -> Scalar:
         """Returns the value of a scalar with a tag."""
@@ -212,7 +212,7 @@ class _YamlNodeBuilder:
             end = self._span(event)
             span = self._source.stretch(span.line, span.column, end.line, end.end_column)
         if not frame.is_mapping:
-            self._anchor_and_add(Node(frame.items, span), frame.anchor)
+            self._anchor_and_add(SourceNode(frame.items, span), frame.anchor)
             return
         entries: dict[str, MappingEntry] = {}
         # Of several merged mappings the first wins, and the mapping's own keys win over all.
@@ -220,7 +220,7 @@ class _YamlNodeBuilder:
             if isinstance(merged.value, dict):
                 entries |= merged.value
         entries |= frame.entries
-        self._anchor_and_add(Node(entries, span), frame.anchor)
+        self._anchor_and_add(SourceNode(entries, span), frame.anchor)
 
     def _alias(self, event: yaml.AliasEvent) -> None:
         span = self._span(event)
@@ -230,20 +230,20 @@ class _YamlNodeBuilder:
             self._report(
                 "undefined-alias", f"no anchor &{name} comes before *{name}", span, suggestion=nearest(name, anchors)
             )
-            node: Node | None = Node(None, span)
+            node: SourceNode | None = SourceNode(None, span)
         else:
             node = self._anchors[name]
             if node is None:
                 self._report("cyclic-alias", f"the alias *{name} is inside the value it stands for", span)
-                node = Node(None, span)
+                node = SourceNode(None, span)
         assert node is not None
         if node.height + len(self._stack) > MAX_DEPTH:
             report_depth(self._source, span, self._path())
             raise _ReadingStopped
         # The children keep their own places; only the value itself is where the alias is.
-        self._add(Node(node.value, span), node.size)
+        self._add(SourceNode(node.value, span), node.size)
 
-    def _anchor_and_add(self, node: Node, anchor: str | None) -> None:
+    def _anchor_and_add(self, node: SourceNode, anchor: str | None) -> None:
         if anchor is not None:
             self._anchors[anchor] = node
         self._add(node, node.size if not isinstance(node.value, dict | list) else 1)
@@ -254,7 +254,7 @@ class _YamlNodeBuilder:
             report_nodes(self._source, span, self._path())
             raise _ReadingStopped
 
-    def _add(self, node: Node, nodes: int) -> None:
+    def _add(self, node: SourceNode, nodes: int) -> None:
         """Puts a finished value where it belongs: into the list, under its key, or as the key of what follows."""
         self._count(nodes, node.span)
         if not self._stack:
@@ -268,7 +268,7 @@ class _YamlNodeBuilder:
         else:
             self._take_value(frame, node)
 
-    def _take_key(self, frame: _Frame, node: Node) -> None:
+    def _take_key(self, frame: _Frame, node: SourceNode) -> None:
         if isinstance(node.value, str):
             first = frame.entries.get(node.value)
             # The key is set first so that the path of the problem ends with it.
@@ -285,7 +285,7 @@ class _YamlNodeBuilder:
             hint = f'"{written}"' if 0 < len(written) <= 30 else "a text"
             self._report("key-not-text", "keys must be text", node.span, expected=hint)
 
-    def _take_value(self, frame: _Frame, node: Node) -> None:
+    def _take_value(self, frame: _Frame, node: SourceNode) -> None:
         assert frame.key is not None
         key, span = frame.key
         if key is None:
@@ -294,7 +294,7 @@ class _YamlNodeBuilder:
             frame.entries[key] = MappingEntry(span, node)
         frame.key = None
 
-    def _merge(self, frame: _Frame, node: Node) -> None:
+    def _merge(self, frame: _Frame, node: SourceNode) -> None:
         merged = node.value if isinstance(node.value, list) else [node]
         for each in merged:
             if not isinstance(each.value, dict):

@@ -19,8 +19,8 @@ from sample_log import write_sample
 
 from symaware_cli.exporting import conversion
 from symaware_cli.exporting.conversion import export_tables
+from symaware_cli.exporting.log_selection import Selection, select
 from symaware_cli.exporting.parquet import PARQUET
-from symaware_cli.exporting.selection import Selection, select
 from symaware_cli.exporting.text import CSV
 from symaware_cli.recording import symaware_v1_pb2 as v1
 from symaware_cli.recording import wire

@@ -14,7 +14,7 @@ from symaware_cli import Contact
 from symaware_cli.components.control.quadrotor_velocity import QuadrotorVelocity
 from symaware_cli.components.perception import SelfPerception
 from symaware_cli.core import AgentGroup, Entity, WorldError
-from symaware_cli.environments.columns import ColumnEnvironment
+from symaware_cli.environments.column_environment import ColumnEnvironment
 from symaware_cli.environments.kinematic import KinematicEnvironment
 from symaware_cli.environments.planar import PymunkEnvironment
 from symaware_cli.environments.process_noise import process_noise

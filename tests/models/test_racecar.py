@@ -13,7 +13,7 @@ from simulating import made, present, untyped
 
 from symaware_cli import Contact
 from symaware_cli.core import AgentGroup, Entity, WorldError
-from symaware_cli.environments.columns import ColumnEnvironment
+from symaware_cli.environments.column_environment import ColumnEnvironment
 from symaware_cli.environments.kinematic import KinematicEnvironment
 from symaware_cli.environments.planar import PymunkEnvironment
 from symaware_cli.environments.process_noise import process_noise

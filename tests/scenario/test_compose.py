@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from symaware_cli.scenario.compose import Composition, CompositionError, compose, merge
 from symaware_cli.scenario.problem import Problem, ScenarioError, TextSpan
-from symaware_cli.scenario.source import MappingEntry, Node
+from symaware_cli.scenario.source import MappingEntry, SourceNode
 
 
 class Folder:
@@ -173,10 +173,10 @@ _DATA = st.recursive(
 _SPAN = TextSpan("f", 1, 1, 2)
 
 
-def _node(value: Any) -> Node:
+def _node(value: Any) -> SourceNode:
     if isinstance(value, dict):
-        return Node({key: MappingEntry(_SPAN, _node(item)) for key, item in value.items()}, _SPAN)
-    return Node(value, _SPAN)
+        return SourceNode({key: MappingEntry(_SPAN, _node(item)) for key, item in value.items()}, _SPAN)
+    return SourceNode(value, _SPAN)
 
 
 def _merge_patch(target: Any, patch: Any) -> Any:

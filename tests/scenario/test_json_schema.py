@@ -9,7 +9,7 @@ import pytest
 
 from symaware_cli.scenario.catalogue import GROUPS, Catalogue
 from symaware_cli.scenario.json_schema import scenario_schema
-from symaware_cli.scenario.parser import load
+from symaware_cli.scenario.source_parser import load
 from symaware_cli.scenario.template import template
 
 ROOT = Path(__file__).parent.parent.parent

@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 from symaware_cli.cli.application import application
 from symaware_cli.scenario.build import build
 from symaware_cli.scenario.execution import execute
-from symaware_cli.scenario.parser import load
+from symaware_cli.scenario.source_parser import load
 from symaware_cli.scenario.template import TemplateError, template
 
 

@@ -13,9 +13,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from symaware_cli.scenario.parser import load
 from symaware_cli.scenario.problem import Problem, ScenarioError
 from symaware_cli.scenario.source import MAX_DEPTH, MAX_NODES, Source
+from symaware_cli.scenario.source_parser import load
 
 
 def read(tmp_path: Path, text: str) -> Source:

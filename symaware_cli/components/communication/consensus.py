@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from symaware_cli.components.communication.running_sums import Flows, History
+from symaware_cli.components.communication.running_sums import Flows, SumHistory
 from symaware_cli.core import AgentGroup, Delivery, GroupCommunicationReceiver, Level, MessageBatch, Parameters
 from symaware_cli.core.message import Indices
 from symaware_cli.world.arrays import is_finite
@@ -116,7 +116,7 @@ class Consensus(GroupCommunicationReceiver):
     def _begin(self, value: Array) -> None:
         """Begin a new epoch with the values at hand."""
         self._first = self._value = value
-        self._history = History(value.shape)
+        self._history = SumHistory(value.shape)
         self._flows = Flows(value.shape, self._start, len(self.environment.roster))
 
     def _present(self) -> Array:

@@ -30,7 +30,7 @@ class TurnSums(NamedTuple):
     after: Array
 
 
-class History:
+class SumHistory:
     """The sums of the last turns of a group, by their instants.
 
     Attributes:
@@ -117,7 +117,7 @@ class Flows:
         np.add.at(total, self.rows, self._weights[:, None] * self._flows)
         return total
 
-    def hear(self, delivery: Delivery, history: History, degrees: Indices | None = None) -> None:
+    def hear(self, delivery: Delivery, history: SumHistory, degrees: Indices | None = None) -> None:
         """Take over what neighbours tell: their ``value`` at a turn, the ``sum`` of those before, their ``epoch``.
 
         Args:
@@ -178,7 +178,7 @@ class Flows:
             setattr(self, name, np.insert(getattr(self, name), where, 0.0, axis=0))
         return np.searchsorted(self._keys, keys)
 
-    def _settle(self, places: Indices, epochs: Times, before: Array, turn: TurnSums, history: History) -> None:
+    def _settle(self, places: Indices, epochs: Times, before: Array, turn: TurnSums, history: SumHistory) -> None:
         """Count anew for neighbours that are heard of for the first time, or began anew."""
         rows = self.rows[places]
         np.add.at(self._settled, rows, self._weights[places, None] * self._flows[places])

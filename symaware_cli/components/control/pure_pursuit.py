@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 
-class Lines(NamedTuple):
+class WaypointLines(NamedTuple):
     """The line of each agent, measured. Lines of fewer legs have further ones of no length at their end.
 
     Attributes:
@@ -37,7 +37,7 @@ class Lines(NamedTuple):
     total: Array
 
 
-def _lines(waypoints: Array, counts: Indices, loop: bool) -> Lines:
+def _lines(waypoints: Array, counts: Indices, loop: bool) -> WaypointLines:
     """Measure lines.
 
     Raises:
@@ -54,7 +54,7 @@ def _lines(waypoints: Array, counts: Indices, loop: bool) -> Lines:
         raise ValueError("two of the `waypoints` that follow each other are the same (a loop closes by itself)")
     directions = legs / np.where(length > 0.0, length, 1.0)[:, :, None]
     starts = np.concatenate([np.zeros((len(counts), 1)), np.cumsum(length, axis=1)], axis=1)
-    return Lines(waypoints, counts, corners, directions, length, starts, starts[:, -1].copy())
+    return WaypointLines(waypoints, counts, corners, directions, length, starts, starts[:, -1].copy())
 
 
 class PursuitDecision(NamedTuple):
@@ -71,7 +71,7 @@ class PursuitDecision(NamedTuple):
 
     control_input: Array
     intent: Array
-    lines: Lines
+    lines: WaypointLines
     begins: NDArray[np.bool_]
     travelled: Array
     remaining: Array
@@ -120,7 +120,7 @@ class PurePursuit(Approach):
         self._finished = np.zeros(len(group), bool)
         self._rows = np.arange(len(group))
 
-    def _present_lines(self) -> tuple[Lines, NDArray[np.bool_]]:
+    def _present_lines(self) -> tuple[WaypointLines, NDArray[np.bool_]]:
         """The lines at present, and who has another one than at the turn before."""
         waypoints, counts = self._group.known_lists("waypoints")
         before = self._lines
@@ -179,7 +179,7 @@ class PurePursuit(Approach):
         self._lines, self._travelled = lines, travelled
         self._started = np.ones(len(travelled), bool)
 
-    def _progress(self, lines: Lines, begins: NDArray[np.bool_], position: Array, ahead: Array) -> Array:
+    def _progress(self, lines: WaypointLines, begins: NDArray[np.bool_], position: Array, ahead: Array) -> Array:
         """How far along its line each agent is, laps included [m]; shape (n,)."""
         before, started = np.where(begins, 0.0, self._travelled), self._started & ~begins
         from_start = position[:, None, :] - lines.corners[:, :-1]
@@ -202,7 +202,7 @@ class PurePursuit(Approach):
         found: Array = np.where(np.isinf(distance[self._rows, best]), before, there[self._rows, best])
         return found
 
-    def _at(self, lines: Lines, travelled: Array) -> Array:
+    def _at(self, lines: WaypointLines, travelled: Array) -> Array:
         """The points that lie so far along the lines [m]; shape (n, 2)."""
         if self.parameters.loop:
             travelled = np.remainder(travelled, lines.total)

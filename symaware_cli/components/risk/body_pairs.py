@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from symaware_cli.components.relative_motion import RelativeMotion, bounding_radii, own_velocity
 from symaware_cli.components.risk.outlines import Side
 from symaware_cli.core import AgentGroup, GroupComponent, Quantity, Tracks
-from symaware_cli.geometry.bodies import Bodies
+from symaware_cli.geometry.body_outlines import BodyOutlines
 from symaware_cli.geometry.minkowski import loosened
 from symaware_cli.geometry.pieces import Pieces
 
@@ -33,7 +33,7 @@ class Known:
         self.group = group
         self.start = environment.roster.start(group.name)
         self.radii = bounding_radii(environment)
-        self.bodies = Bodies([shape.pieces[0] if shape else None for shape in shapes], counts)
+        self.bodies = BodyOutlines([shape.pieces[0] if shape else None for shape in shapes], counts)
         #: Of the balls that hold them in space.
         self.outer: Array = np.repeat([shape.outer_radius if shape else 0.0 for shape in shapes], counts)
         #: Who goes where it points, and looks the same from behind, should it go backwards.

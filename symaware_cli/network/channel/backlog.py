@@ -64,7 +64,7 @@ class Backlog:
         self._pace[links] = bandwidth
 
 
-class Recent:
+class RecentTransmissions:
     """When the last messages are in their links, as many of each as any queue counts, by rows of `LinkStates`.
 
     The times of a link ascend. So there are n messages or more that wait or are on their way into it, if and only if

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.core.message import Indices
-from symaware_cli.network.channel.backlog import Backlog, Recent
+from symaware_cli.network.channel.backlog import Backlog, RecentTransmissions
 from symaware_cli.world.chance import Numbers, agent_numbers, combined, key_of
 
 #: Later than any run ends, and early enough for sums of it not to overflow, in nanoseconds.
@@ -54,7 +54,7 @@ class LinkStates:
         self.free = np.zeros(0, np.int64)
         self.residue = np.zeros(0)
         self.backlog = Backlog()
-        self.recent = Recent()
+        self.recent = RecentTransmissions()
         self.bad = np.zeros(0, np.int8)
         self.channel = np.zeros(0, np.intp)
 

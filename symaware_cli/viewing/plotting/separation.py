@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.core import Shape
-from symaware_cli.geometry.bodies import Bodies
+from symaware_cli.geometry.body_outlines import BodyOutlines
 from symaware_cli.geometry.pieces import Pieces, separation
 from symaware_cli.viewing.plotting.motion import Motion, Obstacles
 
@@ -120,7 +120,7 @@ class _Nearest:
     """Who is nearest to each agent."""
 
     def __init__(self, shapes: Sequence[Shape | None]) -> None:
-        self.bodies = Bodies([shape.pieces[0] if shape else None for shape in shapes])
+        self.bodies = BodyOutlines([shape.pieces[0] if shape else None for shape in shapes])
         self._alike = not self.bodies.any_cornered and len(set(self.bodies.radii.tolist())) == 1
 
     def of(self, agents: Indices, positions: Array, headings: Array) -> tuple[Array, Indices]:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.core import Part
-from symaware_cli.geometry.bodies import Bodies
+from symaware_cli.geometry.body_outlines import BodyOutlines
 from symaware_cli.geometry.proximity import Proximity
 from symaware_cli.viewing.chunk import Chunk
 from symaware_cli.viewing.detail import Detail
@@ -32,7 +32,7 @@ class Separation(Drawing):
         group_views = run_view.group_views.values()
         shapes = [group_view.shape for group_view in group_views]
         counts = [len(group_view.agents) for group_view in group_views]
-        self._bodies = Bodies([shape.pieces[0] if shape else None for shape in shapes], counts)
+        self._bodies = BodyOutlines([shape.pieces[0] if shape else None for shape in shapes], counts)
 
     def marks(self, chunk: Chunk) -> Iterator[Curves]:
         """The distance, and 0."""

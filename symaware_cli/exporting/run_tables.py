@@ -8,41 +8,45 @@ from typing import Any
 
 import numpy as np
 
-from symaware_cli.exporting.selection import Selection
-from symaware_cli.exporting.table import Column, Table, Values, place_cells, place_columns
+from symaware_cli.exporting.log_selection import Selection
+from symaware_cli.exporting.table import ExportColumn, Table, Values, place_cells, place_columns
 from symaware_cli.recording.reader import Log
 
 AGENTS = Table(
     "agents",
     (
-        Column("agent", "text", "", "its id"),
-        Column("group", "text", "", "the entry of the scenario it belongs to"),
-        Column("model", "text", "", "its dynamics"),
-        Column("shape", "text", "", "its outline, JSON; lengths in m"),
-        Column("mass", "number", "kg", "its mass"),
-        Column("components", "text", "", "its components in the order of their turns, JSON"),
+        ExportColumn("agent", "text", "", "its id"),
+        ExportColumn("group", "text", "", "the entry of the scenario it belongs to"),
+        ExportColumn("model", "text", "", "its dynamics"),
+        ExportColumn("shape", "text", "", "its outline, JSON; lengths in m"),
+        ExportColumn("mass", "number", "kg", "its mass"),
+        ExportColumn("components", "text", "", "its components in the order of their turns, JSON"),
     ),
 )
 ENTITIES = Table(
     "entities",
     (
-        Column("entity", "text", "", "its name"),
-        Column("shape", "text", "", "its outline, JSON; lengths in m"),
-        Column("mass", "number", "kg", "its mass"),
+        ExportColumn("entity", "text", "", "its name"),
+        ExportColumn("shape", "text", "", "its outline, JSON; lengths in m"),
+        ExportColumn("mass", "number", "kg", "its mass"),
         *place_columns("where it is at the beginning"),
-        Column("heading", "number", "rad", "where its x axis points at the beginning"),
+        ExportColumn("heading", "number", "rad", "where its x axis points at the beginning"),
     ),
 )
 RUN = Table(
-    "run", (Column("key", "text", "", "what about the run"), Column("value", "text", "", "text, or JSON for the rest"))
+    "run",
+    (
+        ExportColumn("key", "text", "", "what about the run"),
+        ExportColumn("value", "text", "", "text, or JSON for the rest"),
+    ),
 )
 COLUMNS = Table(
     "columns",
     (
-        Column("table", "text", "", "the file, without .csv"),
-        Column("column", "text", "", "the name in its header"),
-        Column("unit", "text", "", "of its numbers; empty for what is no number or not known"),
-        Column("description", "text", "", "in a few words"),
+        ExportColumn("table", "text", "", "the file, without .csv"),
+        ExportColumn("column", "text", "", "the name in its header"),
+        ExportColumn("unit", "text", "", "of its numbers; empty for what is no number or not known"),
+        ExportColumn("description", "text", "", "in a few words"),
     ),
 )
 

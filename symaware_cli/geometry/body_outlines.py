@@ -36,7 +36,7 @@ class NearestPair(NamedTuple):
     other: int
 
 
-class Bodies:
+class BodyOutlines:
     """The outlines of bodies, by index.
 
     Attributes:
@@ -55,9 +55,9 @@ class Bodies:
         known = [([(0.0, 0.0)], 0.0) if each is None else each for each in outlines]
         self._set(Pieces.of(known), np.repeat(np.arange(len(known)), 1 if counts is None else counts))
 
-    def some(self, bodies: Indices) -> Bodies:
+    def some(self, bodies: Indices) -> BodyOutlines:
         """Some of them, by index."""
-        chosen = Bodies.__new__(Bodies)
+        chosen = BodyOutlines.__new__(BodyOutlines)
         chosen._set(self._kinds, self._kind.take(bodies))
         return chosen
 

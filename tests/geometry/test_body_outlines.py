@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from outlines import distance, placed, random_shape
 
-from symaware_cli.geometry.bodies import Bodies
+from symaware_cli.geometry.body_outlines import BodyOutlines
 from symaware_cli.geometry.proximity import Proximity
 
 
@@ -18,7 +18,7 @@ def test_the_nearest_two_are_those_of_all_pairs_of_outlines(seed: int, count: in
     random = np.random.default_rng(seed)
     kinds = [random_shape(random) for _ in range(3)]
     counts = np.bincount(random.integers(3, size=count), minlength=3)
-    bodies = Bodies([shape.pieces[0] for shape in kinds], counts.tolist())
+    bodies = BodyOutlines([shape.pieces[0] for shape in kinds], counts.tolist())
     shapes = [shape for shape, number in zip(kinds, counts, strict=True) for _ in range(number)]
     proximity, least = Proximity(), np.inf
     for _ in range(3):
@@ -35,7 +35,7 @@ def test_the_nearest_two_are_those_of_all_pairs_of_outlines(seed: int, count: in
 
 
 def test_bodies_in_one_place_are_as_deep_in_each_other_as_they_are_wide() -> None:
-    discs = Bodies([([(0.0, 0.0)], 0.5), None], [2, 1])
+    discs = BodyOutlines([([(0.0, 0.0)], 0.5), None], [2, 1])
     assert discs.nearest(np.zeros((3, 2)), np.zeros(3), Proximity()) == (-1.0, 0, 1)
     assert discs.some(np.array([0, 2])).nearest(np.zeros((2, 2)), np.zeros(2), Proximity()) == (-0.5, 0, 1)
     assert discs.nearest(np.zeros((1, 2)), np.zeros(1), Proximity()) is None
