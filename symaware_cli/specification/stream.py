@@ -337,9 +337,15 @@ class AheadStream(Stream):
             if len(starts) == end - begin:
                 return starts
             return np.concatenate([starts, self.clock.full(end - begin - len(starts), side == 1)])
-        if pending > window:
-            found = np.concatenate([self.clock.full(pending - window, not self._greatest), found])
-        found = sliding(ufunc, found, self._last - self._first + 1)
+        if end - 1 + self._first <= pending:
+            # All windows have begun: they have the first of these instants in common.
+            common = begin + self._last + 1 - pending
+            least = ufunc.reduce(found[:common], axis=0, keepdims=True)
+            found = least if end - begin == 1 else accumulated(ufunc, np.concatenate([least, found[common:]]))
+        else:
+            if pending > window:
+                found = np.concatenate([self.clock.full(pending - window, not self._greatest), found])
+            found = sliding(ufunc, found, self._last - self._first + 1)
         if starts is not None:
             ufunc(found[: len(starts)], starts, out=found[: len(starts)])
         return found
