@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from symaware_cli.specification.formula import Array, Formula, Predicate, horizon, operands
 from symaware_cli.specification.reason import Reason, reasons
 from symaware_cli.specification.selection import selected
-from symaware_cli.specification.sliding import Extremum, History, Recent, UntilWindow
+from symaware_cli.specification.sliding import Extremum, History, Recent, Starts, UntilWindow
 from symaware_cli.specification.stream import Clock, Stream, Together, stream
 from symaware_cli.specification.whole import bounds
 
@@ -174,9 +174,13 @@ class Monitor:
             lower = self._clock.full(1, False)[0] if below is None else below[0]
             upper = self._clock.full(1, True)[0] if above is None else above[0]
         if self.interval:
+            if self._clock.single and lower[0] == self.lower[0] and upper[0] == self.upper[0] and exact is None:
+                return
             self.lower, self.upper = lower.copy(), upper.copy()
             holds, fails = lower > 0.0, upper < 0.0
         else:
+            if self._clock.single and lower[0] < upper[0]:
+                return
             holds, fails = lower, np.logical_not(upper)
         verdict = np.subtract(holds, fails, dtype=np.int8)
         if verdict.tobytes() != self.verdict.tobytes():
@@ -193,4 +197,4 @@ def _predicates(formula: Formula) -> int:
 
 
 #: What monitors consist of.
-_PARTS = (Monitor, Clock, Stream, Together, History, Recent, Extremum, UntilWindow)
+_PARTS = (Monitor, Clock, Stream, Together, History, Recent, Starts, Extremum, UntilWindow)

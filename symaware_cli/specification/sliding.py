@@ -142,6 +142,74 @@ class Recent:
         return np.array(list(islice(self._values, begin - self.first, end - self.first))).reshape(-1, rows)
 
 
+class Starts:
+    """Of each instant at which a window ahead begins that has not ended, the extremum so far.
+
+    Attributes:
+        end: The instant after the last one at which a window has begun.
+    """
+
+    def __init__(self, first: int, last: int, greatest: bool, final: int | None, rows: int, dtype: type) -> None:
+        """Begin without windows.
+
+        Args:
+            first: How many steps after its instant a window begins.
+            last: How many steps after its instant it ends.
+            greatest: Whether the greatest is asked for, or else the least.
+            final: The last instant that is asked for; -1 for none at all, None for all.
+            rows: Number of rows.
+            dtype: The type of values.
+        """
+        self.end = 0
+        self._first, self._last = first, last
+        self._greatest = greatest
+        self._final = final
+        self._single = rows == 1
+        self._gone = 0
+        self._extrema = History(rows, dtype=dtype)
+        #: A single row keeps values themselves, which most often nobody asks for.
+        self._values = Recent()
+        self._only: Any = None
+
+    def extend(self, at: int, value: Any) -> None:
+        """Go on to an instant with its value."""
+        begun, final = at - self._first, self._final
+        if begun < 0 or (final is not None and self._gone > final):
+            return
+        if final is None or begun <= final:
+            self.end = begun + 1
+        gone = max(0, at - self._last + 1)
+        if self._single:
+            if final == 0:
+                self._only = value if self._only is None else EXTREMA[True][self._greatest](self._only, value)
+            else:
+                self._values.append(value)
+                self._values.drop(min(gone, self._values.end))
+        else:
+            extrema = self._extrema
+            extrema.drop(min(at - self._last, extrema.end))
+            if extrema.end > extrema.first:
+                known = extrema.between(extrema.first, extrema.end)
+                (np.maximum if self._greatest else np.minimum)(known, value, out=known)
+            if extrema.end < self.end:
+                extrema.append(value)
+            extrema.drop(min(gone, extrema.end))
+        self._gone = gone
+
+    def between(self, begin: int, end: int) -> Values | None:
+        """The extrema of windows that begin from one instant up to another [instants, rows]; None if none has begun."""
+        end = min(end, self.end)
+        if begin >= end:
+            return None
+        if not self._single:
+            return self._extrema.between(begin, end)
+        if self._final == 0:
+            return np.array([[self._only]])
+        # The first value that was kept is that of instant `first`.
+        values = self._values.between(begin, self._values.end, 1)
+        return accumulated(np.maximum if self._greatest else np.minimum, values[::-1])[::-1][: end - begin]
+
+
 class Extremum:
     """The least or greatest of the last so many values, in amortised constant time.
 

@@ -35,6 +35,7 @@ from symaware_cli.specification.sliding import (
     Extremum,
     History,
     Recent,
+    Starts,
     UntilWindow,
     Values,
     accumulated,
@@ -287,9 +288,7 @@ class AheadStream(Stream):
         self._window: Extremum | None = None
         if last > first:
             self._window = Extremum(last - first + 1, clock.single, greatest, clock.value(not greatest))
-        #: Of each window that has begun and not ended the extremum so far; of those that are asked for.
-        self._starts = History(clock.rows, dtype=clock.dtype)
-        self._last_start = starts
+        self._starts = Starts(first, last, greatest, starts, clock.rows, clock.dtype)
 
     def push(self, samples: Sequence[Any]) -> Any:
         """See the base class."""
@@ -298,27 +297,12 @@ class AheadStream(Stream):
             return None
         at = self._operand.exact
         if self._window is not None:
-            if self._last_start is None or self._starts.first <= self._last_start:
-                self._extend(at, value)
+            self._starts.extend(at, value)
             value = self._window.push(value)
         if at < self._last:
             return None
         self.exact += 1
         return value
-
-    def _extend(self, at: int, value: Any) -> None:
-        """Extend windows that have begun to an instant."""
-        begun = at - self._first
-        if begun < 0:
-            return
-        starts = self._starts
-        starts.drop(min(at - self._last, starts.end))
-        if starts.end > starts.first:
-            known = starts.between(starts.first, starts.end)
-            (np.maximum if self._greatest else np.minimum)(known, value, out=known)
-        if self._last_start is None or begun <= self._last_start:
-            starts.append(value)
-        starts.drop(min(at - self._last + 1, starts.end))
 
     def bound(self, side: int, begin: int, end: int) -> Values | None:
         """See the base class."""
@@ -330,7 +314,7 @@ class AheadStream(Stream):
             # Most often the last instant tells that nothing is known yet.
             return None
         found = self._operand.bound(side, pending, end + self._last)
-        starts = self._starts.between(begin, min(end, self._starts.end)) if begin < self._starts.end else None
+        starts = self._starts.between(begin, end)
         if found is None:
             if self._greatest == (side == 1) or starts is None:
                 return None
