@@ -49,9 +49,11 @@ class Monitor:
         self.lower: Array = np.full(rows, -np.inf)
         self.upper: Array = np.full(rows, np.inf)
         self.complete = True
-        self._clock = Clock(rows, boolean=not interval)
+        #: Without the interval, bounds are those of the truth, and robustness has streams of its own, which of a single
+        #: row would cost more than they save.
+        self._truth = not interval and rows != 1
+        self._clock = Clock(rows, boolean=self._truth)
         self._stream = stream(formula, self._clock, 0)
-        #: Without the interval, bounds are those of the truth, and robustness has streams of its own.
         self._robustness_clock = Clock(rows, boolean=False)
         self._robustness = stream(formula, self._robustness_clock, -1)
         self._settled = False
@@ -80,14 +82,14 @@ class Monitor:
         elif self.horizon is None:
             self.complete = False
         exact: Any = None
-        if self.interval or not self._settled:
+        if not (self._truth and self._settled):
             self._clock.now = now
-            exact = self._stream.push(samples if self.interval else [each > 0.0 for each in samples])
+            exact = self._stream.push([each > 0.0 for each in samples] if self._truth else samples)
             if not self._settled:
                 self._judge(exact)
-        if self.horizon is None:
-            return
-        if not self.interval:
+            if self._truth:
+                exact = None
+        if self._truth and self.horizon is not None:
             self._robustness_clock.now = now
             exact = self._robustness.push(samples)
         if exact is not None:
@@ -165,23 +167,19 @@ class Monitor:
         if exact is not None:
             lower = upper = np.atleast_1d(exact)
         else:
-            below, above = (
-                self._stream.bound(side, 0, 1) if self.ended or self.instants > self._stream.soonest[side] else None
-                for side in (0, 1)
-            )
+            below, above = self._stream.known(0, 0, 1), self._stream.known(1, 0, 1)
             if below is None and above is None:
                 return
             lower = self._clock.full(1, False)[0] if below is None else below[0]
             upper = self._clock.full(1, True)[0] if above is None else above[0]
-        if self.interval:
-            if self._clock.single and lower[0] == self.lower[0] and upper[0] == self.upper[0] and exact is None:
-                return
-            self.lower, self.upper = lower.copy(), upper.copy()
-            holds, fails = lower > 0.0, upper < 0.0
-        else:
-            if self._clock.single and lower[0] < upper[0]:
-                return
+        if self._truth:
             holds, fails = lower, np.logical_not(upper)
+        else:
+            if self.interval:
+                self.lower, self.upper = lower.copy(), upper.copy()
+            if self._clock.single and lower[0] < 0.0 < upper[0]:
+                return
+            holds, fails = lower > 0.0, upper < 0.0
         verdict = np.subtract(holds, fails, dtype=np.int8)
         if verdict.tobytes() != self.verdict.tobytes():
             self._decided[verdict != self.verdict] = self.instants + self.ended

@@ -228,9 +228,15 @@ class Extremum:
 
     def push(self, value: Any) -> Any:
         """Take a value, and return the extremum."""
-        better = EXTREMA[self._single][self._greatest]
         block = self._block
-        beginning = better(self._beginning, value) if block else value
+        better = EXTREMA[self._single][self._greatest]
+        beginning = self._beginning
+        if not block:
+            beginning = value
+        elif not self._single:
+            beginning = better(beginning, value)
+        elif (value > beginning) is self._greatest:
+            beginning = value
         block.append(value)
         if len(block) < self._width:
             self._beginning = beginning

@@ -123,6 +123,10 @@ class Stream:
         """
         raise NotImplementedError
 
+    def known(self, side: int, begin: int, end: int) -> Values | None:
+        """Bounds, without asking where nothing can be known yet."""
+        return None if self.clock.now < begin + self.soonest[side] else self.bound(side, begin, end)
+
     def bound_or_extreme(self, side: int, begin: int, end: int) -> Values:
         """Bounds, which are infinite where nothing is known."""
         found = self.bound(side, begin, end) if begin < end else None
@@ -310,10 +314,10 @@ class AheadStream(Stream):
         window = begin + self._first
         pending = max(window, self._operand.exact + 1)
         one = end - begin == 1 and self._greatest == (side == 1) and pending < begin + self._last
-        if one and self._operand.bound(side, begin + self._last, end + self._last) is None:
+        if one and self._operand.known(side, begin + self._last, end + self._last) is None:
             # Most often the last instant tells that nothing is known yet.
             return None
-        found = self._operand.bound(side, pending, end + self._last)
+        found = self._operand.known(side, pending, end + self._last)
         starts = self._starts.between(begin, end)
         if found is None:
             if self._greatest == (side == 1) or starts is None:
@@ -521,7 +525,7 @@ class UntilStream(Stream):
         else:
             stop = max(self.clock.now + self.reach + 1, end) + 1
         right = self._together.bound(1, side, pending, stop) if pending < stop else None
-        if right is None and pending < stop and side == 1 and not begun:
+        if right is None and pending < stop and end <= stop and side == 1 and not begun:
             return None
         if right is None:
             right = self.clock.full(stop - pending, side == 1)

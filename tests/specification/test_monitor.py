@@ -4,7 +4,19 @@ import pytest
 from symaware_cli.runtime.state.counterparts import Counterparts
 from symaware_cli.runtime.state.putting import Putting
 from symaware_cli.runtime.state.taking import Taking
-from symaware_cli.specification.formula import Always, Array, Eventually, Formula, Not, Or, Predicate, horizon, operands
+from symaware_cli.specification.formula import (
+    Always,
+    Array,
+    Eventually,
+    Formula,
+    Historically,
+    Not,
+    Or,
+    Predicate,
+    Until,
+    horizon,
+    operands,
+)
 from symaware_cli.specification.monitor import Monitor
 from tests.specification.formulas import random_formula, random_samples
 from tests.specification.recursion import interval
@@ -80,6 +92,12 @@ def cases(seed: int, number: int) -> None:
 @pytest.mark.parametrize("seed", range(4))
 def test_monitors_agree_with_the_recursion_at_every_instant(seed: int) -> None:
     cases(seed, 150)
+
+
+def test_an_until_without_an_end_is_not_reached_after_the_run() -> None:
+    # Where a window asks at once for the last instant, of which nothing is known, and one after it.
+    until = Until(1, None, Historically(1, None, Predicate(0)), Always(1, 1, Predicate(2)))
+    check(Always(1, 2, until), random_samples(np.random.default_rng(0), 3, 3), ends=True)
 
 
 @pytest.mark.slow
