@@ -14,6 +14,7 @@ from symaware_cli.version import __version__ as __version__
 processor.pin()
 
 if TYPE_CHECKING:
+    from symaware_cli.api.checking import CheckResult, check_log
     from symaware_cli.api.outline import GroupOutline, Outline
     from symaware_cli.api.result import RunFailedError, RunInterrupted, RunResult
     from symaware_cli.api.scenario import Scenario, load
@@ -73,6 +74,7 @@ if TYPE_CHECKING:
         seconds,
     )
     from symaware_cli.core.stateful import StateError
+    from symaware_cli.core.verdict import SpecificationStatus
     from symaware_cli.distributed.transport import Port, PortEvent, Transport, TransportError, TransportParameters
     from symaware_cli.environments.vehicle import Vehicle
     from symaware_cli.network.topology.topology import Topology, TopologyError, TopologyParameters
@@ -90,6 +92,7 @@ __all__ = [
     "AwarenessDatabase",
     "AwarenessVector",
     "Box",
+    "CheckResult",
     "Circle",
     "CommunicationReceiver",
     "CommunicationSender",
@@ -144,6 +147,7 @@ __all__ = [
     "Signal",
     "SimulationState",
     "Snapshot",
+    "SpecificationStatus",
     "StateError",
     "SteppedSimulation",
     "TimeSeries",
@@ -160,6 +164,7 @@ __all__ = [
     "Vehicle",
     "Wall",
     "WorldError",
+    "check_log",
     "generator",
     "load",
     "nanoseconds",
@@ -176,6 +181,7 @@ _HOMES = {
     "symaware_cli.api.stepping": ("SteppedSimulation",),
     "symaware_cli.components.sensor": ("Sensor", "SensorParameters"),
     "symaware_cli.core.stateful": ("StateError",),
+    "symaware_cli.core.verdict": ("SpecificationStatus",),
     "symaware_cli.environments.vehicle": ("Vehicle",),
     "symaware_cli.network.topology.topology": ("Topology", "TopologyError", "TopologyParameters"),
     "symaware_cli.distributed.transport": (
@@ -187,6 +193,7 @@ _HOMES = {
     ),
     "symaware_cli.processor": ("ProcessorWarning",),
     "symaware_cli.recording.error": ("LogError",),
+    "symaware_cli.api.checking": ("CheckResult", "check_log"),
     "symaware_cli.recording.reader": ("Log", "open_log"),
     "symaware_cli.recording.series": ("Series",),
     "symaware_cli.runtime.state.simulation_state": ("SimulationState",),

@@ -21,6 +21,7 @@ from symaware_cli.core.environment import Environment
 from symaware_cli.core.event import EventBus
 from symaware_cli.core.message import Exchange
 from symaware_cli.core.verdict import SpecificationStatus, SpecificationStatuses
+from symaware_cli.geometry.region import Region
 from symaware_cli.world.entity import Entity
 from symaware_cli.world.model import Model
 from symaware_cli.world.roster import Roster
@@ -58,6 +59,7 @@ class AgentGroup(EntityGroup):
         knowledge_changes: The changes of the knowledge.
         awareness: The awareness of all agents.
         surroundings: The objects that all agents of the run share.
+        regions: The regions of the scenario, by name.
         specifications: The statuses of the specifications of the run, by name.
     """
 
@@ -81,6 +83,7 @@ class AgentGroup(EntityGroup):
             for row, each in enumerate(knowledge or [{} for _ in ids])
         )
         self._known: dict[str, KnownColumn] = {}
+        self.regions: Mapping[str, Region] = {}
         self.specifications: Mapping[str, SpecificationStatuses] = {}
         self.surroundings: Surroundings
 

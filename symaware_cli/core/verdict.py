@@ -26,3 +26,7 @@ class SpecificationStatuses(Protocol):
 
     def of(self, agent: str) -> SpecificationStatus | None:
         """The status for an agent: its own, the worst of its pairs, or the world's; None where it has none."""
+
+    @property
+    def worst(self) -> SpecificationStatus:
+        """The worst of all."""

@@ -10,9 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.core import PARTS, AgentGroup, TimeSeries, seconds
+from symaware_cli.core.verdict import SpecificationStatuses
 from symaware_cli.geometry.region import Region
 from symaware_cli.specification.expression import FUNCTIONS
-from symaware_cli.specification.scope import Scope, World, nearest_believed
+from symaware_cli.specification.region import PlacedRegion
+from symaware_cli.specification.scope import Anchors, Scope, World, nearest_believed
 
 if TYPE_CHECKING:
     from symaware_cli.runtime.run_summary import Observer
@@ -28,10 +30,13 @@ AGENT_NAMES: Mapping[str, str] = {
     "nearest": "distance to the nearest other that it is aware of [m]; infinite if there is none",
     "position": "where it believes to be [m]",
     "risk": "the greatest risk it sees; 0 if none was estimated",
+    "robustness": 'the robustness of a specification, as far as it is known: robustness["safe"]',
+    "satisfied": 'whether a specification is satisfied: satisfied["safe"]',
     "state": "what it believes of its own state, as every further part of its awareness by its name: attention[0]",
     "time": "simulated time [s]",
     "uncertainty": "the greatest number of its uncertainty; 0 if none was estimated",
     "velocity": "how fast it believes to move [m/s]",
+    "violated": 'whether a specification is violated: violated["safe"]',
 }
 
 #: What `run.until` may refer to.
@@ -42,9 +47,15 @@ WORLD_NAMES: Mapping[str, str] = {
     "highest_risk": "the greatest risk that an agent sees now; 0 if none was estimated",
     "min_separation": "the least distance between the centres of two agents now [m]; infinite if there is one agent",
     "position": 'where an agent, or each of a group, truly is [m]: position["robot.2"]',
+    "robustness": 'the least robustness of a specification, as far as it is known: robustness["safe"]',
+    "satisfied": 'whether a specification is satisfied by all: satisfied["safe"]',
     "state": 'the true state of an agent, or of each of a group: state["leader"]',
     "time": "simulated time [s]",
+    "violated": 'whether a specification is violated by any: violated["safe"]',
 }
+
+#: The names that tell what has become of specifications.
+STATUS_NAMES = ("robustness", "satisfied", "violated")
 
 
 class AgentScope:
@@ -54,17 +65,26 @@ class AgentScope:
         self._group = group
         #: Parts of awareness, of which those of every agent have a meaning of their own in `AGENT_NAMES`.
         self._parts = group.awareness.columns.keys() - AGENT_NAMES.keys() | {"state"}
+        # Where an agent truly is, is no belief; so a region around one has no place here.
+        self._regions = {
+            name: PlacedRegion(name, group.regions, _nowhere)
+            for name, region in group.regions.items()
+            if region.around is None
+        }
         taken = {*self._parts, *AGENT_NAMES, *FUNCTIONS}
         self._elements = {
             quantity.name: index for index, quantity in enumerate(group.model.state) if quantity.name not in taken
         }
         known = {name for each in group.knowledge for name in each if name.isidentifier()}
         self._known = known - set(self._elements) - taken
+        self._regions = {
+            name: each for name, each in self._regions.items() if name not in {*self._known, *self._elements}
+        }
 
     @property
     def names(self) -> set[str]:
         """All that a condition may refer to: the elements of the state, `AGENT_NAMES`, further parts, the knowledge."""
-        return {*self._elements, *AGENT_NAMES, *self._parts, *self._known}
+        return {*self._elements, *AGENT_NAMES, *self._parts, *self._known, *self._regions}
 
     def look_up(self, row: int, name: str) -> Any:
         """What a name stands for, for one agent."""
@@ -76,6 +96,10 @@ class AgentScope:
             return group.knowledge[row][name]
         if name in self._parts:
             return group.awareness.columns[name].present(row)
+        if name in self._regions:
+            return self._regions[name]
+        if name in STATUS_NAMES:
+            return _StatusByName(group.specifications, name, group.ids[row])
         match name:
             case "control_input":
                 return group.control_input[row]
@@ -99,6 +123,28 @@ class AgentScope:
         raise KeyError(name)
 
 
+def _nowhere(agent: str) -> tuple[Array, float | None]:
+    raise ValueError(f"the region moves with `{agent}`")
+
+
+class _StatusByName:
+    """One figure of the status of each specification."""
+
+    def __init__(self, statuses: Mapping[str, SpecificationStatuses], figure: str, agent: str | None = None) -> None:
+        self._statuses = statuses
+        self._figure = figure
+        self._agent = agent
+
+    def __getitem__(self, name: str) -> bool | float:
+        statuses = self._statuses[name]
+        status = statuses.worst if self._agent is None else statuses.of(self._agent)
+        if status is None:
+            raise KeyError(f"the specification `{name}` does not concern `{self._agent}`")
+        if self._figure == "robustness":
+            return status.robustness
+        return status.verdict is (self._figure == "satisfied")
+
+
 def further_parts(groups: Iterable[AgentGroup]) -> list[str]:
     """The names of the parts of awareness that components declare, in their order."""
     every = {part.name for part in PARTS}
@@ -113,15 +159,26 @@ class WorldScope:
         self._observer = observer
         self._rows = {id: (group, row) for group in simulation.groups for row, id in enumerate(group.ids)}
         self._parts = frozenset(further_parts(simulation.groups))
+        regions = simulation.groups[0].regions if simulation.groups else {}
+        anchors = Anchors(simulation.environment, simulation.groups)
+        self._regions = {name: PlacedRegion(name, regions, anchors) for name in regions if name not in WORLD_NAMES}
         self._with_goal = sorted(
             id for entry in simulation.entries if "goal-reached" in entry.components[0].events for id in entry.group.ids
         )
+
+    @property
+    def _statuses(self) -> Mapping[str, SpecificationStatuses]:
+        return self._simulation.groups[0].specifications
 
     def look_up(self, name: str) -> Any:
         """What a name stands for."""
         simulation = self._simulation
         if name in self._parts:
             return _ByName(self._rows, simulation, partial(_part_of, name))
+        if name in self._regions:
+            return self._regions[name]
+        if name in STATUS_NAMES:
+            return _StatusByName(self._statuses, name)
         match name:
             case "agents":
                 return sum(len(group.rows) for group in simulation.groups)

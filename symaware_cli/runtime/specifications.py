@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from symaware_cli.core import Event, Level
 from symaware_cli.core.verdict import SpecificationStatus
 from symaware_cli.runtime.event_router import EventRouter
@@ -136,3 +138,9 @@ class _Statuses:
         """The status for an agent; the worst, where it has several pairs."""
         rows = [0] if self._is_world else self._rows.get(agent)
         return None if rows is None else self._monitor.status(rows)
+
+    @property
+    def worst(self) -> SpecificationStatus:
+        """The worst of all that were ever there."""
+        begun = np.flatnonzero(self._monitor.begun).tolist()
+        return self._monitor.status(begun or range(len(self._monitor.begun)))

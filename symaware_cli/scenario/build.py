@@ -201,7 +201,9 @@ class _SimulationBuilder:
         component_entries: Sequence[ComponentEntry],
     ) -> RunOptions:
         """Check what is said about time and faults, and let the components know."""
-        check = TimingCheck(self._composition, environment, self._problems.append)
+        check = TimingCheck(
+            self._composition, environment, self._problems.append, document.regions, document.specifications
+        )
         for component_entry in component_entries:
             use = document.agents[component_entry.group.name].components[component_entry.name]
             path: Path = ("agents", component_entry.group.name, "components", component_entry.name)
@@ -334,6 +336,7 @@ class _SimulationBuilder:
         if not self._conforms(model, str(uses_model), states[0], (*path, "model", "use")):
             return None, []
         group = AgentGroup(name, ids, model, body, states, knowledge, parts, signals)
+        group.regions = document.regions if isinstance(document, ScenarioDocument) else {}
         component_entries = [
             ComponentEntry(group, component, uses[component], instances[component])
             for component in capable

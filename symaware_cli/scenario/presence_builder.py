@@ -53,7 +53,7 @@ class PresenceBuilder:
 
         Those who are not there at the beginning are marked in their groups.
         """
-        self._world = {*WORLD_NAMES, *further_parts(groups)}
+        self._world = {*WORLD_NAMES, *further_parts(groups), *(groups[0].regions if groups else ())}
         spans = {}
         for group in groups:
             said = agents[group.name].present

@@ -12,7 +12,7 @@ from typing import Any
 from symaware_cli.core import AgentGroup, CommunicationReceiver, Component, Environment, nanoseconds
 from symaware_cli.core.component import BaseComponent
 from symaware_cli.core.event import RECURRING, TURNS
-from symaware_cli.runtime.scope import WORLD_NAMES, AgentScope, further_parts
+from symaware_cli.runtime.scope import STATUS_NAMES, WORLD_NAMES, AgentScope, further_parts
 from symaware_cli.runtime.simulation import ComponentEntry
 from symaware_cli.runtime.timing import Duration, Timing, Trigger
 from symaware_cli.scenario.compose import Composition
@@ -20,6 +20,7 @@ from symaware_cli.scenario.document import ComponentUse, Drawn, RunSection
 from symaware_cli.scenario.problem import Problem, dotted, nearest, quoted
 from symaware_cli.scenario.source import Path
 from symaware_cli.specification.expression import Expression, ExpressionError
+from symaware_cli.specification.node import Element, Name, walk
 
 #: What is told of whomever a fault of the scenario happens to.
 FAULT_EVENTS = frozenset({"fault", "fault-over"})
@@ -52,19 +53,43 @@ def _may_wait(component: type[BaseComponent[Any]]) -> bool:
 class TimingCheck:
     """Turns what a scenario says about time into what a run needs, and reports what is wrong with it."""
 
-    def __init__(self, composition: Composition, environment: Environment, report: Report) -> None:
+    def __init__(
+        self,
+        composition: Composition,
+        environment: Environment,
+        report: Report,
+        regions: Collection[str] = (),
+        specifications: Collection[str] = (),
+    ) -> None:
         self._composition = composition
         self._environment = environment
         self._time_step = environment.time_step
         self._report = report
+        self._regions = regions
+        self._specifications = specifications
 
     def expression(self, text: str, path: Path, names: Collection[str]) -> Expression | None:
         """Parse an expression; None after a problem."""
         try:
-            return Expression(text, names)
+            expression = Expression(text, names)
+            self._require_specifications(expression)
+            return expression
         except ExpressionError as error:
             self.expression_problem(text, path, error, "highest_risk < 0.2" if path[0] == "run" else "risk > 0.2")
             return None
+
+    def _require_specifications(self, expression: Expression) -> None:
+        """Look whether the specifications exist that an expression asks about.
+
+        Raises:
+            ExpressionError: One does not.
+        """
+        for node in walk(expression.tree):
+            match node:
+                case Element(operand=Name(name=name), key=key) if name in STATUS_NAMES:
+                    if key not in self._specifications:
+                        said = f"there is no specification `{key}`"
+                        raise ExpressionError(said, node.span, str(key), self._specifications)
 
     def expression_problem(self, text: str, path: Path, error: ExpressionError, example: str) -> None:
         """Report what is wrong with an expression, at its place in the file."""
@@ -81,7 +106,7 @@ class TimingCheck:
 
     def until(self, run: RunSection, groups: Sequence[AgentGroup]) -> Expression | None:
         """The condition that ends a run; None where there is none, or after a problem."""
-        names = {*WORLD_NAMES, *further_parts(groups)}
+        names = {*WORLD_NAMES, *further_parts(groups), *self._regions}
         return None if run.until is None else self.expression(run.until, ("run", "until"), names)
 
     def timing(self, use: ComponentUse, group: AgentGroup, component: type[BaseComponent[Any]], path: Path) -> Timing:

@@ -54,10 +54,11 @@ class Expression:
 
     Attributes:
         text: As written.
+        tree: What it was parsed to.
         names: What it refers to, sorted.
     """
 
-    __slots__ = ("_evaluate", "names", "text")
+    __slots__ = ("_evaluate", "names", "text", "tree")
 
     def __init__(self, text: str, names: Collection[str]) -> None:
         """Parse an expression.
@@ -76,6 +77,7 @@ class Expression:
                     f"`{node.operator}` belongs in a specification: a condition is about one instant", node.span
                 )
         self.text = text
+        self.tree = tree
         self._evaluate = _evaluator(tree)
         self.names = tuple(sorted({node.name for node in walk(tree) if isinstance(node, Name)}))
 

@@ -7,7 +7,7 @@ the world. `docs/specifications.md` has the tables of names.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import Any, ClassVar, Protocol
 
@@ -60,6 +60,23 @@ class World(Protocol):
         """The whole world now."""
 
 
+class Anchors:
+    """Tells where agents truly are, and where they head; see `region.Anchor`."""
+
+    def __init__(self, world: World, groups: Iterable[EntityGroup]) -> None:
+        self._world = world
+        self._rows = {id: (group, row) for group in groups for row, id in enumerate(group.ids)}
+
+    def __call__(self, id: str) -> tuple[Array, float | None]:
+        """Where an agent is now."""
+        group, row = self._rows[id]
+        state, heading = self._world.state(group)[row], group.model.heading
+        position = group.model.positions(state[None])[0]
+        if group.present is not None and not group.present[row]:
+            position = np.full_like(position, np.nan)
+        return position, None if heading is None else float(state[heading])
+
+
 class Scope(ABC):
     """Tells what names stand for at the present instant.
 
@@ -76,7 +93,7 @@ class Scope(ABC):
         self.rows = rows
         self.ambiguous: dict[str, str] = {}
         self._world = world
-        self._rows_of = {id: (group, row) for group in groups for row, id in enumerate(group.ids)}
+        self._anchors = Anchors(world, groups)
         self.regions = {name: PlacedRegion(name, regions, self.anchor) for name in sorted(regions)}
 
     @property
@@ -105,12 +122,7 @@ class Scope(ABC):
 
     def anchor(self, id: str) -> tuple[Array, float | None]:
         """Where an agent truly is, and where it heads; see `region.Anchor`."""
-        group, row = self._rows_of[id]
-        state, heading = self._world.state(group)[row], group.model.heading
-        position = group.model.positions(state[None])[0]
-        if group.present is not None and not group.present[row]:
-            position = np.full_like(position, np.nan)
-        return position, None if heading is None else float(state[heading])
+        return self._anchors(id)
 
 
 class AgentScope(Scope):
@@ -123,7 +135,8 @@ class AgentScope(Scope):
     ) -> None:
         super().__init__(len(group), world, groups, regions)
         self.group = group
-        fixed = {**self._units, **self._parts()}
+        own = {quantity.name for quantity in group.model.state} & {"speed"}
+        fixed = {name: unit for name, unit in {**self._units, **self._parts()}.items() if name not in own}
         self._elements = {
             quantity.name: column for column, quantity in enumerate(group.model.state) if quantity.name not in fixed
         }

@@ -43,7 +43,7 @@ SCENARIO: dict[str, Any] = {
 def ran(tmp_path: Path) -> Ran:
     def run(specifications: dict[str, Any], **changes: Any) -> tuple[RunSummary, Log]:
         document = {**SCENARIO, "specifications": specifications, **changes}
-        (tmp_path / "line.yaml").write_text(yaml.safe_dump(document))
+        (tmp_path / "line.yaml").write_text(yaml.safe_dump(document, sort_keys=False))
         summary = execute(build(tmp_path / "line.yaml"), tmp_path / "line.mcap")
         return summary, open_log(tmp_path / "line.mcap")
 
@@ -202,3 +202,36 @@ def test_a_specification_without_a_value_fails_the_run(ran: Ran) -> None:
     assert summary.status == "failed"
     assert "specifications.odd" in str(summary.failure)
     assert "`1 / (x - 6) < 9` has no value" in str(summary.failure)
+
+
+@pytest.mark.parametrize(
+    ("condition", "reached"),
+    [
+        # The status is that of the step before: at 2 s the two are 4 m apart, and the turn at 2.5 s knows.
+        ('not violated["apart"]', 2.5),
+        ("not inside(position, end)", 3.0),
+        ('robustness["early"] > 0', 3.5),
+        ('not satisfied["early"]', 1.5),
+    ],
+)
+def test_conditions_read_regions_and_specifications(ran: Ran, condition: str, reached: float) -> None:
+    robot = SCENARIO["agents"]["robot"]
+    steer = {"use": "control.go-to-goal", "with": {"speed": 1.0, "gain": 10.0}, "condition": condition}
+    brake = {"use": "control.go-to-goal", "with": {"speed": 1e-9}, "condition": f"not ({condition})"}
+    agents = {
+        "robot": {**robot, "components": {"see": {"use": "perception.omniscient"}, "steer": steer, "brake": brake}}
+    }
+    stated = {
+        "apart": {"pairs": "robot", "formula": "always distance > 4"},
+        "early": {"each": "robot", "formula": "always[0, 1] x < 9"},
+    }
+    _, log = ran(stated, agents=agents)
+    assert log.series("robot.0", "world").values[-1, 0] == pytest.approx(reached, abs=1e-6)
+
+
+def test_a_run_ends_when_a_specification_says_so(ran: Ran) -> None:
+    stated = {"apart": {"pairs": "robot", "formula": "always distance > 4"}}
+    summary, _ = ran(stated, run={"duration": 5.0, "until": 'violated["apart"]'})
+    assert summary.simulated_time == 2.0
+    summary, _ = ran(stated, run={"duration": 5.0, "until": 'inside(position["robot.0"], end)'})
+    assert summary.simulated_time == 3.0
