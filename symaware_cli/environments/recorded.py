@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from symaware_cli.core import Environment
-from symaware_cli.environments.columns import Array, ColumnEnvironment
+from symaware_cli.environments.column_environment import Array, ColumnEnvironment
 
 
 class RecordedEnvironment(ColumnEnvironment):

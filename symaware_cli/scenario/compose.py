@@ -176,10 +176,10 @@ def _require_statements(source: Source) -> None:
             source.report("unknown-key", message, entry.key, (key,), expected=expected)
 
 
-def _restated(root: Node, statements: Node) -> Node:
+def _restated(root: SourceNode, statements: SourceNode) -> SourceNode:
     """Returns a document whose specifications are others, and which has further regions."""
     if isinstance(root.value, dict) and isinstance(statements.value, dict) and "specifications" in statements.value:
-        root = Node({key: entry for key, entry in root.value.items() if key != "specifications"}, root.span)
+        root = SourceNode({key: entry for key, entry in root.value.items() if key != "specifications"}, root.span)
     return merge(root, statements)
 
 
