@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import PurePosixPath
 from typing import Any
 
@@ -60,7 +60,10 @@ def show_solid(stage: Stage, mark: Solid) -> None:
         stage.kept[mark.path] = True
         time = int(mark.times[0])
         made = entity(mark.name, time, mark.name)
-        made.triangles.extend(primitives.prisms(mark.outlines, mark.low, mark.high, colour(mark.colour)))
+        shade = colour(mark.colour, 1.0 - mark.transparency)
+        made.triangles.extend(primitives.prisms(mark.outlines, mark.low, mark.high, shade))
+        if mark.label:
+            made.texts.append(_text(mark.label, mark.high, mark.colour))
         stage.put_up(time, f"/{mark.layer}", mark.path, [made])
     positions, orientations = mark.positions[:, None], mark.orientations[:, None]
     _move(stage, f"/tf/{mark.name}", mark.times, [mark.name], positions, orientations)
@@ -166,17 +169,14 @@ def _arrow(radius: float, height: float) -> ArrowPrimitive:
 def _label(mark: Bodies, row: int, text: str, time: int) -> SceneEntity:
     """The name of a body, beside it."""
     made = entity(mark.names[row], time, mark.names[row])
-    made.texts.append(
-        TextPrimitive(
-            pose=pose((0.0, 0.0, 2.0 * (mark.extent or 0.5 * _POINT))),
-            billboard=True,
-            font_size=12.0,
-            scale_invariant=True,
-            color=colour(mark.label_colours[row]),
-            text=text,
-        )
-    )
+    made.texts.append(_text(text, 2.0 * (mark.extent or 0.5 * _POINT), mark.label_colours[row]))
     return made
+
+
+def _text(text: str, height: float, tint: Iterable[int]) -> TextPrimitive:
+    """Words above the origin of a frame."""
+    at, shade = pose((0.0, 0.0, height)), colour(tint)
+    return TextPrimitive(pose=at, billboard=True, font_size=12.0, scale_invariant=True, color=shade, text=text)
 
 
 def _add(made: SceneEntity, visual: Visual, surfaces: Mapping[str, bytes], shade: Color) -> None:

@@ -13,11 +13,11 @@ from google.protobuf.timestamp_pb2 import Timestamp
 from symaware_cli.geometry.rotation import about
 from symaware_cli.recording import png
 from symaware_cli.recording.sensor_channels import NOTHING
+from symaware_cli.viewing.camera import line_of_sight
 from symaware_cli.viewing.foxglove import primitives
 from symaware_cli.viewing.foxglove.primitives import WORLD
 from symaware_cli.viewing.foxglove.stage import Stage
 from symaware_cli.viewing.scene.marks import Images, Rays
-from symaware_cli.viewing.scene.sensors import line_of_sight
 
 
 def show_rays(stage: Stage, mark: Rays) -> None:

@@ -21,7 +21,6 @@ from symaware_cli.viewing.foxglove.sensors import show_images, show_rays
 from symaware_cli.viewing.foxglove.stage import Stage
 from symaware_cli.viewing.outline import circle
 from symaware_cli.viewing.scene import marks
-from symaware_cli.viewing.views import in_space
 
 Array = NDArray[np.float64]
 
@@ -34,7 +33,7 @@ _FADING = (0.95, 0.2)
 #: How often lines that last are put up anew [ns].
 _LASTING_STEP = 200_000_000
 _STROKES = np.array([[-1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0], [1.0, -1.0, 0.0]])
-_RING = in_space(circle())
+_RING = np.pad(circle(), ((0, 0), (0, 1)))
 
 _LEVELS = {"DEBUG": LogLine.DEBUG, "INFO": LogLine.INFO, "WARNING": LogLine.WARNING, "ERROR": LogLine.ERROR}
 
@@ -174,9 +173,12 @@ def _show_rings(stage: Stage, mark: marks.Rings) -> None:
 
 
 def _show_curves(stage: Stage, mark: marks.Curves) -> None:
-    columns = [(name, "") for name in mark.names]
+    columns, values = [(name, "") for name in mark.names], mark.values
+    if mark.level is not None:
+        columns.append((mark.level[0], ""))
+        values = np.column_stack([values, np.full(len(values), mark.level[1])])
     given: dict[str, Any] = {"path": mark.path, "times": mark.times, "names": [mark.path], "columns": columns}
-    _show_numbers(stage, marks.Numbers(values=mark.values[:, None], **given))
+    _show_numbers(stage, marks.Numbers(values=values[:, None], **given))
 
 
 def _show_numbers(stage: Stage, mark: marks.Numbers) -> None:

@@ -17,7 +17,8 @@ from symaware_cli.recording.logged_events import LoggedContact
 from symaware_cli.recording.reader import Log
 from symaware_cli.viewing.plotting import separation as closeness
 from symaware_cli.viewing.plotting.curves import Curves, altitude, named, recorded, speed
-from symaware_cli.viewing.plotting.motion import Chosen, Motion, Obstacles, goals, intents, motion, obstacles
+from symaware_cli.viewing.plotting.marks import goals, intents
+from symaware_cli.viewing.plotting.motion import Chosen, Motion, Obstacles, motion, obstacles
 from symaware_cli.viewing.plotting.request import Request, Window
 from symaware_cli.viewing.plotting.separation import Separation
 from symaware_cli.viewing.plotting.shares import Shares, shares
@@ -289,13 +290,18 @@ class _Reading:
                 motion=self._motion,
                 chosen=self._chosen,
                 obstacles=self._obstacles,
-                goals=goals(self._log, self._chosen, at),
-                intents=intents(self._log, self._chosen, at) if moment else {},
+                goals=self._of_chosen(goals(self._log, self._run_view, at)),
+                intents=self._of_chosen(intents(self._log, self._run_view, at)) if moment else {},
                 contacts=self._contacts,
                 at=self._motion.index(at),
                 steps=np.unique(np.append(np.arange(0, last + 1, stride), last)),
             )
         ]
+
+    def _of_chosen(self, found: Mapping[str, Array]) -> dict[str, Array]:
+        """Those of the agents that the plot is about."""
+        chosen = {*self._chosen.agents}
+        return {agent: points for agent, points in found.items() if agent in chosen}
 
     def _separation(self) -> list[Distances]:
         if self._motion is None or self._obstacles is None:

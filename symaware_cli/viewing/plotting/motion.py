@@ -1,10 +1,9 @@
-"""Where everybody that a plot is about was, and where they were going."""
+"""Where everybody that a plot is about was."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -205,55 +204,6 @@ def obstacles(log: Log, run_view: RunView, times: Times) -> Obstacles:
     return Obstacles(obstacle_views, positions, headings)
 
 
-def goals(log: Log, chosen: Chosen, until: int) -> dict[str, Array]:
-    """Read where agents wanted to go, as far as they knew ``goal`` or ``waypoints`` at a time.
-
-    Args:
-        log: The log.
-        chosen: Whose goals.
-        until: Simulated time [ns].
-
-    Returns:
-        By agent (m, 2) positions from above [m].
-    """
-    found: dict[str, Array] = {}
-    group_views = dict(zip(chosen.agents, chosen.group_view, strict=True))
-    for name in chosen.rows:
-        if f"/agents/{name}/knowledge" not in log.topics:
-            continue
-        for entry in log.knowledge(name):
-            if entry.time <= until and entry.agent in group_views:
-                found.pop(entry.agent, None)
-                points = _destinations(entry.values, group_views[entry.agent])
-                found.update({} if points is None else {entry.agent: points})
-    return found
-
-
-def intents(log: Log, chosen: Chosen, at: int) -> dict[str, Array]:
-    """Read where agents meant to go at a time, as far as their intents are positions.
-
-    Args:
-        log: The log.
-        chosen: Whose intents.
-        at: Simulated time [ns].
-
-    Returns:
-        By agent (m, 2) positions from above, the earliest first [m].
-    """
-    found: dict[str, Array] = {}
-    for name in chosen.rows:
-        topic = f"/agents/{name}/intent"
-        group_view = next(group_view for group_view in chosen.group_view if group_view.name == name)
-        if topic not in log.topics or log.topics[topic].metadata.get("columns", "").split(",")[:2] != ["x", "y"]:
-            continue
-        for message in log.messages(topic, end=at + 1):
-            content = message.decode()
-            rows = range(len(group_view.agents)) if content.rows is None else content.rows.tolist()
-            for row, (_, values) in zip(rows, content, strict=False):
-                found[group_view.agents[row]] = values[:, :2]
-    return {agent: values for agent, values in found.items() if agent in chosen.agents and len(values)}
-
-
 def series_of(log: Log, name: str, field: str, topic: str) -> Series | None:
     """A series whose values are (k, n, columns) even for one agent; None where nothing was recorded."""
     if topic not in log.topics:
@@ -277,16 +227,3 @@ def held(times: Times, values: Array, at: Times) -> Array:
     stood = values[np.maximum(index, 0)]
     stood[index < 0] = np.nan
     return stood
-
-
-def _destinations(knowledge: Mapping[str, Any], group_view: GroupView) -> Array | None:
-    """The positions that a knowledge database names as destinations, from above; None if it names none."""
-    try:
-        array = np.array(knowledge.get("waypoints", knowledge.get("goal")), float, ndmin=2)
-    except (ValueError, TypeError):
-        # Whoever writes a component may know something else by that name.
-        return None
-    if array.ndim != 2 or array.shape[1] < 2 or not np.isfinite(array).all():
-        return None
-    where = list(group_view.position[:2]) if array.shape[1] == len(group_view.state) else [0, 1]
-    return array[:, where]

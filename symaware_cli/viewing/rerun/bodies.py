@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from symaware_cli.geometry.rotation import rotated
 from symaware_cli.viewing.outline import mesh, outlines
-from symaware_cli.viewing.rerun.columns import Columns, each, flat, packed, turns
+from symaware_cli.viewing.rerun.columns import Columns, each, flat, packed, shades, turns
 from symaware_cli.viewing.scene.marks import Bodies, Solid
 
 Array = NDArray[np.float64]
@@ -64,10 +64,15 @@ def show_solid(columns: Columns, mark: Solid) -> None:
     import rerun as rr
 
     if columns.is_new(mark.path):
+        (colour,) = shades(mark.colour, mark.transparency, 1)
         for number, outline in enumerate(mark.outlines):
             vertices, triangles = mesh(outline, mark.low, mark.high)
-            surface = rr.Mesh3D(vertex_positions=vertices, triangle_indices=triangles, albedo_factor=mark.colour)
+            surface = rr.Mesh3D(vertex_positions=vertices, triangle_indices=triangles, albedo_factor=colour)
             columns.static(f"{mark.path}/{number}", surface)
+        if mark.label:
+            middle, unseen = [[0.0, 0.0, mark.high]], rr.Radius.ui_points([0.0])
+            label = rr.Points3D(middle, labels=[mark.label], show_labels=True, colors=[mark.colour], radii=unseen)
+            columns.static(f"{mark.path}/label", label)
     placed = rr.Transform3D.columns(translation=flat(mark.positions), quaternion=turns(mark.orientations))
     columns.send(mark.path, mark.times, placed)
 

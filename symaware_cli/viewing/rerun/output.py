@@ -13,18 +13,18 @@ import numpy as np
 
 from symaware_cli.recording.sensor_channels import hits
 from symaware_cli.viewing.outline import circle
-from symaware_cli.viewing.palette import faded
+from symaware_cli.viewing.palette import CONTACT, faded
 from symaware_cli.viewing.rerun.bodies import show_bodies, show_solid
 from symaware_cli.viewing.rerun.columns import Columns, flat, packed, shades, turns
 from symaware_cli.viewing.rerun.figures import show_figures, show_ground
 from symaware_cli.viewing.rerun.lines import show_crosses, show_lines
 from symaware_cli.viewing.scene import marks
-from symaware_cli.viewing.views import in_space
 
 if TYPE_CHECKING:
     import rerun as rr
 
-#: The ring around a place.
+#: The colour of level lines, and of the ring around a place.
+_LEVEL = CONTACT
 _REACH = faded(np.array([180, 180, 190], np.uint8), 0.5)
 _LEVELS = {"DEBUG": "DEBUG", "INFO": "INFO", "WARNING": "WARN", "ERROR": "ERROR"}
 
@@ -101,7 +101,7 @@ def _show_place(columns: Columns, mark: marks.Place) -> None:
     if columns.is_new(mark.path):
         columns.static(mark.path, rr.Points3D([[0.0, 0.0, 0.0]], radii=rr.Radius.ui_points([0.0])))
         if mark.reach:
-            ring = in_space(circle(mark.reach, corners=96))
+            ring = np.pad(circle(mark.reach, corners=96), ((0, 0), (0, 1)))
             shown = rr.LineStrips3D([ring], colors=[_REACH], radii=rr.Radius.ui_points([1.0]))
             columns.static(f"{mark.path}/range", shown)
     columns.send(mark.path, mark.times, rr.Transform3D.columns(translation=flat(mark.positions)))
@@ -141,6 +141,11 @@ def _show_curves(columns: Columns, mark: marks.Curves) -> None:
         widths = [mark.width] * len(mark.names)
         lines = rr.SeriesLines(names=list(mark.names), colors=mark.colours, widths=widths, aggregation_policy=kept)
         columns.static(mark.path, lines)
+    if mark.level is not None:
+        name, height = mark.level
+        given: dict[str, Any] = {"path": f"{mark.path}/level", "times": mark.times, "names": [name]}
+        values = np.full((len(mark.times), 1), height)
+        _show_curves(columns, marks.Curves(values=values, colours=[_LEVEL], width=1.0, **given))
     # What is infinite leaves a gap: no axis reaches so far.
     shown = np.where(np.isfinite(mark.values), mark.values, np.nan)
     counts = [mark.values.shape[1]] * len(mark.values)

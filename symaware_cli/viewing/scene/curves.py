@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,7 @@ from symaware_cli.geometry.body_outlines import BodyOutlines
 from symaware_cli.geometry.proximity import Proximity
 from symaware_cli.viewing.chunk import Chunk
 from symaware_cli.viewing.detail import Detail
-from symaware_cli.viewing.palette import AGENTS, CONTACT
+from symaware_cli.viewing.palette import AGENTS
 from symaware_cli.viewing.scene.base import Drawing
 from symaware_cli.viewing.scene.marks import Curves, Numbers
 from symaware_cli.viewing.views import GroupView, RunView
@@ -56,11 +56,15 @@ class Separation(Drawing):
                 turned = group_view.headings(states)
                 headings[:, some] = 0.0 if turned is None else turned
         smallest = np.array([self._smallest(*each) for each in zip(places, headings, strict=True)])
-        name, path = "least between two outlines [m]", "curves/separation"
-        given: dict[str, Any] = {"path": f"{path}/smallest", "names": [name], "colours": [AGENTS[3]], "keep": "least"}
-        yield Curves(times=times, values=smallest[:, None], **given)
-        given = {"path": f"{path}/bound", "names": ["touching"], "colours": [CONTACT], "width": 1.0}
-        yield Curves(times=times, values=np.zeros((len(times), 1)), **given)
+        yield Curves(
+            path="curves/separation/smallest",
+            times=times,
+            values=smallest[:, None],
+            names=["least between two outlines [m]"],
+            colours=[AGENTS[3]],
+            keep="least",
+            level=("touching", 0.0),
+        )
 
     def _smallest(self, places: Array, headings: Array) -> float:
         """The least separation at an instant of those who are there; infinite where there are no two."""

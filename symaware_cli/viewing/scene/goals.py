@@ -41,7 +41,7 @@ class Goals(Drawing):
             for place, (time, message) in enumerate(told):
                 rows = message.rows or range(len(message.values))
                 for row, value in zip(rows, message.values, strict=True):
-                    self._known[group_view.name][row] = known_ways(read_json(value), len(group_view.position))
+                    self._known[group_view.name][row] = known_ways(read_json(value), group_view)
                 if place + 1 == len(told) or told[place + 1][0] > time:
                     yield from self._goals(group_view, time)
 
@@ -81,14 +81,17 @@ class Goals(Drawing):
         )
 
 
-def known_ways(knowledge: Any, dimension: int) -> list[Array]:
+def known_ways(knowledge: Any, group_view: GroupView) -> list[Array]:
     """The goal and the waypoints in a knowledge database, each (m, 3); none where they are something else."""
-    ways = []
+    ways, dimension = [], len(group_view.position)
     for name in _NAMES:
         try:
             points = np.atleast_2d(np.array(knowledge.get(name, []), float))
         except (ValueError, TypeError, OverflowError):
+            # Whoever writes a component may know something else by that name.
             continue
         if points.ndim == 2 and points.shape[1] >= dimension and np.isfinite(points).all():
-            ways.append(in_space(points[:, :dimension]))
+            # A goal may be a whole state.
+            is_state = points.shape[1] == len(group_view.state)
+            ways.append(in_space(points[:, list(group_view.position if is_state else range(dimension))]))
     return ways

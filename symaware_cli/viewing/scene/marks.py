@@ -173,7 +173,7 @@ class Bodies(_Mark):
 
 @dataclass(frozen=True, kw_only=True)
 class Solid(_Mark):
-    """A body that stands upright over its outline.
+    """A body that stands upright over its outline, or an area of the ground.
 
     Attributes:
         name: What it is called.
@@ -181,6 +181,8 @@ class Solid(_Mark):
         low: Where it begins, relative to its position [m].
         high: Where it ends [m]; flat if that is the same.
         colour: Red, green and blue.
+        transparency: How much of the background shines through, from 0 to 1.
+        label: What stands in its middle.
         positions: (k, 3) [m].
         orientations: (k, 4) quaternions x, y, z, w.
     """
@@ -192,6 +194,8 @@ class Solid(_Mark):
     colour: Sequence[int]
     positions: Array
     orientations: Array
+    transparency: float = 0.0
+    label: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -297,12 +301,14 @@ class Curves(_Mark):
         width: How thick they are [pixels].
         keep: Which extremes are kept where more instants than pixels are to be drawn. A mean would hide that a number
             was large for a moment.
+        level: The name and the height of a level line to compare with; None for none.
     """
 
     values: Array
     names: Sequence[str]
     colours: ArrayLike | None = None
     width: float = 1.5
+    level: tuple[str, float] | None = None
     keep: Literal["greatest", "least", "both"] = "both"
 
 

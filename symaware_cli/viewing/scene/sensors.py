@@ -6,12 +6,13 @@ from collections.abc import Iterator, Sequence
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from symaware_cli.recording import png
 from symaware_cli.recording import symaware_v1_pb2 as v1
 from symaware_cli.recording.error import LogError
 from symaware_cli.recording.sensor_channels import IMAGE, SCAN, LoggedScan, scans, sensors
+from symaware_cli.viewing.camera import line_of_sight
 from symaware_cli.viewing.chunk import Chunk
 from symaware_cli.viewing.scene.base import Drawing
 from symaware_cli.viewing.scene.marks import Images, Lines, Rays
@@ -106,25 +107,6 @@ def _images(path: str, frame: str, kind: Literal["colour", "depth"], images: Seq
         targets=np.array([image.target for _, image in images]),
         fields_of_view=np.array([image.field_of_view for _, image in images]),
     )
-
-
-def line_of_sight(position: ArrayLike, target: ArrayLike) -> Array:
-    """How a level camera stands in the world, that looks from one point to another.
-
-    Args:
-        position: (3,) [m].
-        target: (3,) [m].
-
-    Returns:
-        Its directions to the right, upwards and ahead, of length 1; (3, 3).
-    """
-    ahead = np.asarray(target, float) - np.asarray(position, float)
-    ahead /= max(float(np.linalg.norm(ahead)), 1e-9)
-    # Who looks straight up or down has no horizon.
-    upwards = np.array([1.0, 0.0, 0.0]) if abs(ahead[2]) > 1 - 1e-9 else np.array([0.0, 0.0, 1.0])
-    aside = np.cross(ahead, upwards)
-    aside /= np.linalg.norm(aside)
-    return np.stack([aside, np.cross(aside, ahead), ahead])
 
 
 def _pyramid(image: Any) -> Array:
