@@ -76,22 +76,27 @@ class SpecificationBuilder:
         return [each for each in found if each is not None]
 
     def _sound_regions(self, regions: Mapping[str, Region]) -> Mapping[str, Region]:
-        sound = True
+        """The regions that are sound; the others are reported."""
+        sound = dict(regions)
         for name, region in regions.items():
             path: Path = ("regions", name)
             if name in RESERVED or name in COLUMN_FUNCTIONS:
                 self._report("invalid-value", f"{quoted(name)} means something else in formulas", path, key=True)
-                sound = False
-            if region.around is not None and region.around not in self._ids:
+                del sound[name]
+            elif region.around is not None and region.around not in self._ids:
                 self._unknown(region.around, "agent", (*path, "around"), self._ids)
-                sound = False
-        try:
-            check_names(regions)
-        except RegionError as error:
-            suggestion = nearest(error.name, [each for each in regions if each != error.region])
-            self._report("unknown-region", str(error), ("regions", error.region), key=True, suggestion=suggestion)
-            sound = False
-        return regions if sound else {}
+                del sound[name]
+        while True:
+            try:
+                check_names(sound)
+            except RegionError as error:
+                if error.name not in regions or error.name in sound:
+                    suggestion = nearest(error.name, [each for each in regions if each != error.region])
+                    path = ("regions", error.region)
+                    self._report("unknown-region", str(error), path, key=True, suggestion=suggestion)
+                del sound[error.region]
+            else:
+                return sound
 
     def _specification(self, name: str, use: SpecificationUse) -> Specification | None:
         path: Path = ("specifications", name)
@@ -184,6 +189,10 @@ class SpecificationBuilder:
         functions = {name: count for name, (count, _) in FUNCTIONS.items()}
         try:
             tree = parse(text, scope.names, functions, definitions)
+        except ExpressionError as error:
+            self._check.expression_problem(text, path, error, "a formula such as `always risk < 0.2`")
+            return None
+        try:
             for node in walk(tree):
                 if isinstance(node, Name) and node.name in scope.ambiguous:
                     said = f"`{node.name}` is {scope.ambiguous[node.name]}; rename one of them"
@@ -191,7 +200,7 @@ class SpecificationBuilder:
             formulation = formulate(tree, self._time_step)
             check_units(tree, scope.units)
         except ExpressionError as error:
-            self._check.expression_problem(text, path, error, "always risk < 0.2")
+            self._check.expression_problem(text, path, error)
             return None
         return tree, formulation
 

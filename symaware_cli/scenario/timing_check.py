@@ -21,6 +21,7 @@ from symaware_cli.scenario.problem import Problem, dotted, nearest, quoted
 from symaware_cli.scenario.source import Path
 from symaware_cli.specification.expression import Expression, ExpressionError
 from symaware_cli.specification.node import Element, Name, walk
+from symaware_cli.specification.parser import RESERVED
 
 #: What is told of whomever a fault of the scenario happens to.
 FAULT_EVENTS = frozenset({"fault", "fault-over"})
@@ -75,7 +76,8 @@ class TimingCheck:
             self._require_specifications(expression)
             return expression
         except ExpressionError as error:
-            self.expression_problem(text, path, error, "highest_risk < 0.2" if path[0] == "run" else "risk > 0.2")
+            example = "highest_risk < 0.2" if path[0] == "run" else "risk > 0.2"
+            self.expression_problem(text, path, error, f"a comparison such as `{example}`")
             return None
 
     def _require_specifications(self, expression: Expression) -> None:
@@ -91,15 +93,21 @@ class TimingCheck:
                         said = f"there is no specification `{key}`"
                         raise ExpressionError(said, node.span, str(key), self._specifications)
 
-    def expression_problem(self, text: str, path: Path, error: ExpressionError, example: str) -> None:
-        """Report what is wrong with an expression, at its place in the file."""
-        expected = f"one of {', '.join(error.names)}" if error.names else f"a comparison such as `{example}`"
-        suggestion = nearest(error.name, error.names) if error.name else None
+    def expression_problem(self, text: str, path: Path, error: ExpressionError, expected: str | None = None) -> None:
+        """Report what is wrong with an expression, at its place in the file.
+
+        Args:
+            text: The expression.
+            path: Where it stands.
+            error: What is wrong.
+            expected: What would be right, where the error does not name that.
+        """
+        suggestion = nearest(error.name, {*error.names, *RESERVED}) if error.name else None
         problem = self._composition.problem(
             "bad-expression",
             f"{quoted(dotted(path))}: {error.problem}",
             path,
-            expected=expected,
+            expected=f"one of {', '.join(error.names)}" if error.names else expected,
             suggestion=suggestion,
         )
         self._report(_narrowed(problem, text, error))

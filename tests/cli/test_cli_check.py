@@ -1,0 +1,103 @@
+"""``symaware check`` as a user sees it: verdicts, reasons, tables of folders, and mistakes."""
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from symaware_cli.cli.application import application
+from symaware_cli.scenario.build import build
+from symaware_cli.scenario.execution import execute
+
+SCENARIOS = Path(__file__).parents[2] / "scenarios"
+
+
+def check(*arguments: object) -> tuple[int, str, str]:
+    done = CliRunner().invoke(application, ["check", *map(str, arguments)], catch_exceptions=False)
+    return done.exit_code, done.stdout, done.stderr
+
+
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("logs")
+    for name in ("patrol", "shortcut"):
+        execute(build(SCENARIOS / f"{name}.yaml", ["run.duration=10"]), folder / f"{name}.mcap")
+    return folder
+
+
+def test_a_violation_is_told_with_its_reason_and_exit_status_3(logs: Path) -> None:
+    status, out, _ = check(logs / "shortcut.mcap")
+    assert status == 3
+    lines = out.splitlines()
+    assert lines[0] == f"{logs / 'shortcut.mcap'}: shortcut, seed 3"
+    assert any(
+        line.startswith("  violated   safe by 1 of 3, robustness -1.846: `inside(position, wall)`") for line in lines
+    )
+
+
+def test_what_is_undecided_is_said_to_be(logs: Path) -> None:
+    status, out, _ = check(logs / "patrol.mcap")
+    assert status == 0
+    assert "  undecided  fetch by 3 of 3" in out
+
+
+def test_a_new_formula_is_for_each_agent_unless_said_otherwise(logs: Path) -> None:
+    status, out, _ = check(logs / "patrol.mcap", "--formula", "always speed < 2.6", "--json")
+    assert status == 0
+    found = json.loads(out)
+    assert found["specifications"][0]["counts"] == {"violated": 0, "undecided": 0, "satisfied": 3}
+    _, out, _ = check(logs / "patrol.mcap", "--formula", "always distance > 1.7", "--pairs", "robot", "--json")
+    assert json.loads(out)["specifications"][0]["counts"] == {"violated": 1, "undecided": 0, "satisfied": 2}
+
+
+def test_a_folder_of_logs_is_a_table(logs: Path) -> None:
+    status, out, _ = check(logs)
+    assert status == 3
+    assert out.splitlines()[0].split() == ["log", "safe", "fetch", "apart", "told"]
+    assert out.splitlines()[-1] == "violated: safe in 1 of 2, apart in 1 of 2, told in 1 of 2"
+    _, out, _ = check(logs, "--json")
+    assert [each["scenario"] for each in json.loads(out)["logs"]] == ["patrol", "shortcut"]
+
+
+def test_repeating_the_run_gives_the_same(logs: Path) -> None:
+    assert check(logs / "patrol.mcap", "--again") == check(logs / "patrol.mcap")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--formula", "always sped < 2"], "did you mean `speed`?"),
+        (["--formula", "always speed < 2", "--each", "robots"], "did you mean `robot`?"),
+        (["--each", "robot"], "--each says what a formula is about: it goes with --formula"),
+        (["--formula", "x > 1", "--file", "more.yaml"], "give one of them"),
+        (["--formula", "x > 1", "--of", "beliefs"], "--of takes truth or belief, not beliefs"),
+        (["--file", "missing.yaml"], "missing.yaml"),
+    ],
+)
+def test_mistakes_are_located_and_cost_nothing(logs: Path, arguments: list[str], said: str) -> None:
+    status, out, err = check(logs / "patrol.mcap", *arguments)
+    assert (status, out) == (2, "")
+    assert said in err
+
+
+def test_a_folder_without_logs_is_a_mistake(tmp_path: Path) -> None:
+    assert check(tmp_path)[0] == 2
+
+
+def test_a_log_without_specifications_says_what_to_do(tmp_path: Path) -> None:
+    execute(build(SCENARIOS / "hello.yaml", ["run.duration=1"]), tmp_path / "hello.mcap")
+    status, out, _ = check(tmp_path / "hello.mcap")
+    assert status == 0
+    assert "there are no specifications; give one with --formula or --file" in out
+
+
+def test_a_damaged_log_is_checked_as_far_as_it_goes(logs: Path, tmp_path: Path) -> None:
+    broken = tmp_path / "broken.mcap"
+    shutil.copy(logs / "patrol.mcap", broken)
+    with broken.open("r+b") as file:
+        file.truncate(broken.stat().st_size * 2 // 3)
+    status, out, _ = check(broken)
+    assert status == 0
+    assert "the run did not come to its end" in out
