@@ -62,6 +62,7 @@ class Monitor:
         self._samples: list[list[Any]] = []
         self._known: list[Array] = []
         self._told = 0
+        self._reasons: dict[int, Reason | None] = {}
         limit = KEPT // max(1, rows * _predicates(formula))
         self._last_kept = limit if self.horizon is None else self.horizon
         self._judge()
@@ -74,6 +75,7 @@ class Monitor:
         """
         now = self.instants
         self.instants = now + 1
+        self._reasons = {}
         samples: list[Any] = (
             [each.item() for each in values] if self._clock.single else [np.array(each) for each in values]
         )
@@ -98,10 +100,12 @@ class Monitor:
     def finish(self) -> None:
         """End the declared run with the last instant given."""
         self.ended = self._clock.ended = True
+        self._reasons = {}
         if not self._settled:
             self._judge()
         if self.horizon is None and self.complete and self.instants:
-            found = bounds(self.formula, self._signals(), self.instants, self.rows, True).upto(self.instants)
+            signals = self._signals(np.arange(self.rows), self.instants)
+            found = bounds(self.formula, signals, self.instants, self.rows, True).upto(self.instants)
             self._known = list(np.where(found[:, 0] == found[:, 1], found[:, 0], np.nan))
 
     def exact(self) -> tuple[int, Array]:
@@ -128,38 +132,46 @@ class Monitor:
             none._told, none._known = self._told, none._known[self._told :]
             return none
         made: Monitor = selected(self, rows, instances=_PARTS)
+        made._reasons = {}
         for each in (made, made._clock, made._robustness_clock):
             each.rows = len(rows)
         return made
 
     def reason(self, row: int) -> Reason | None:
-        """The sample that decided the verdict of a row, or else bounds its robustness so far."""
-        return self.reasons(np.array([row]))[0]
+        """The sample that decided the verdict of a row, or else bounds its robustness so far.
+
+        Rows that were decided together are looked into together, so that asking for all of them costs little more.
+        """
+        if row not in self._reasons:
+            decided = self._decided == self._decided[row]
+            rows = np.flatnonzero(decided & (self.verdict != 0)) if self.verdict[row] else np.array([row])
+            self._reasons |= zip(rows.tolist(), self.reasons(rows), strict=True)
+        return self._reasons[row]
 
     def reasons(self, rows: NDArray[np.intp]) -> list[Reason | None]:
-        """The reasons of several rows, which cost less together.
-
-        None where no sample decides, and where it was not kept.
-        """
+        """The reasons of several rows; None where no sample decides, and where it was not kept."""
         calls = np.where(self.verdict[rows] == 0, self.instants + self.ended, self._decided[rows])
         found: list[Reason | None] = [None] * len(rows)
         for call in sorted(set(calls.tolist())):
             places = np.flatnonzero(calls == call)
-            signals = [each[:, rows[places]] for each in self._signals()]
-            if not signals:
-                continue
             instants, ended = min(call, self.instants), call > self.instants
             if instants > len(self._samples):
                 if self.horizon is None:
                     continue
                 instants = len(self._samples)
+            signals = self._signals(rows[places], instants) if instants else []
+            if not signals:
+                continue
             for place, each in zip(places, reasons(self.formula, signals, instants, ended), strict=True):
                 found[place] = each
         return found
 
-    def _signals(self) -> list[Array]:
-        """The samples of each predicate that were kept [instants, rows]."""
-        kept = np.array(self._samples).reshape(len(self._samples), -1, self.rows)
+    def _signals(self, rows: NDArray[np.intp], instants: int) -> list[Array]:
+        """The samples of each predicate that were kept of some rows [instants, rows]."""
+        samples = self._samples[:instants]
+        if len(rows) < self.rows:
+            samples = [[each[rows] for each in some] for some in samples]
+        kept = np.array(samples).reshape(instants, len(samples[0]), len(rows))
         return [kept[:, i] for i in range(kept.shape[1])]
 
     def _judge(self, exact: Any = None) -> None:

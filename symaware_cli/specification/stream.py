@@ -346,7 +346,9 @@ class ToTheEndStream(Stream):
         super().__init__(clock, None, operand.reach)
         self._operand = operand
         self._greatest = greatest
+        #: Of each instant that is asked for, the extremum so far; if all are, the values instead, as few ask for these.
         self._starts = History(clock.rows, dtype=clock.dtype)
+        self._values = Recent()
         self._last_start = starts
 
     def push(self, samples: Sequence[Any]) -> Any:
@@ -354,14 +356,25 @@ class ToTheEndStream(Stream):
         value = self._operand.push(samples)
         if value is None:
             return None
+        if self._last_start is None:
+            self._values.append(value)
+            return None
         starts = self._starts
         if starts.end:
-            ufunc = np.maximum if self._greatest else np.minimum
             known = starts.between(0, starts.end)
-            ufunc(known, value, out=known)
-        if self._last_start is None or starts.end <= self._last_start:
+            (np.maximum if self._greatest else np.minimum)(known, value, out=known)
+        if starts.end <= self._last_start:
             starts.append(value)
         return None
+
+    def _begun(self, begin: int, end: int) -> Values:
+        """The extrema so far of the instants from one to another that have been pushed [instants, rows]."""
+        if self._last_start is not None:
+            return self._starts.between(begin, max(begin, min(end, self._starts.end)))
+        if begin >= min(end, self._values.end):
+            return self.clock.full(0, False)
+        values = self._values.between(begin, self._values.end, self.clock.rows)
+        return accumulated(np.maximum if self._greatest else np.minimum, values[::-1])[::-1][: max(end - begin, 0)]
 
     def bound(self, side: int, begin: int, end: int) -> Values | None:
         """See the base class.
@@ -377,7 +390,9 @@ class ToTheEndStream(Stream):
                 return None
         pending = max(begin, self._operand.exact + 1)
         found = self._operand.bound(side, pending, last + 1) if pending <= last else None
-        starts = self._starts.between(begin, max(begin, min(end, self._starts.end)))
+        starts = self._begun(begin, end)
+        if found is None and not len(starts) and not goes_on and not self.clock.ended:
+            return None
         result = self.clock.full(end - begin, not self._greatest)
         if found is not None:
             within = np.arange(begin, end if goes_on else min(end, last + 1))
