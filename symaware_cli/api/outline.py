@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from symaware_cli.api.report import Report, listed, number
+from symaware_cli.api.report import TextReport, listed, number
 
 if TYPE_CHECKING:
     from symaware_cli.scenario.build import Built
@@ -69,7 +69,7 @@ class Outline:
         return f"{number(self.agents, 'agent')} in {groups}, {self.steps:,} steps"
 
     @property
-    def report(self) -> Report:
+    def report(self) -> TextReport:
         """The outline for people."""
         pace = f", {self.pace:g} x real time" if self.pace else ""
         entities = f" with {listed(self.entities)}" if self.entities else ""
@@ -80,7 +80,7 @@ class Outline:
         for name, group in self.groups.items():
             uses = listed(f"{component} ({use})" for component, use in group.components.items()) or "no components"
             facts.append((name, f"{number(len(group.agents), 'agent')}, {group.model}: {uses}"))
-        return Report(f"{self.name}: {self.headline}", facts)
+        return TextReport(f"{self.name}: {self.headline}", facts)
 
 
 def outline(built: Built) -> Outline:

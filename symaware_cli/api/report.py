@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from symaware_cli.runtime.run_summary import Extreme, RunSummary
 
 
-class Report(NamedTuple):
+class TextReport(NamedTuple):
     """A headline with facts under it.
 
     Attributes:
@@ -39,7 +39,7 @@ class Report(NamedTuple):
         return f"<table>{caption}<tbody>{rows}</tbody></table>"
 
 
-def summary_report(summary: RunSummary) -> Report:
+def summary_report(summary: RunSummary) -> TextReport:
     """Return the report of the summary of a run."""
     agents = number(summary.agents, "agent")
     facts = [
@@ -61,7 +61,7 @@ def summary_report(summary: RunSummary) -> Report:
     if summary.log:
         size = size_in_words(summary.log_size or 0)
         facts += [("recorded", f"{summary.updates:,} updates, {size}"), ("log", summary.log)]
-    return Report(f"{summary.name}: {summary.status} after {summary.simulated_time:g} s of simulated time", facts)
+    return TextReport(f"{summary.name}: {summary.status} after {summary.simulated_time:g} s of simulated time", facts)
 
 
 def number(count: int, noun: str) -> str:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from symaware_cli.runtime.run import Run
     from symaware_cli.runtime.run_summary import RunSummary
     from symaware_cli.viewing.plotting.content import Content
-    from symaware_cli.viewing.plotting.request import Request
+    from symaware_cli.viewing.plotting.request import PlotRequest
 
 
 class RunResult:
@@ -76,7 +76,7 @@ class RunResult:
         """
         return list(self.log.events())
 
-    def plot(self, path: str | os.PathLike[str], request: Request | None = None) -> Content:
+    def plot(self, path: str | os.PathLike[str], request: PlotRequest | None = None) -> Content:
         """Draw a figure of the run to a file; see `symaware_cli.viewing.plotting.plot.plot`.
 
         Raises:

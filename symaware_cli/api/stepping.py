@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from symaware_cli.api.report import Report, number
+from symaware_cli.api.report import TextReport, number
 from symaware_cli.api.result import RunResult, result_of
 from symaware_cli.runtime.state.simulation_state import SimulationState, put, take
 from symaware_cli.scenario.execution import prepared
@@ -284,7 +284,7 @@ class SteppedSimulation:
         self._leave(f"ended between two steps by {kind.__name__}" if kind else "ended between two steps")
 
     @property
-    def _report(self) -> Report:
+    def _report(self) -> TextReport:
         headline = (
             f"{self._simulation.name}: {self._run.status or 'stands'} at {self.time:g} s, step {self.steps:,} of "
         )
@@ -294,7 +294,7 @@ class SteppedSimulation:
             outside = f", {int(imposed[0].sum())} controlled from outside" if imposed else ""
             columns = ", ".join(str(quantity) for quantity in self.state_columns(group.ids[0]))
             facts.append((name, f"{number(len(group), 'agent')}{outside}; state: {columns}"))
-        return Report(f"{headline}{self._steps:,}", facts)
+        return TextReport(f"{headline}{self._steps:,}", facts)
 
     def __repr__(self) -> str:
         return f"<SteppedSimulation {self._report.headline}>"

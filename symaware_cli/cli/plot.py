@@ -73,9 +73,9 @@ def plot(
         from symaware_cli.recording.reader import open_log
         from symaware_cli.scenario.files import unused_path
         from symaware_cli.viewing.plotting.plot import plot
-        from symaware_cli.viewing.plotting.request import Request, SeriesName
+        from symaware_cli.viewing.plotting.request import PlotRequest, SeriesName
 
-        request = Request(
+        request = PlotRequest(
             show=tuple(names(show)),
             series=tuple(SeriesName.parse(name) for name in series or ()),
             agents=tuple(names(agents)),

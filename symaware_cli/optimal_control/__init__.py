@@ -5,7 +5,7 @@ It needs CasADi, the extra ``casadi``. Import it where it is used, so that whate
 
 from symaware_cli.optimal_control.dynamics import Dynamics
 from symaware_cli.optimal_control.optimal_control_problem import OptimalControlProblem
-from symaware_cli.optimal_control.plan import Decision, Plan, Solution
+from symaware_cli.optimal_control.plan import Plan, PlanDecision, Solution
 from symaware_cli.optimal_control.solver import Solver
 
-__all__ = ["Decision", "Dynamics", "OptimalControlProblem", "Plan", "Solution", "Solver"]
+__all__ = ["Dynamics", "OptimalControlProblem", "Plan", "PlanDecision", "Solution", "Solver"]

@@ -80,7 +80,7 @@ class Solution:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Decision:
+class PlanDecision:
     """What to do next, whether or not a solver found a new plan.
 
     Attributes:

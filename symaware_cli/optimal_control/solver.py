@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from symaware_cli.optimal_control.optimal_control_problem import OptimalControlProblem
-from symaware_cli.optimal_control.plan import Decision, Plan, Solution
+from symaware_cli.optimal_control.plan import Plan, PlanDecision, Solution
 from symaware_cli.optimal_control.transcription import Program, transcribe
 
 Array = NDArray[np.float64]
@@ -152,7 +152,7 @@ class Solver:
         *,
         previous_input: ArrayLike | None = None,
         rest: Plan | None = None,
-    ) -> Decision:
+    ) -> PlanDecision:
         """Solve the problem while a plan is in force, and fall back to what is left of that if this fails.
 
         Args:
@@ -163,8 +163,8 @@ class Solver:
         """
         solution = self.solve(state, parameters, previous_input=previous_input, guess=rest)
         if solution.solved:
-            return Decision(solution.plan, solution)
-        return Decision(rest if rest is not None and rest.left else None, solution)
+            return PlanDecision(solution.plan, solution)
+        return PlanDecision(rest if rest is not None and rest.left else None, solution)
 
     def rollout(self, state: ArrayLike, inputs: ArrayLike | None = None) -> Plan:
         """What control inputs lead to, a first guess.

@@ -67,9 +67,9 @@ class LogFile(McapFile):
     @cached_property
     def outcome(self) -> dict[str, Any] | None:
         """How the run ended; None if it did not come to its end, or the log broke off."""
-        from symaware_cli.recording.manifest_schema import Outcome
+        from symaware_cli.recording.manifest_schema import RunOutcome
 
-        return self.json_metadata(OUTCOME, Outcome.model_validate)
+        return self.json_metadata(OUTCOME, RunOutcome.model_validate)
 
     @cached_property
     def recovery(self) -> dict[str, Any] | None:

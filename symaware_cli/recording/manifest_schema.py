@@ -93,7 +93,7 @@ class Manifest(_Entry):
         return self
 
 
-class Outcome(_Entry):
+class RunOutcome(_Entry):
     """How a run ended; see `Manifest`."""
 
     status: str | None = None

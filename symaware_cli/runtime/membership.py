@@ -16,7 +16,7 @@ from symaware_cli.runtime.event_router import EventRouter
 from symaware_cli.runtime.failure import RunError, describe
 from symaware_cli.runtime.presence import Moment, PresenceInterval
 from symaware_cli.runtime.run_summary import Observer
-from symaware_cli.runtime.scope import AgentScope, WorldScope
+from symaware_cli.runtime.scope import ConditionScope, WorldScope
 from symaware_cli.runtime.simulation import Simulation
 from symaware_cli.runtime.timing import Coast, Trigger
 from symaware_cli.runtime.trigger import concerned
@@ -63,7 +63,7 @@ class Membership:
         self._schedulers = schedulers
         self._groups = {group.name: group for group in simulation.groups}
         self._look_up = WorldScope(simulation, observer).look_up
-        self._scopes = {name: AgentScope(self._groups[name]) for name in presence}
+        self._scopes = {name: ConditionScope(self._groups[name]) for name in presence}
         #: How many reasons there are against each agent that takes no part: absence, faults, and failures, which stay.
         self._reasons: Counter[tuple[str, int]] = Counter()
         #: Whose event has come since the last step, of those that wait for one.

@@ -16,7 +16,7 @@ from symaware_cli.runtime.failure import describe
 from symaware_cli.runtime.guard import Guard, Isolate
 from symaware_cli.runtime.interruption import Interrupted, Interruption
 from symaware_cli.runtime.queue import Phase, Queue
-from symaware_cli.runtime.scope import AgentScope
+from symaware_cli.runtime.scope import ConditionScope
 from symaware_cli.runtime.simulation import ComponentEntry, Simulation
 from symaware_cli.runtime.supervision import Supervision
 from symaware_cli.runtime.timing import Timetable
@@ -87,7 +87,7 @@ class TurnScheduler:
         self._router = router
         self._interruption = interruption
         self._workers = workers
-        self._scope = AgentScope(entry.group) if self._timing.condition else None
+        self._scope = ConditionScope(entry.group) if self._timing.condition else None
         self._progress = TurnsInProgress()
         #: How many turns of each row were put off, and who is to take one that an event asked for.
         self._backlog: Counter[int] = Counter()

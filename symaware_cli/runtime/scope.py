@@ -58,7 +58,7 @@ WORLD_NAMES: Mapping[str, str] = {
 STATUS_NAMES = ("robustness", "satisfied", "violated")
 
 
-class AgentScope:
+class ConditionScope:
     """Tells what names stand for in the conditions of a group's agents."""
 
     def __init__(self, group: AgentGroup) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from symaware_cli.core import AgentGroup, Environment, nanoseconds
 from symaware_cli.runtime.presence import Moment, PresenceInterval
-from symaware_cli.runtime.scope import WORLD_NAMES, AgentScope, further_parts
+from symaware_cli.runtime.scope import WORLD_NAMES, ConditionScope, further_parts
 from symaware_cli.runtime.simulation import ComponentEntry
 from symaware_cli.scenario.document import GroupSection, Presence
 from symaware_cli.scenario.problem import quoted
@@ -81,7 +81,7 @@ class PresenceBuilder:
         return [self._span(group, [row], each, (*path, row)) for row, each in enumerate(said)]
 
     def _span(self, group: AgentGroup, rows: Sequence[int], said: Presence, path: Path) -> PresenceInterval:
-        scope = AgentScope(group)
+        scope = ConditionScope(group)
         begin = self._moment(said.from_, group, self._world, (*path, "from"))
         end = self._moment(said.until, group, scope.names, (*path, "until"))
         if isinstance(end, int) and end <= (begin if isinstance(begin, int) else 0):
@@ -113,7 +113,7 @@ class PresenceBuilder:
         self._check.source(trigger, group.name, self._entries, path)
         return trigger
 
-    def _try(self, condition: Expression, scope: AgentScope, row: int, path: Path) -> None:
+    def _try(self, condition: Expression, scope: ConditionScope, row: int, path: Path) -> None:
         """See whether a condition has a value at the beginning, or lacks one for a reason that stays."""
 
         def look_up(name: str) -> Any:

@@ -12,7 +12,7 @@ from typing import Any
 from symaware_cli.core import AgentGroup, CommunicationReceiver, Component, Environment, nanoseconds
 from symaware_cli.core.component import BaseComponent
 from symaware_cli.core.event import RECURRING, TURNS
-from symaware_cli.runtime.scope import STATUS_NAMES, WORLD_NAMES, AgentScope, further_parts
+from symaware_cli.runtime.scope import STATUS_NAMES, WORLD_NAMES, ConditionScope, further_parts
 from symaware_cli.runtime.simulation import ComponentEntry
 from symaware_cli.runtime.timing import Duration, Timing, Trigger
 from symaware_cli.scenario.compose import Composition
@@ -147,7 +147,7 @@ class TimingCheck:
             self._wrong(path, "period", said, "a period above 0, or a `latency`")
         condition = None
         if use.condition is not None:
-            condition = self.expression(use.condition, (*path, "condition"), AgentScope(group).names)
+            condition = self.expression(use.condition, (*path, "condition"), ConditionScope(group).names)
         return Timing(
             period=period,
             offset=offset,

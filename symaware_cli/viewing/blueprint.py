@@ -43,7 +43,7 @@ _LEGEND = 6
 
 
 @dataclass(frozen=True)
-class Content:
+class ReplayContent:
     """What a log has that needs a view of its own.
 
     Attributes:
@@ -57,7 +57,7 @@ class Content:
     topics: frozenset[str]
 
 
-def blueprint(run_view: RunView, detail: Detail, content: Content) -> rrb.Blueprint:
+def blueprint(run_view: RunView, detail: Detail, content: ReplayContent) -> rrb.Blueprint:
     """Lay out the views for a log."""
     import rerun.blueprint as rrb
 
@@ -77,7 +77,7 @@ def blueprint(run_view: RunView, detail: Detail, content: Content) -> rrb.Bluepr
 
 
 def _spatial(
-    run_view: RunView, detail: Detail, content: Content, name: str, contents: list[str], follow: str | None = None
+    run_view: RunView, detail: Detail, content: ReplayContent, name: str, contents: list[str], follow: str | None = None
 ) -> rrb.Spatial3DView:
     """A view of the world: from above if it is a plane, from aslant if it is space; of all of it, or along with one."""
     import rerun.blueprint as rrb
@@ -129,7 +129,7 @@ def _distance(size: Array, aspect: float) -> float:
     return 1.05 * float(np.max(away - corners @ _ASLANT))
 
 
-def _agent(run_view: RunView, detail: Detail, content: Content, agent: str) -> rrb.Vertical:
+def _agent(run_view: RunView, detail: Detail, content: ReplayContent, agent: str) -> rrb.Vertical:
     """The tab of an agent: the world as it believes it to be, and all it is aware of as curves."""
     import rerun.blueprint as rrb
 
@@ -162,7 +162,7 @@ def _agent(run_view: RunView, detail: Detail, content: Content, agent: str) -> r
     return rrb.Vertical(view, rrb.Grid(*curves, grid_columns=across), row_shares=[3, 2], name=agent)
 
 
-def _overviews(run_view: RunView, detail: Detail, content: Content) -> Iterable[Any]:
+def _overviews(run_view: RunView, detail: Detail, content: ReplayContent) -> Iterable[Any]:
     import rerun.blueprint as rrb
 
     cameras = _cameras(run_view, detail, content)
@@ -180,7 +180,7 @@ def _overviews(run_view: RunView, detail: Detail, content: Content) -> Iterable[
     yield rrb.Tabs(*journals, modes, about, active_tab=0)
 
 
-def _cameras(run_view: RunView, detail: Detail, content: Content) -> list[rrb.Spatial2DView]:
+def _cameras(run_view: RunView, detail: Detail, content: ReplayContent) -> list[rrb.Spatial2DView]:
     """A view of what each camera of the first few agents saw."""
     import rerun.blueprint as rrb
 
@@ -208,13 +208,13 @@ def _log(name: str, origin: str) -> rrb.TextLogView:
     return rrb.TextLogView(origin=origin, name=name, columns=columns)
 
 
-def _row_shares(run_view: RunView, content: Content) -> list[int]:
+def _row_shares(run_view: RunView, content: ReplayContent) -> list[int]:
     """How high the overviews above the journals are."""
     cameras = [5] * any("/image/" in topic for topic in content.topics)
     return cameras + [3] * (_has_risk(content) + (run_view.agent_count > 1))
 
 
-def _has_risk(content: Content) -> bool:
+def _has_risk(content: ReplayContent) -> bool:
     return any(topic.startswith("/agents/") and topic.endswith("/risk") for topic in content.topics)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.recording.reader import Log, LogMessage
-from symaware_cli.viewing.blueprint import Content
+from symaware_cli.viewing.blueprint import ReplayContent
 from symaware_cli.viewing.chunk import Chunk, ChunkReader
 from symaware_cli.viewing.detail import Detail
 from symaware_cli.viewing.rerun.output import RerunOutput
@@ -111,7 +111,7 @@ In the tab of an agent, rings stand where it believes others to be, fainter the 
         self._output.document("about", text)
 
 
-def content_of(log: Log, run_view: RunView, start: int | None = None, end: int | None = None) -> Content:
+def content_of(log: Log, run_view: RunView, start: int | None = None, end: int | None = None) -> ReplayContent:
     """Find out what a log has, and where everything is, from a few looks at it.
 
     Args:
@@ -134,7 +134,7 @@ def content_of(log: Log, run_view: RunView, start: int | None = None, end: int |
                 margin = group_view.radius + 0.5
                 corners += [places.min(axis=0) - margin, places.max(axis=0) + margin]
     known = [corner for corner in corners if np.isfinite(corner).all()] or [np.full(3, -5.0), np.full(3, 5.0)]
-    return Content(np.min(known, axis=0), np.max(known, axis=0), topics)
+    return ReplayContent(np.min(known, axis=0), np.max(known, axis=0), topics)
 
 
 def _sounding(log: Log, topics: Collection[str], moment: int, last: int) -> list[LogMessage]:

@@ -11,10 +11,10 @@ from symaware_cli.recording.error import LogError, UnknownNameError
 from symaware_cli.recording.writer import LogWriter
 from symaware_cli.viewing.palette import hexadecimal
 from symaware_cli.viewing.plotting.content import gather
-from symaware_cli.viewing.plotting.curves import Curves
-from symaware_cli.viewing.plotting.motion import Chosen, Line, held
+from symaware_cli.viewing.plotting.curves import PlottedCurves
+from symaware_cli.viewing.plotting.motion import Chosen, LineStyle, held
 from symaware_cli.viewing.plotting.plot import plot
-from symaware_cli.viewing.plotting.request import Request, SeriesName
+from symaware_cli.viewing.plotting.request import PlotRequest, SeriesName
 from symaware_cli.viewing.views import run_view_of
 
 
@@ -25,7 +25,7 @@ def yard(tmp_path_factory):
 
 def panels(log, **request):
     names = tuple(SeriesName.parse(name) for name in request.pop("series", ()))
-    return {panel.name: panel for panel in gather(log, Request(series=names, **request)).panels}
+    return {panel.name: panel for panel in gather(log, PlotRequest(series=names, **request)).panels}
 
 
 def test_a_value_holds_until_the_next_and_is_unknown_before_the_first():
@@ -143,7 +143,7 @@ def test_what_has_no_values_is_a_sentence(yard, request_of):
 
 
 def test_agents_are_plotted_as_if_there_were_no_others(yard):
-    content = gather(yard, Request(agents=("cart.1", "guard")))
+    content = gather(yard, PlotRequest(agents=("cart.1", "guard")))
     assert content.chosen.agents == ("cart.1", "guard")
     assert content.panels[0].motion.positions.shape[1] == 2
     assert content.facts()["agents"] == 2
@@ -169,22 +169,24 @@ def test_a_few_of_many_are_told_apart(tmp_path):
 
 def test_an_infinite_value_is_no_extreme():
     times = np.arange(2) * 10**9
-    curves = Curves("x", "", times, np.array([[np.nan, 1.0], [np.inf, 0.0]]), (Line("a", "#000"), Line("b", "#000")))
+    curves = PlottedCurves(
+        "x", "", times, np.array([[np.nan, 1.0], [np.inf, 0.0]]), (LineStyle("a", "#000"), LineStyle("b", "#000"))
+    )
     assert curves.extreme() == (1.0, 0.0, "b")
     assert curves.extreme(-1) == (0.0, 1.0, "b")
-    nothing = Curves("x", "", times, np.full((2, 1), np.nan), (Line("a", "#000"),))
+    nothing = PlottedCurves("x", "", times, np.full((2, 1), np.nan), (LineStyle("a", "#000"),))
     assert nothing.extreme() is None
 
 
 def test_beliefs_stand_in_for_a_truth_that_was_not_recorded(tmp_path):
     log = log_of(tmp_path, "hello.yaml", "run.duration=0.5", "recording.omit=[world]")
-    content = gather(log, Request())
+    content = gather(log, PlotRequest())
     assert content.panels[0].motion.believed == ("robot",)
     assert "what robot believed" in content.notes[0]
     bare = log_of(tmp_path, "hello.yaml", "run.duration=0.5", "recording.omit=[world, state]")
-    assert gather(bare, Request(show=("control",))).panels
+    assert gather(bare, PlotRequest(show=("control",))).panels
     with pytest.raises(LogError, match="holds nothing to plot"):
-        gather(bare, Request())
+        gather(bare, PlotRequest())
 
 
 def test_a_group_whose_states_are_lost_does_not_take_the_others_along(yard, tmp_path):
@@ -194,7 +196,7 @@ def test_a_group_whose_states_are_lost_does_not_take_the_others_along(yard, tmp_
         for time in (0, 10**9):
             writer.add(channel, time, wire.encode_rows(np.array([[0.0, 0.0, 0.0], [3.0, 4.0, 0.0]])))
         writer.finish({"status": "finished"})
-    plane, separation, speed = gather(open_log(tmp_path / "part.mcap"), Request()).panels
+    plane, separation, speed = gather(open_log(tmp_path / "part.mcap"), PlotRequest()).panels
     assert np.isnan(plane.motion.positions[:, 2, :2]).all()
     assert separation.agents.pair.tolist() == [[0, 1], [0, 1]]
     assert speed.extreme() == (0.0, 0.0, "cart.0")

@@ -13,7 +13,7 @@ from symaware_cli.viewing.plotting.content import gather
 from symaware_cli.viewing.plotting.figure import _arranged, _figure, _Layout, _style
 from symaware_cli.viewing.plotting.plane import extent, round_interval
 from symaware_cli.viewing.plotting.plot import plot
-from symaware_cli.viewing.plotting.request import Request, SeriesName
+from symaware_cli.viewing.plotting.request import PlotRequest, SeriesName
 
 
 @pytest.fixture(scope="module")
@@ -21,7 +21,7 @@ def yard(tmp_path_factory):
     return log_of(tmp_path_factory.mktemp("yard"), YARD)
 
 
-def drawn(log, request=Request()) -> Figure:  # noqa: B008 (it is frozen)
+def drawn(log, request=PlotRequest()) -> Figure:  # noqa: B008 (it is frozen)
     content = gather(log, request)
     layout, size, scale = _arranged(content, request)
     with _style(scale):
@@ -36,7 +36,7 @@ def titles(figure):
 
 @pytest.mark.parametrize("suffix", [".PNG", ".svg", ".pdf"])
 def test_the_same_log_gives_the_same_bytes_whatever_the_style_of_the_user(suffix, yard, tmp_path):
-    request = Request(show=("trajectories", "risk"), dpi=50)
+    request = PlotRequest(show=("trajectories", "risk"), dpi=50)
     plot(yard, tmp_path / f"one{suffix}", request)
     with mpl.rc_context({"font.size": 20, "axes.facecolor": "red", "svg.hashsalt": "other"}):
         mine = dict(mpl.rcParams)
@@ -50,25 +50,25 @@ def test_the_same_log_gives_the_same_bytes_whatever_the_style_of_the_user(suffix
 
 
 def test_a_figure_has_the_size_that_is_asked_for(yard, tmp_path):
-    plot(yard, tmp_path / "small.png", Request(show=("separation",), size=(3.5, 2.5), dpi=100))
+    plot(yard, tmp_path / "small.png", PlotRequest(show=("separation",), size=(3.5, 2.5), dpi=100))
     header = (tmp_path / "small.png").read_bytes()[16:24]
     assert np.frombuffer(header, ">u4").tolist() == [350, 250]
 
 
 def test_panels_that_do_not_fit_are_refused_before_anything_is_written(yard, tmp_path):
     with pytest.raises(LogError, match="4 panels do not fit into 3 x 2 inches"):
-        plot(yard, tmp_path / "small.png", Request(size=(3.0, 2.0)))
+        plot(yard, tmp_path / "small.png", PlotRequest(size=(3.0, 2.0)))
     assert list(tmp_path.iterdir()) == []
 
 
 def test_what_is_named_is_written_as_it_is(yard):
-    figure = drawn(yard, Request(title=r"a $\frac{1 of _b_", show=("risk",)))
+    figure = drawn(yard, PlotRequest(title=r"a $\frac{1 of _b_", show=("risk",)))
     assert figure.get_suptitle() == r"a $\frac{1 of _b_"
 
 
 def test_a_title_that_the_font_cannot_write_is_refused_before_anything_is_written(yard, tmp_path):
     with pytest.raises(LogError, match="the font cannot write '字' in the title"):
-        plot(yard, tmp_path / "a.png", Request(title="one 字"))
+        plot(yard, tmp_path / "a.png", PlotRequest(title="one 字"))
     assert list(tmp_path.iterdir()) == []
 
 
@@ -86,27 +86,27 @@ def test_panels_have_their_units_and_the_closest_two_are_named(yard):
 
 
 def test_bodies_and_intents_are_shown_at_the_time_that_is_asked_for(yard):
-    content = gather(yard, Request(at=1.0))
+    content = gather(yard, PlotRequest(at=1.0))
     plane = content.panels[0]
     assert plane.motion.times[plane.at] == 10**9
     assert set(plane.intents) == {"cart.0", "cart.1", "guard"}
     np.testing.assert_allclose(plane.intents["cart.0"][0], yard.series("cart.0", "world").values[20, :2], atol=1e-9)
-    assert titles(drawn(yard, Request(at=1.0)))[0] == "trajectories, bodies at 1 s"
-    assert gather(yard, Request()).panels[0].intents == {}
+    assert titles(drawn(yard, PlotRequest(at=1.0)))[0] == "trajectories, bodies at 1 s"
+    assert gather(yard, PlotRequest()).panels[0].intents == {}
 
 
 def test_goals_are_those_that_are_known(yard):
-    goals = gather(yard, Request()).panels[0].goals
+    goals = gather(yard, PlotRequest()).panels[0].goals
     assert goals["cart.0"].tolist() == [[2, 0]]
     assert goals["guard"].tolist() == [[-1, -1], [1, -1]]
 
 
 def test_the_plane_shows_everybody_and_what_is_around_but_not_the_end_of_a_long_wall(tmp_path, yard):
-    low, high = extent(gather(yard, Request()).panels[0])
+    low, high = extent(gather(yard, PlotRequest()).panels[0])
     assert (low < [-3.1, -2.1]).all()
     assert (high > [3.1, 2.5]).all()
     long = YARD.replace("[3, -2], [3, 4]", "[3, -2], [3, 4000]")
-    low, high = extent(gather(log_of(tmp_path, long), Request()).panels[0])
+    low, high = extent(gather(log_of(tmp_path, long), PlotRequest()).panels[0])
     assert high[1] < 10
 
 
@@ -119,7 +119,7 @@ def test_who_stands_still_in_one_place_has_a_plane_of_some_size(tmp_path):
         "agents.robot.knowledge={}",
         "agents.robot.components={}",
     )
-    low, high = extent(gather(still, Request()).panels[0])
+    low, high = extent(gather(still, PlotRequest()).panels[0])
     assert (high - low > 0.1).all()
     plot(still, tmp_path / "still.png")
 
@@ -150,8 +150,8 @@ def test_what_is_seen_from_above_says_so(tmp_path):
 
 
 def test_a_single_instant_is_drawn(yard, tmp_path):
-    plot(yard, tmp_path / "instant.svg", Request(start=1.0, end=1.0))
-    plot(yard, tmp_path / "series.svg", Request(series=(SeriesName("cart", "risk"),), start=1.0, end=1.0))
+    plot(yard, tmp_path / "instant.svg", PlotRequest(start=1.0, end=1.0))
+    plot(yard, tmp_path / "series.svg", PlotRequest(series=(SeriesName("cart", "risk"),), start=1.0, end=1.0))
 
 
 def test_a_wide_plane_stands_above_the_other_panels_and_a_tall_one_leaves_them_room():
@@ -182,7 +182,7 @@ def test_a_name_that_cannot_be_drawn_leaves_nothing(yard, tmp_path):
     assert caught.value.known == (".png", ".svg", ".pdf")
     with pytest.raises(UnknownNameError, match="a name without a suffix"):
         plot(yard, tmp_path / "a")
-    for request in (Request(size=(1.0, 1.0)), Request(size=(60.0, 60.0), dpi=1200)):
+    for request in (PlotRequest(size=(1.0, 1.0)), PlotRequest(size=(60.0, 60.0), dpi=1200)):
         with pytest.raises(LogError):
             plot(yard, tmp_path / "a.png", request)
     with pytest.raises(OutputError):

@@ -13,7 +13,7 @@ from symaware_cli import Circle, Polygon, Shape, Wall, open_log
 from symaware_cli.viewing.plotting import separation as closeness
 from symaware_cli.viewing.plotting.content import Distances, gather
 from symaware_cli.viewing.plotting.motion import Motion, Obstacles
-from symaware_cli.viewing.plotting.request import Request
+from symaware_cli.viewing.plotting.request import PlotRequest
 from symaware_cli.viewing.views import ObstacleView, run_view_of
 
 seeds = st.integers(0, 2**32 - 1)
@@ -29,7 +29,9 @@ def motion(positions, shapes, headings=None):
 
 
 def separation(log):
-    return next(panel for panel in gather(log, Request(show=("separation",))).panels if isinstance(panel, Distances))
+    return next(
+        panel for panel in gather(log, PlotRequest(show=("separation",))).panels if isinstance(panel, Distances)
+    )
 
 
 @settings(max_examples=25)

@@ -27,7 +27,7 @@ from symaware_cli.core import (
     Quantity,
     TimeSeries,
 )
-from symaware_cli.optimal_control import Decision, Dynamics, Plan, Solver
+from symaware_cli.optimal_control import Dynamics, Plan, PlanDecision, Solver
 from symaware_cli.world.time import SECOND
 
 Array = NDArray[np.float64]
@@ -65,7 +65,7 @@ class PredictiveDecision(NamedTuple):
     """
 
     control_input: Array
-    decision: Decision | None
+    decision: PlanDecision | None
     slows: bool
     passed: int
     distance: float
@@ -307,7 +307,7 @@ class ModelPredictiveControl(Component):
             self._reached = True
             self.emit("goal-reached", "reached its goal", distance=value.distance)
 
-    def _tell_of_failure(self, decision: Decision) -> None:
+    def _tell_of_failure(self, decision: PlanDecision) -> None:
         solution, left = decision.solution, 0 if decision.plan is None else decision.plan.left
         instead = f"follows its last plan, of which {left} steps are left" if left else "slows down"
         self.emit(

@@ -74,7 +74,7 @@ class Output:
             self._writer.finish()  # type: ignore[no-untyped-call]
 
 
-class Columns:
+class PlotChannel:
     """A channel of numbers that can be plotted: a field for each column, in it a number for each agent.
 
     So ``/agents/robot/state.x[2]`` is the x of the third robot.

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from symaware_cli.viewing.foxglove import primitives
 from symaware_cli.viewing.foxglove.frames import show_bodies, show_figures, show_solid
-from symaware_cli.viewing.foxglove.output import Columns
+from symaware_cli.viewing.foxglove.output import PlotChannel
 from symaware_cli.viewing.foxglove.primitives import colour, entity
 from symaware_cli.viewing.foxglove.sensors import show_images, show_rays
 from symaware_cli.viewing.foxglove.stage import Stage
@@ -183,8 +183,8 @@ def _show_curves(stage: Stage, mark: marks.Curves) -> None:
 
 def _show_numbers(stage: Stage, mark: marks.Numbers) -> None:
     if mark.path not in stage.kept:
-        stage.kept[mark.path] = Columns(mark.path, mark.columns, mark.names)
-    columns: Columns = stage.kept[mark.path]
+        stage.kept[mark.path] = PlotChannel(mark.path, mark.columns, mark.names)
+    columns: PlotChannel = stage.kept[mark.path]
     for time, values in zip(mark.times.tolist(), mark.values, strict=True):
         stage.say(time, f"/{mark.path}", columns.message(values), columns.metadata)
 

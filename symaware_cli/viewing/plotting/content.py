@@ -16,11 +16,11 @@ from symaware_cli.recording.error import LogError
 from symaware_cli.recording.logged_events import LoggedContact
 from symaware_cli.recording.reader import Log
 from symaware_cli.viewing.plotting import separation as closeness
-from symaware_cli.viewing.plotting.curves import Curves, altitude, named, recorded, speed
+from symaware_cli.viewing.plotting.curves import PlottedCurves, altitude, named, recorded, speed
 from symaware_cli.viewing.plotting.marks import goals, intents
 from symaware_cli.viewing.plotting.motion import Chosen, Motion, Obstacles, motion, obstacles
-from symaware_cli.viewing.plotting.request import Request, Window
-from symaware_cli.viewing.plotting.separation import Separation
+from symaware_cli.viewing.plotting.request import PlotRequest, Window
+from symaware_cli.viewing.plotting.separation import LeastSeparation
 from symaware_cli.viewing.plotting.shares import Shares, shares
 from symaware_cli.viewing.views import RunView, run_view_of
 
@@ -96,8 +96,8 @@ class Distances:
         sampled: The time between two records, where the world made steps in between [s]; None if each was recorded.
     """
 
-    agents: Separation | None
-    obstacles: Separation | None
+    agents: LeastSeparation | None
+    obstacles: LeastSeparation | None
     chosen: Chosen
     obstacle_views: tuple[str, ...]
     contacts: tuple[float, ...]
@@ -105,7 +105,7 @@ class Distances:
 
     name = "separation"
 
-    def who(self, separation: Separation) -> tuple[str, str]:
+    def who(self, separation: LeastSeparation) -> tuple[str, str]:
         """Whose the least separation is."""
         one, other = separation.pair[separation.lowest].tolist()
         return self.chosen.agents[one], (self.chosen.agents if separation is self.agents else self.obstacle_views)[
@@ -113,7 +113,7 @@ class Distances:
         ]
 
     @cached_property
-    def closest(self) -> Separation:
+    def closest(self) -> LeastSeparation:
         """The one of the two in which anybody came closest."""
         found = [each for each in (self.agents, self.obstacles) if each is not None]
         return min(found, key=lambda each: float(each.least[each.lowest]))
@@ -123,7 +123,7 @@ class Distances:
         told = {"panel": self.name, "agents": self._least(self.agents), "obstacles": self._least(self.obstacles)}
         return told if self.sampled is None else {**told, "recorded_every": self.sampled}
 
-    def _least(self, separation: Separation | None) -> dict[str, Any] | None:
+    def _least(self, separation: LeastSeparation | None) -> dict[str, Any] | None:
         if separation is None:
             return None
         place = separation.lowest
@@ -145,7 +145,7 @@ class Distances:
         return notes
 
 
-Panel = Trajectories | Distances | Curves | Shares
+Panel = Trajectories | Distances | PlottedCurves | Shares
 
 
 @dataclass(frozen=True)
@@ -184,7 +184,7 @@ class Content:
         return [note for panel in self.panels if isinstance(panel, Trajectories | Distances) for note in panel.notes()]
 
 
-def gather(log: Log, request: Request) -> Content:
+def gather(log: Log, request: PlotRequest) -> Content:
     """Read from a log what a request asks for.
 
     Raises:
@@ -207,7 +207,7 @@ def gather(log: Log, request: Request) -> Content:
 class _Reading:
     """Reads a log for one request, and nothing twice."""
 
-    def __init__(self, log: Log, run_view: RunView, chosen: Chosen, window: Window, request: Request) -> None:
+    def __init__(self, log: Log, run_view: RunView, chosen: Chosen, window: Window, request: PlotRequest) -> None:
         self._log = log
         self._run_view = run_view
         self._chosen = chosen
@@ -259,7 +259,7 @@ class _Reading:
                 return shares(self._log, self._chosen, field, self._window) or recorded(
                     self._log, self._chosen, field, self._window
                 )
-        return [curves] if isinstance(curves, Curves) else []
+        return [curves] if isinstance(curves, PlottedCurves) else []
 
     @cached_property
     def _motion(self) -> Motion | None:

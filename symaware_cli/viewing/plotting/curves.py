@@ -13,7 +13,7 @@ from symaware_cli.core import PARTS, seconds
 from symaware_cli.recording.error import LogError, UnknownNameError
 from symaware_cli.recording.reader import FIELDS, Log
 from symaware_cli.viewing.palette import DISTINCT, SCENERY, hexadecimal
-from symaware_cli.viewing.plotting.motion import Chosen, Line, Motion, held, instants, series_of
+from symaware_cli.viewing.plotting.motion import Chosen, LineStyle, Motion, held, instants, series_of
 from symaware_cli.viewing.plotting.request import SeriesName, Window
 from symaware_cli.viewing.views import RunView
 
@@ -30,7 +30,7 @@ _GRADUAL = ("state", "world", "intent", "uncertainty")
 
 
 @dataclass(frozen=True)
-class Curves:
+class PlottedCurves:
     """One quantity over time.
 
     Attributes:
@@ -48,7 +48,7 @@ class Curves:
     unit: str
     times: NDArray[np.int64]
     values: Array
-    lines: tuple[Line, ...]
+    lines: tuple[LineStyle, ...]
     stepwise: bool = False
     note: str = ""
     dots: bool = False
@@ -74,13 +74,13 @@ class Curves:
         return float(self.values[row, column]), seconds(int(self.times[row])), self.lines[column].name
 
 
-def recorded(log: Log, chosen: Chosen, field: str, window: Window) -> list[Curves]:
+def recorded(log: Log, chosen: Chosen, field: str, window: Window) -> list[PlottedCurves]:
     """Read a field of `Log.series` of all chosen agents: one for each column, with those that have it.
 
     Raises:
         LogError: The log cannot be read, or not understood.
     """
-    found: dict[tuple[str, str], list[Curves]] = {}
+    found: dict[tuple[str, str], list[PlottedCurves]] = {}
     for name, rows, lines in chosen.groupwise:
         if field not in (*FIELDS, *log.signals(name)):
             continue  # the components of another group write it
@@ -93,7 +93,7 @@ def recorded(log: Log, chosen: Chosen, field: str, window: Window) -> list[Curve
     return [replace(curves, name=f"{field} {curves.name}".replace(f"{field} {field}", field)) for curves in joined]
 
 
-def speed(chosen: Chosen, motion: Motion) -> Curves | None:
+def speed(chosen: Chosen, motion: Motion) -> PlottedCurves | None:
     """The speed of each agent, from where it was a little before and a little after; None without two instants."""
     times = motion.times
     if len(times) < 2:
@@ -103,19 +103,21 @@ def speed(chosen: Chosen, motion: Motion) -> Curves | None:
     travelled = np.linalg.norm(motion.positions[after] - motion.positions[before], axis=2)
     values = travelled / ((times[after] - times[before]) / 1e9)[:, None]
     note = f"mean over {2 * seconds(_AROUND):g} s"
-    return Curves("speed", "m/s", times, values, chosen.lines, note=note)
+    return PlottedCurves("speed", "m/s", times, values, chosen.lines, note=note)
 
 
-def altitude(chosen: Chosen, motion: Motion) -> Curves | None:
+def altitude(chosen: Chosen, motion: Motion) -> PlottedCurves | None:
     """The third coordinate of agents that move in space; None if nobody does."""
     spatial = np.array([len(group_view.position) == 3 for group_view in chosen.group_view])
     if not spatial.any():
         return None
     lines = tuple(line for line, flies in zip(chosen.lines, spatial, strict=True) if flies)
-    return Curves("altitude", "m", motion.times, motion.positions[:, spatial, 2], lines)
+    return PlottedCurves("altitude", "m", motion.times, motion.positions[:, spatial, 2], lines)
 
 
-def named(log: Log, run_view: RunView, chosen: Chosen, names: Sequence[SeriesName], window: Window) -> list[Curves]:
+def named(
+    log: Log, run_view: RunView, chosen: Chosen, names: Sequence[SeriesName], window: Window
+) -> list[PlottedCurves]:
     """Read series by name; those that measure the same, by column and unit, come together.
 
     Raises:
@@ -124,7 +126,7 @@ def named(log: Log, run_view: RunView, chosen: Chosen, names: Sequence[SeriesNam
     """
     single = [name.owner for name in names if name.owner in run_view.place and name.owner not in run_view.group_views]
     alone = Chosen.of(run_view, single) if single else chosen
-    found: dict[tuple[str, str], list[tuple[str, Curves]]] = {}
+    found: dict[tuple[str, str], list[tuple[str, PlottedCurves]]] = {}
     for name in dict.fromkeys(names):
         rows, lines = _owned(run_view, chosen, alone, name)
         for curves in _picked(log, run_view, name, rows, lines, window):
@@ -134,11 +136,11 @@ def named(log: Log, run_view: RunView, chosen: Chosen, names: Sequence[SeriesNam
 
 def _owned(
     run_view: RunView, chosen: Chosen, alone: Chosen, name: SeriesName
-) -> tuple[NDArray[np.intp], tuple[Line, ...]]:
+) -> tuple[NDArray[np.intp], tuple[LineStyle, ...]]:
     """The rows that a series is about, and how each is drawn."""
     owner = name.owner
     if owner in run_view.obstacle_views:
-        return np.array([0]), (Line(owner, hexadecimal(SCENERY)),)
+        return np.array([0]), (LineStyle(owner, hexadecimal(SCENERY)),)
     if owner in run_view.group_views:
         if owner not in chosen.rows:
             raise LogError(f"no agent of {owner!r} is among those that were chosen")
@@ -154,8 +156,8 @@ def _owned(
 
 
 def _picked(
-    log: Log, run_view: RunView, name: SeriesName, rows: NDArray[np.intp], lines: tuple[Line, ...], window: Window
-) -> list[Curves]:
+    log: Log, run_view: RunView, name: SeriesName, rows: NDArray[np.intp], lines: tuple[LineStyle, ...], window: Window
+) -> list[PlottedCurves]:
     """One for each column that a name stands for."""
     group = run_view.place[name.owner][0] if name.owner in run_view.place else name.owner
     every = _columns(log, group, name.field, rows, lines, window)
@@ -172,8 +174,8 @@ def _picked(
 
 
 def _columns(
-    log: Log, owner: str, field: str, rows: NDArray[np.intp], lines: tuple[Line, ...], window: Window
-) -> list[Curves]:
+    log: Log, owner: str, field: str, rows: NDArray[np.intp], lines: tuple[LineStyle, ...], window: Window
+) -> list[PlottedCurves]:
     """One for each column of a field that has values in the window; none where it was not recorded.
 
     Raises:
@@ -194,15 +196,15 @@ def _columns(
     units = series.units or ("",) * count
     stepwise = field not in _GRADUAL
     return [
-        Curves(name, unit, times, values[:, :, number], lines, stepwise)
+        PlottedCurves(name, unit, times, values[:, :, number], lines, stepwise)
         for number, (name, unit) in enumerate(zip(names, units, strict=False))
         if number < count
     ]
 
 
 def _entries(
-    log: Log, group: str, field: str, rows: NDArray[np.intp], lines: tuple[Line, ...], window: Window
-) -> list[Curves]:
+    log: Log, group: str, field: str, rows: NDArray[np.intp], lines: tuple[LineStyle, ...], window: Window
+) -> list[PlottedCurves]:
     """The entries of tables, one for each column; none where there are none in the window."""
     found = [log.series(log.agents[group][row], field) for row in rows.tolist()]
     times = np.concatenate([series.times for series in found])
@@ -215,12 +217,12 @@ def _entries(
     values = np.full((len(order), len(lines), entries.shape[1]), np.nan)
     values[np.arange(len(order)), owner[order]] = entries[order]
     return [
-        Curves(name, unit, times[order], values[:, :, number], lines, dots=True)
+        PlottedCurves(name, unit, times[order], values[:, :, number], lines, dots=True)
         for number, (name, unit) in enumerate(zip(found[0].columns, found[0].units, strict=True))
     ]
 
 
-def _joined(parts: Sequence[Curves]) -> Curves:
+def _joined(parts: Sequence[PlottedCurves]) -> PlottedCurves:
     """Curves of several owners in one table."""
     if len(parts) == 1:
         return parts[0]
@@ -232,7 +234,7 @@ def _joined(parts: Sequence[Curves]) -> Curves:
     return replace(parts[0], times=times, values=np.concatenate(values, axis=1), lines=lines)
 
 
-def _joined_dots(parts: Sequence[Curves]) -> Curves:
+def _joined_dots(parts: Sequence[PlottedCurves]) -> PlottedCurves:
     """Entries of several owners in one table, each of which stays by itself."""
     times = np.concatenate([curves.times for curves in parts])
     lines = tuple(line for curves in parts for line in curves.lines)
@@ -245,7 +247,7 @@ def _joined_dots(parts: Sequence[Curves]) -> Curves:
     return replace(parts[0], times=times[order], values=values[order], lines=lines)
 
 
-def _told_apart(parts: Sequence[tuple[str, Curves]]) -> list[Curves]:
+def _told_apart(parts: Sequence[tuple[str, PlottedCurves]]) -> list[PlottedCurves]:
     """Curves of several fields, with the field in the name and every other one dashed."""
     fields = list(dict.fromkeys(field for field, _ in parts))
     if len(fields) == 1:
@@ -253,6 +255,6 @@ def _told_apart(parts: Sequence[tuple[str, Curves]]) -> list[Curves]:
     told = []
     for field, curves in parts:
         dashed = fields.index(field) % 2 == 1
-        lines = tuple(Line(f"{line.name} {field}", line.colour, dashed) for line in curves.lines)
+        lines = tuple(LineStyle(f"{line.name} {field}", line.colour, dashed) for line in curves.lines)
         told.append(replace(curves, lines=lines))
     return told

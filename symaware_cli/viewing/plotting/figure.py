@@ -24,10 +24,10 @@ from matplotlib.transforms import Bbox
 from symaware_cli.core import seconds
 from symaware_cli.recording.error import LogError
 from symaware_cli.viewing.plotting.content import Content, Distances, Trajectories
-from symaware_cli.viewing.plotting.curves import Curves
-from symaware_cli.viewing.plotting.motion import Line
+from symaware_cli.viewing.plotting.curves import PlottedCurves
+from symaware_cli.viewing.plotting.motion import LineStyle
 from symaware_cli.viewing.plotting.plane import draw_trajectories, extent
-from symaware_cli.viewing.plotting.request import Request
+from symaware_cli.viewing.plotting.request import PlotRequest
 from symaware_cli.viewing.plotting.shares import Shares
 from symaware_cli.viewing.plotting.time import DASHES, INK, draw_curves, draw_separation, draw_shares
 
@@ -78,7 +78,7 @@ _WIDE = 2.2
 _ENTRIES = 32
 
 
-def draw(content: Content, request: Request, path: Path) -> None:
+def draw(content: Content, request: PlotRequest, path: Path) -> None:
     """Draw a figure into a file.
 
     Args:
@@ -118,7 +118,7 @@ def _settle(figure: Figure) -> None:
         text.set_position((round(x, 4), round(y, 4)))
 
 
-def _arranged(content: Content, request: Request) -> tuple[_Layout, tuple[float, float], float]:
+def _arranged(content: Content, request: PlotRequest) -> tuple[_Layout, tuple[float, float], float]:
     """Where panels go, how large the figure is [inch], and how large type is relative to that of its natural size."""
     plane = next((panel for panel in content.panels if isinstance(panel, Trajectories)), None)
     layout = _Layout.of(_ratio(plane) if plane else None, len(content.panels) - (plane is not None))
@@ -175,7 +175,7 @@ def _figure(content: Content, layout: _Layout, size: tuple[float, float], title:
     return figure
 
 
-def _drawn(axes: Axes, panel: Distances | Curves | Shares) -> tuple[list[Line2D | Patch], list[str]]:
+def _drawn(axes: Axes, panel: Distances | PlottedCurves | Shares) -> tuple[list[Line2D | Patch], list[str]]:
     match panel:
         case Distances():
             return draw_separation(axes, panel)
@@ -266,7 +266,7 @@ def _title(content: Content, title: str | None) -> str:
 
 def _owners(content: Content) -> list[Line2D | Patch]:
     """What a legend says of whose a line is: the agents where they can be told apart, else the groups."""
-    lines: dict[Line, None] = {}
+    lines: dict[LineStyle, None] = {}
     for panel in content.panels:
         if isinstance(panel, Distances | Shares):
             continue

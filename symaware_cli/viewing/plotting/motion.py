@@ -21,7 +21,7 @@ Times = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
-class Line:
+class LineStyle:
     """How whatever belongs to one agent is drawn.
 
     Attributes:
@@ -46,7 +46,7 @@ class Chosen:
     """
 
     rows: Mapping[str, NDArray[np.intp]]
-    lines: tuple[Line, ...]
+    lines: tuple[LineStyle, ...]
     group_view: tuple[GroupView, ...]
 
     @property
@@ -60,13 +60,13 @@ class Chosen:
         return len(self.lines) > DISTINCT
 
     @property
-    def groups(self) -> tuple[Line, ...]:
+    def groups(self) -> tuple[LineStyle, ...]:
         """How each group is drawn where its agents are too many."""
         found = {group_view.name: line.colour for line, group_view in zip(self.lines, self.group_view, strict=True)}
-        return tuple(Line(name, colour) for name, colour in found.items())
+        return tuple(LineStyle(name, colour) for name, colour in found.items())
 
     @property
-    def groupwise(self) -> Iterator[tuple[str, NDArray[np.intp], tuple[Line, ...]]]:
+    def groupwise(self) -> Iterator[tuple[str, NDArray[np.intp], tuple[LineStyle, ...]]]:
         """Each group with the rows that are chosen, and how their agents are drawn."""
         first = 0
         for name, rows in self.rows.items():
@@ -100,13 +100,13 @@ class Chosen:
         if count <= DISTINCT < run_view.agent_count:
             # A few out of many: they are told apart, though the replay does not do so.
             colours = agent_colours([len(some) for some in rows.values()])
-        lines: list[Line] = []
+        lines: list[LineStyle] = []
         group_views: list[GroupView] = []
         for (name, some), colour in zip(rows.items(), colours, strict=True):
             for row, each in zip(some.tolist(), colour, strict=True):
                 hue = hexadecimal(each)
                 dashed = count <= DISTINCT and hue in {line.colour for line in lines}
-                lines.append(Line(run_view.group_views[name].agents[row], hue, dashed))
+                lines.append(LineStyle(run_view.group_views[name].agents[row], hue, dashed))
                 group_views.append(run_view.group_views[name])
         return cls(rows, tuple(lines), tuple(group_views))
 

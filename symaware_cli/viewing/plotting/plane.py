@@ -20,7 +20,7 @@ from symaware_cli.geometry.pieces import Pieces
 from symaware_cli.viewing.outline import outlines, placed
 from symaware_cli.viewing.palette import CONTACT, GOAL, SCENERY, hexadecimal
 from symaware_cli.viewing.plotting.content import Trajectories
-from symaware_cli.viewing.plotting.motion import Line
+from symaware_cli.viewing.plotting.motion import LineStyle
 from symaware_cli.viewing.plotting.time import DASHES, INK
 
 Array = NDArray[np.float64]
@@ -250,7 +250,7 @@ def _draw_bodies(axes: Axes, content: Trajectories, span: float) -> list[Line2D 
     ]
 
 
-def _by_colour(lines: Iterable[Line], points: Mapping[str, Array]) -> dict[str, Array]:
+def _by_colour(lines: Iterable[LineStyle], points: Mapping[str, Array]) -> dict[str, Array]:
     """The points (m, 2) of agents, together with those of all that have the same colour."""
     found: dict[str, list[Array]] = {}
     for line in lines:

@@ -9,10 +9,10 @@ from symaware_cli.recording.error import LogError
 from symaware_cli.recording.output import whole_file
 from symaware_cli.recording.reader import Log
 from symaware_cli.viewing.plotting.content import Content, gather
-from symaware_cli.viewing.plotting.request import Request, check_output
+from symaware_cli.viewing.plotting.request import PlotRequest, check_output
 
 
-def plot(log: Log, path: str | os.PathLike[str], request: Request | None = None) -> Content:
+def plot(log: Log, path: str | os.PathLike[str], request: PlotRequest | None = None) -> Content:
     """Draw a figure of a log into a file, which appears whole or not at all.
 
     The same log, request and versions give the same bytes.
@@ -29,7 +29,7 @@ def plot(log: Log, path: str | os.PathLike[str], request: Request | None = None)
         LogError: There is nothing to plot, the log does not have what is asked for, or matplotlib is not installed.
         OutputError: The file cannot be written.
     """
-    path, request = Path(path), request or Request()
+    path, request = Path(path), request or PlotRequest()
     check_output(path, request)
     try:
         from symaware_cli.viewing.plotting.figure import draw

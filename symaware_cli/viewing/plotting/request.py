@@ -54,7 +54,7 @@ class SeriesName:
 
 
 @dataclass(frozen=True)
-class Request:
+class PlotRequest:
     """What a plot is asked to show.
 
     Attributes:
@@ -110,7 +110,7 @@ class Window:
     at: int
 
     @classmethod
-    def of(cls, log: Log, request: Request) -> Window:
+    def of(cls, log: Log, request: PlotRequest) -> Window:
         """Find the stretch of a log that is asked for.
 
         Raises:
@@ -140,7 +140,7 @@ class Window:
         return cls(start, end, at)
 
 
-def check_output(path: Path, request: Request) -> None:
+def check_output(path: Path, request: PlotRequest) -> None:
     """Make sure that a figure can be drawn into a file, before there is any effort.
 
     Raises:

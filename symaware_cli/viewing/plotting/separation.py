@@ -25,7 +25,7 @@ _WORK = 2_000_000
 
 
 @dataclass(frozen=True)
-class Separation:
+class LeastSeparation:
     """The least separation over time.
 
     Attributes:
@@ -50,7 +50,7 @@ class Separation:
         return int(np.nanargmin(self.least))
 
 
-def among(motion: Motion) -> Separation | None:
+def among(motion: Motion) -> LeastSeparation | None:
     """Find how far agents are apart; None where there are no two."""
     count = motion.positions.shape[1]
     if count < 2:
@@ -72,10 +72,10 @@ def among(motion: Motion) -> Separation | None:
         centres[row] = np.linalg.norm(positions[pair[row, 0]] - positions[pair[row, 1]])
     if np.isnan(least).all():
         return None
-    return Separation(motion.times[steps], least, np.sort(pair, axis=1), centres, typical, every)
+    return LeastSeparation(motion.times[steps], least, np.sort(pair, axis=1), centres, typical, every)
 
 
-def from_obstacles(motion: Motion, obstacles: Obstacles) -> Separation | None:
+def from_obstacles(motion: Motion, obstacles: Obstacles) -> LeastSeparation | None:
     """Find how far agents are from obstacles; None where there are none."""
     agents, count = motion.positions.shape[1], len(obstacles.obstacle_views)
     if not agents or not count:
@@ -113,7 +113,7 @@ def from_obstacles(motion: Motion, obstacles: Obstacles) -> Separation | None:
     if np.isnan(least).all():
         return None
     nothing = np.full(len(steps), np.nan)
-    return Separation(motion.times[steps], least, pair, nothing, nothing, every)
+    return LeastSeparation(motion.times[steps], least, pair, nothing, nothing, every)
 
 
 class _Nearest:

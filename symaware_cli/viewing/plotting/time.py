@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from symaware_cli.viewing.palette import AGENTS, RISK, SCENERY, hexadecimal
 from symaware_cli.viewing.plotting.content import Distances
-from symaware_cli.viewing.plotting.curves import Curves
+from symaware_cli.viewing.plotting.curves import PlottedCurves
 from symaware_cli.viewing.plotting.shares import Shares
 
 Array = NDArray[np.float64]
@@ -31,7 +31,7 @@ _BAND = (0.1, 0.5, 0.9)
 _REMARK = 46
 
 
-def draw_curves(axes: Axes, curves: Curves) -> tuple[list[Line2D | Patch], list[str]]:
+def draw_curves(axes: Axes, curves: PlottedCurves) -> tuple[list[Line2D | Patch], list[str]]:
     """Draw a quantity over time.
 
     Returns:
@@ -53,7 +53,7 @@ def draw_curves(axes: Axes, curves: Curves) -> tuple[list[Line2D | Patch], list[
     return [], said
 
 
-def _draw_lines(axes: Axes, curves: Curves, times: Array, values: Array) -> list[str]:
+def _draw_lines(axes: Axes, curves: PlottedCurves, times: Array, values: Array) -> list[str]:
     for number, line in enumerate(curves.lines):
         known = ~np.isnan(values[:, number])
         axes.plot(
@@ -68,13 +68,13 @@ def _draw_lines(axes: Axes, curves: Curves, times: Array, values: Array) -> list
     return []
 
 
-def _draw_dots(axes: Axes, curves: Curves, times: Array, values: Array) -> list[str]:
+def _draw_dots(axes: Axes, curves: PlottedCurves, times: Array, values: Array) -> list[str]:
     for number, line in enumerate(curves.lines):
         axes.plot(times, values[:, number], color=line.colour, linestyle="none", marker=".", markersize=2.5)
     return []
 
 
-def _draw_bands(axes: Axes, curves: Curves, times: Array, values: Array) -> list[str]:
+def _draw_bands(axes: Axes, curves: PlottedCurves, times: Array, values: Array) -> list[str]:
     """Draw the median and the middle of the curves of each colour, which is that of a group."""
     colours = np.array([line.colour for line in curves.lines])
     kinds = list(dict.fromkeys(colours.tolist()))

@@ -94,7 +94,7 @@ def _show_ellipsoids(columns: Columns, mark: marks.Ellipsoids) -> None:
     columns.send(mark.path, mark.times, shown, mark.counts)
 
 
-def _show_place(columns: Columns, mark: marks.Place) -> None:
+def _show_place(columns: Columns, mark: marks.FocusPoint) -> None:
     """Put up something without a size, since an eye follows only what there is something of, and move it."""
     import rerun as rr
 
@@ -177,7 +177,7 @@ _SHOWN: Mapping[type, Callable[[Columns, Any], None]] = {
     marks.Solid: show_solid,
     marks.Figures: show_figures,
     marks.Ground: show_ground,
-    marks.Place: _show_place,
+    marks.FocusPoint: _show_place,
     marks.Rays: _show_rays,
     marks.Images: _show_images,
     marks.Curves: _show_curves,

@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 _NEVER = np.empty(0, np.int64)
 
 
-class Separation(Drawing):
+class SeparationCurve(Drawing):
     """The least distance between the outlines of any two agents, and 0, where bodies touch."""
 
     def __init__(self, run_view: RunView, detail: Detail) -> None:
@@ -74,7 +74,7 @@ class Separation(Drawing):
         return np.inf if found is None else found.gap
 
 
-class Awareness(Drawing):
+class AwarenessCurves(Drawing):
     """Control input, parts of awareness and signals of each agent in focus, with names and units."""
 
     def marks(self, chunk: Chunk) -> Iterator[Curves]:

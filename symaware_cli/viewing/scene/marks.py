@@ -233,7 +233,7 @@ class Ground(_Mark):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Place(_Mark):
+class FocusPoint(_Mark):
     """A place that an eye can follow.
 
     Attributes:
@@ -366,7 +366,7 @@ Mark: TypeAlias = (
     | Solid
     | Figures
     | Ground
-    | Place
+    | FocusPoint
     | Rays
     | Images
     | Curves

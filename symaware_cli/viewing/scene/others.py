@@ -15,7 +15,7 @@ from symaware_cli.viewing.chunk import Chunk
 from symaware_cli.viewing.detail import Detail
 from symaware_cli.viewing.scene.base import Drawing
 from symaware_cli.viewing.scene.intents import path_columns, ways
-from symaware_cli.viewing.scene.marks import Ellipsoids, Lines, Mark, Place, Rings
+from symaware_cli.viewing.scene.marks import Ellipsoids, FocusPoint, Lines, Mark, Rings
 from symaware_cli.viewing.scene.uncertainties import ellipsoids
 from symaware_cli.viewing.views import RunView, in_space
 
@@ -61,7 +61,7 @@ class Others(Drawing):
                 if frames is not None:
                     times, places = frames.times, group_view.positions(frames.values[:, row])
                 reach = group_view.perception_range
-                yield Place(path=f"as/{agent}/place", times=times, positions=places, reach=reach)
+                yield FocusPoint(path=f"as/{agent}/place", times=times, positions=places, reach=reach)
                 for name, topic in group_view.drawn("path"):
                     series = chunk.strips.get(topic)
                     if series is not None:

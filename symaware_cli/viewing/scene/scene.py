@@ -10,7 +10,7 @@ from symaware_cli.viewing.scene.bars import Bars
 from symaware_cli.viewing.scene.base import Drawing
 from symaware_cli.viewing.scene.bodies import Agents
 from symaware_cli.viewing.scene.contacts import Contacts
-from symaware_cli.viewing.scene.curves import Awareness, Everything, Separation
+from symaware_cli.viewing.scene.curves import AwarenessCurves, Everything, SeparationCurve
 from symaware_cli.viewing.scene.figures import Appearances
 from symaware_cli.viewing.scene.goals import Goals
 from symaware_cli.viewing.scene.informed import Informed
@@ -21,7 +21,7 @@ from symaware_cli.viewing.scene.messages import Messages
 from symaware_cli.viewing.scene.others import Others
 from symaware_cli.viewing.scene.points import Found
 from symaware_cli.viewing.scene.risk import Risks
-from symaware_cli.viewing.scene.scenery import Scenery
+from symaware_cli.viewing.scene.scenery import SceneryDrawing
 from symaware_cli.viewing.scene.sensors import Cameras, Scans
 from symaware_cli.viewing.scene.trails import Trails
 from symaware_cli.viewing.scene.uncertainties import Uncertainties
@@ -29,7 +29,7 @@ from symaware_cli.viewing.views import RunView
 
 #: What there is to be seen in the world, and what happened.
 SCENE: tuple[type[Drawing], ...] = (
-    Scenery,
+    SceneryDrawing,
     Appearances,
     Goals,
     Agents,
@@ -48,7 +48,7 @@ SCENE: tuple[type[Drawing], ...] = (
     Knowledge,
 )
 #: Curves for those who see what was chosen for them, and tables for those who choose themselves what to plot.
-CURVES: tuple[type[Drawing], ...] = (Risks, Separation, Awareness)
+CURVES: tuple[type[Drawing], ...] = (Risks, SeparationCurve, AwarenessCurves)
 TABLES: tuple[type[Drawing], ...] = (Everything,)
 
 

@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 _HEIGHT = 2.0
 
 
-class Scenery(Drawing):
+class SceneryDrawing(Drawing):
     """Walls, boxes and the like as solid bodies, flat in a plane and upright in space; and the ground."""
 
     def __init__(self, run_view: RunView, detail: Detail) -> None:
