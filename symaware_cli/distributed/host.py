@@ -6,14 +6,10 @@ import math
 import time
 from collections import Counter
 from contextlib import suppress
-from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
-from symaware_cli.awareness.column import Array, Column
-from symaware_cli.core import AgentGroup, Delivery, Level
-from symaware_cli.core.message import Indices
+from symaware_cli.core import Delivery, Level
 from symaware_cli.distributed.codec import decode
 from symaware_cli.distributed.frame import (
     End,
@@ -26,13 +22,12 @@ from symaware_cli.distributed.frame import (
     Welcome,
 )
 from symaware_cli.distributed.participant import Identity, Participant, listed, rows_of
+from symaware_cli.distributed.rejections import Rejections
+from symaware_cli.distributed.remote_inputs import RemoteInputs
+from symaware_cli.distributed.remote_member import RemoteMember
 from symaware_cli.distributed.transport import Port, PortEvent
 from symaware_cli.network.value import FrameError
 from symaware_cli.runtime.failure import RunError
-from symaware_cli.runtime.membership import safe_input
-
-#: Wall time between two records of frames that were not taken [s].
-_TALLY_INTERVAL = 1.0
 
 #: For how long who came may say nothing that makes it a member [s].
 _SILENCE = 2.0
@@ -47,31 +42,6 @@ _MOST_AT_ONCE = 4096
 _REASON = 200
 
 
-@dataclass(slots=True)
-class _Member:
-    """A process that takes part.
-
-    Attributes:
-        peer: Its number at the port.
-        name: What it is called.
-        agents: Those that it runs, in the order of the roster.
-        is_here: For everybody in the roster, whether it runs them.
-        rank: The place of the first of them in the roster, by which members are served.
-        reported: The last step that it reported on.
-        rows: By group, the rows whose inputs it told last, as the bytes of an array: they were found to be its own.
-        arrived: What arrived for its agents and was not told yet.
-    """
-
-    peer: int
-    name: str
-    agents: tuple[str, ...]
-    is_here: NDArray[np.bool_]
-    rank: int
-    reported: int
-    rows: dict[str, bytes] = field(default_factory=dict)
-    arrived: list[Delivery] = field(default_factory=list)
-
-
 class Host(Participant):
     """Keeps the world, carries the messages, and knows who is there.
 
@@ -83,9 +53,8 @@ class Host(Participant):
 
     def __init__(self, identity: Identity, port: Port, patience: float) -> None:
         super().__init__(identity, port, patience)
-        self._members: dict[int, _Member] = {}
-        #: The latest control inputs of agents that run elsewhere: for each group its rows, and a row for each.
-        self._inputs: dict[str, tuple[AgentGroup, Indices, Array]] = {}
+        self._members: dict[int, RemoteMember] = {}
+        self._inputs: RemoteInputs
         self._posts: list[tuple[int, Post]] = []
         self._notices: list[tuple[int, int, Notice]] = []
         self._losses: Counter[str] = Counter()
@@ -94,19 +63,14 @@ class Host(Participant):
         self._return_due = 0.0
         #: Who came and is no member, and until when each may say that it wants to be.
         self._guests: dict[int, float] = {}
-        self._malformed, self._example = 0, ""
-        self._rejected: dict[str, int] = {}
-        self._tally_due = 0.0
+        self._rejections = Rejections(port.rejected)
 
     def _meet(self) -> None:
         simulation, here = self._simulation, frozenset(self.identity.agents)
         away = [id for id in simulation.environment.roster.ids if id not in here]
         self._away = frozenset(away)
         simulation.exchange.forward(away, self._forward)
-        for group in simulation.groups:
-            rows = rows_of(group, away)
-            if len(rows):
-                self._inputs[group.name] = (group, rows, group.control_input[rows])
+        self._inputs = RemoteInputs(simulation, away)
         text = f"waits at {self.port.address} for {listed(away)}"
         simulation.announce("waiting", "run", text, agents=away, address=self.port.address)
         deadline = time.monotonic() + self._patience
@@ -125,7 +89,7 @@ class Host(Participant):
         return [id for id in self._simulation.environment.roster.ids if id in self._away and id not in present]
 
     @property
-    def _in_order(self) -> list[_Member]:
+    def _in_order(self) -> list[RemoteMember]:
         return sorted(self._members.values(), key=lambda member: member.rank)
 
     def arrived(self) -> None:
@@ -166,8 +130,10 @@ class Host(Participant):
         """Move the world under what everybody did."""
         if not self._keeps_step:
             self._collect()
-        self._tally()
-        self._move_world()
+        self._tell_rejections()
+        # Under what members want their agents to do, too.
+        with self._inputs.applied():
+            self._run.motion.step()
         return None
 
     def _collect(self) -> None:
@@ -220,20 +186,6 @@ class Host(Participant):
                 if other.peer != peer:
                     self._send(other.peer, notice)
 
-    def _move_world(self) -> None:
-        """Let the world make its step under what members want their agents to do, too."""
-        present: list[tuple[Column, Array]] = []
-        for group, rows, inputs in self._inputs.values():
-            values = group.control_input.copy()
-            values[rows] = inputs
-            present.append((group.control_column, group.control_column.exchange(values)))
-        try:
-            self._run.motion.step()
-        finally:
-            # Components know again what they have written themselves.
-            for column, values in present:
-                column.exchange(values)
-
     def _take(self, happening: PortEvent) -> None:
         """Take note of what happened at the port."""
         member = self._members.get(happening.peer)
@@ -263,8 +215,7 @@ class Host(Participant):
             reason = str(error)[:_REASON]
             self.port.cut(happening.peer, reason)
             self._guests.pop(happening.peer, None)
-            self._malformed += 1
-            self._example = f"what {member.name if member else 'a stranger'} said is not taken: {reason}"
+            self._rejections.count(f"what {member.name if member else 'a stranger'} said is not taken: {reason}")
             if member:
                 self._lose(member, reason)
 
@@ -288,7 +239,7 @@ class Host(Participant):
         is_here[indices] = True
         # In the middle of a run it begins with the step that is made next.
         reported = run.kernel.done if run.kernel.has_begun else -1
-        member = self._members[peer] = _Member(peer, hello.name, agents, is_here, indices[0], reported)
+        member = self._members[peer] = RemoteMember(peer, hello.name, agents, is_here, indices[0], reported)
         pace = run.pacer.factor if run.pacer else 0.0
         self._send(peer, Welcome(run.kernel.done, self._simulation.clock.now, pace, self._started))
         self._awaited.difference_update(agents)
@@ -320,25 +271,14 @@ class Host(Participant):
             return Refusal(f"another process is called {hello.name}; give this one a --name of its own")
         return None
 
-    def _hear(self, member: _Member, report: Report) -> None:
+    def _hear(self, member: RemoteMember, report: Report) -> None:
         """Take what a member's agents did."""
         for name, (rows, inputs) in report.inputs.items():
-            known = self._inputs.get(name)
-            if known is None or inputs.shape != (len(rows), known[2].shape[1]) or not np.isfinite(inputs).all():
-                raise FrameError(f"control inputs of `{name}` that cannot be")
-            group, own, latest = known
-            told = rows.tobytes()
-            if member.rows.get(name) != told:
-                if not _are_there(member, self._simulation.environment.roster.start(name) + rows, rows, len(group)):
-                    raise FrameError(f"control inputs of agents of `{name}` that are not its own")
-                member.rows[name] = told
-            latest = latest.copy()
-            latest[np.searchsorted(own, rows)] = inputs
-            self._inputs[name] = (group, own, latest)
+            self._inputs.take(member, name, rows, inputs)
         everybody = len(member.is_here)
         for post in report.posts:
             senders, receivers = post.batch.senders, post.batch.receivers
-            is_own = _are_there(member, senders, senders, everybody)
+            is_own = member.owns(senders, senders, everybody)
             is_known = receivers is None or bool((receivers < everybody).all())
             if not is_own:
                 raise FrameError("messages of agents that are not its own")
@@ -371,17 +311,16 @@ class Host(Participant):
         for peer in [peer for peer, until in self._guests.items() if until <= now]:
             del self._guests[peer]
             self.port.cut(peer, f"it did not say within {_SILENCE:g} s what it wants")
-            self._malformed += 1
-            self._example = f"a stranger did not say within {_SILENCE:g} s what it wants"
+            self._rejections.count(f"a stranger did not say within {_SILENCE:g} s what it wants")
 
-    def _part(self, member: _Member, end: End) -> None:
+    def _part(self, member: RemoteMember, end: End) -> None:
         """A member says that it is over."""
         if end.status == "failed":
             self._members.pop(member.peer)
             self._fail(end.source, f"in {member.name}: {end.reason}")
         self._lose(member, f"it was {end.status}" if end.status != "finished" else "it has finished")
 
-    def _lose(self, member: _Member, reason: str) -> None:
+    def _lose(self, member: RemoteMember, reason: str) -> None:
         """A member is gone: do what the scenario says about a failure of the components of its agents.
 
         Raises:
@@ -410,22 +349,13 @@ class Host(Participant):
             if restarts and run.pacer is None:
                 self._awaited.update(id for id in member.agents if id in group.ids)
             if timing.coast == "safe":
-                self._slow_down(group, rows)
+                self._inputs.slow_down(group, rows)
         if self._awaited:
             # For who watches; the log tells of it when turns may follow from it.
             waits = f"{text}; waits {self._patience:g} s for it"
             self._fire(Notice("waiting", "run", "WARNING", waits), recorded=False)
 
-    def _slow_down(self, group: AgentGroup, rows: Indices) -> None:
-        """Let agents stop as far as they can."""
-        _, own, latest = self._inputs[group.name]
-        latest, state = latest.copy(), self._simulation.environment.state(group)
-        for row in rows.tolist():
-            place = int(np.searchsorted(own, row))
-            latest[place] = safe_input(group.model, latest[place : place + 1], state[row : row + 1])
-        self._inputs[group.name] = (group, own, latest)
-
-    def _tell_all(self, name: str, member: _Member, text: str, level: Level = Level.INFO) -> None:
+    def _tell_all(self, name: str, member: RemoteMember, text: str, level: Level = Level.INFO) -> None:
         """Let everybody write down who came or went."""
         data = {"process": member.name, "agents": list(member.agents)}
         notice = Notice(name, f"processes.{member.name}", level.name, text, data)
@@ -433,26 +363,16 @@ class Host(Participant):
         for each in self._in_order:
             self._send(each.peer, notice)
 
-    def _tally(self) -> None:
+    def _tell_rejections(self, at_last: bool = False) -> None:
         """Record how many frames were not taken, now and then."""
-        rejected = {str(why): count for why, count in self.port.rejected.items() if count}
-        if self._malformed:
-            rejected["malformed"] = self._malformed
-        now = time.monotonic()
-        if rejected != self._rejected and now >= self._tally_due:
-            self._tally_due = now + _TALLY_INTERVAL
-            new = {why: count - self._rejected.get(why, 0) for why, count in sorted(rejected.items())}
-            self._rejected = rejected
-            said = ", ".join(f"{count} {why}" for why, count in new.items() if count)
-            text = f"frames were not taken: {said}" + (f"; {self._example}" if self._example else "")
-            self._example = ""
-            self._report(Notice("rejected", "run", "WARNING", text, {"total": dict(sorted(rejected.items()))}))
+        notice = self._rejections.news(at_last)
+        if notice is not None:
+            self._report(notice)
 
     def end(self, status: str, reason: str, error: RunError | None) -> None:
         """Tell everybody that the run is over, and how the world is then."""
         if self._has_begun:
-            self._tally_due = 0.0
-            self._tally()
+            self._tell_rejections(at_last=True)
             self._publish()
         with suppress(RunError):
             if status == "finished" and self._has_begun and self._run.kernel.is_complete:
@@ -462,8 +382,3 @@ class Host(Participant):
                 self._send(member.peer, End(status, reason, error.source if error else ""))
         # Who is not a member yet can only be told why the connection ends.
         self.port.close(f"the host's run {_SAID[status]}: {reason}")
-
-
-def _are_there(member: _Member, indices: Indices, numbers: Indices, count: int) -> bool:
-    """Whether numbers that came from outside are within their bounds, and a member runs the agents that they mean."""
-    return bool(((numbers >= 0) & (numbers < count)).all() and member.is_here[indices].all())

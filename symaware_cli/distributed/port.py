@@ -268,7 +268,8 @@ class LoopPort(Port):
     def enter(self, connection: Connection) -> None:
         """Take in a connection that has not said anything yet; where there are too many, one of them goes."""
         if self.ending:
-            connection.drop()
+            # Over, so that nothing more is heard of it.
+            connection.refuse(ConnectionEnded(self._reason))
             return
         self._strangers[connection.peer] = connection
         if len(self._strangers) > self.parameters.members:

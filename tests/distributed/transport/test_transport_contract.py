@@ -11,12 +11,14 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from typing import Any
 
 import pytest
 from ports import free_port
 from transporting import COUNT, ECHO, KEY, descriptors, echo, eventually, expect, number, tasks, threads
 
 from symaware_cli.distributed.memory import Memory
+from symaware_cli.distributed.protocol import PING, PONG, PeerProtocol
 from symaware_cli.distributed.tcp import Tcp
 from symaware_cli.distributed.transport import Port, PortEvent, Transport, TransportError
 from symaware_cli.distributed.zenoh import Zenoh
@@ -514,6 +516,24 @@ def test_who_comes_as_the_port_closes_does_not_hold_it_up(stack: ExitStack, monk
     began = time.monotonic()
     host.close()
     assert time.monotonic() - began < 30.0
+
+
+def test_a_stranger_who_comes_over_zenoh_as_the_host_closes_leaves_no_thread() -> None:
+    pytest.importorskip("zenoh")
+    parameters = Zenoh.Parameters()
+    host: Any = Zenoh(parameters).listen("127.0.0.1", 0)
+    member = PeerProtocol(False, None, 2**20, 2.0, 60.0, time.monotonic())
+
+    def come() -> None:
+        host._end.set()
+        for record in (member.preamble, member.record(PING, bytes(8)), member.record(PONG, bytes(24))):
+            host._put_in("0123456789abcdef", record)
+        host.drain()
+
+    assert host.later(come)
+    host.close()
+    assert not host.connections
+    assert eventually(lambda: not threads(), within=10.0)
 
 
 def test_ports_leave_no_thread_and_no_descriptor(make: Callable[..., Transport]) -> None:

@@ -1,0 +1,106 @@
+"""The control inputs of agents that run in other processes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import numpy as np
+
+from symaware_cli.awareness.column import Array
+from symaware_cli.core import AgentGroup
+from symaware_cli.core.message import Indices
+from symaware_cli.distributed.participant import rows_of
+from symaware_cli.distributed.remote_member import RemoteMember
+from symaware_cli.network.value import FrameError
+from symaware_cli.runtime.membership import safe_input
+from symaware_cli.runtime.simulation import Simulation
+
+
+@dataclass(slots=True)
+class _Latest:
+    """The latest control inputs of those agents of a group that run elsewhere.
+
+    Attributes:
+        group: The group.
+        rows: Their rows, ascending; shape (m,).
+        values: Their control inputs; shape (m, nu).
+        checked: Which rows were found to belong to which member last.
+    """
+
+    group: AgentGroup
+    rows: Indices
+    values: Array
+    checked: tuple[RemoteMember | None, bytes] = None, b""
+
+    def replace(self, rows: Indices, values: Array) -> None:
+        latest = self.values.copy()
+        latest[np.searchsorted(self.rows, rows)] = values
+        self.values = latest
+
+
+class RemoteInputs:
+    """The latest control input of each agent that runs in another process, under which the world moves."""
+
+    def __init__(self, simulation: Simulation, away: Iterable[str]) -> None:
+        """Begin with the control inputs that the agents have.
+
+        Args:
+            simulation: What runs.
+            away: The ids of those that run elsewhere.
+        """
+        self._simulation = simulation
+        everybody = frozenset(away)
+        self._latest: dict[str, _Latest] = {}
+        for group in simulation.groups:
+            rows = rows_of(group, everybody)
+            if len(rows):
+                self._latest[group.name] = _Latest(group, rows, group.control_input[rows])
+
+    def take(self, member: RemoteMember, name: str, rows: Indices, values: Array) -> None:
+        """Take what a member tells of a group.
+
+        Args:
+            member: The member.
+            name: The group's name.
+            rows: Whose control inputs these are, ascending; shape (m,).
+            values: The control inputs; shape (m, nu).
+
+        Raises:
+            FrameError: That cannot be.
+        """
+        latest = self._latest.get(name)
+        if latest is None or values.shape != (len(rows), latest.values.shape[1]) or not np.isfinite(values).all():
+            raise FrameError(f"control inputs of `{name}` that cannot be")
+        # The same in each step.
+        known, told = latest.checked, rows.tobytes()
+        if known[0] is not member or known[1] != told:
+            first = self._simulation.environment.roster.start(name)
+            if not member.owns(first + rows, rows, len(latest.group)):
+                raise FrameError(f"control inputs of agents of `{name}` that are not its own")
+            latest.checked = member, told
+        latest.replace(rows, values)
+
+    def slow_down(self, group: AgentGroup, rows: Indices) -> None:
+        """Let agents stop as far as they can."""
+        latest, state = self._latest[group.name], self._simulation.environment.state(group)
+        for row in rows.tolist():
+            place = int(np.searchsorted(latest.rows, row))
+            own = latest.values[place : place + 1]
+            latest.replace(np.array([row]), safe_input(group.model, own, state[row : row + 1]))
+
+    @contextmanager
+    def applied(self) -> Iterator[None]:
+        """Put the control inputs in force; afterwards components know again what they have written themselves."""
+        present = []
+        for latest in self._latest.values():
+            column = latest.group.control_column
+            values = column.values.copy()
+            values[latest.rows] = latest.values
+            present.append((column, column.exchange(values)))
+        try:
+            yield
+        finally:
+            for column, before in present:
+                column.exchange(before)
