@@ -11,6 +11,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -534,6 +535,26 @@ def test_a_stranger_who_comes_over_zenoh_as_the_host_closes_leaves_no_thread() -
     host.close()
     assert not host.connections
     assert eventually(lambda: not threads(), within=10.0)
+
+
+def test_who_waits_for_frames_reads_them_without_another_thread(
+    stack: ExitStack, processes: list[subprocess.Popen[str]]
+) -> None:
+    port: Any = stack.enter_context(Tcp(Tcp.Parameters()).listen("127.0.0.1", 0))
+    processes.append(echo(Tcp(Tcp.Parameters()), port))
+    peer = expect(port, "came").peer
+
+    def switches() -> int:
+        """How often the port's own thread waited for something."""
+        status = Path(f"/proc/self/task/{port._thread.native_id}/status").read_text()
+        return int(status.partition("\nvoluntary_ctxt_switches:")[2].split()[0])
+
+    before, began = switches(), time.monotonic()
+    for _ in range(500):
+        port.send(peer, b"?")
+        assert expect(port, "frame").frame == b"?"
+    # It looks now and then whether it is needed.
+    assert switches() - before < 100 + 100 * (time.monotonic() - began)
 
 
 def test_ports_leave_no_thread_and_no_descriptor(make: Callable[..., Transport]) -> None:
