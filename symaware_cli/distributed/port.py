@@ -65,9 +65,9 @@ class LoopPort(Port):
         self._closed = False
         # Held by the thread that runs the loop, or does something to what lives in it.
         self._turn = threading.Lock()
-        # How often the run's thread has had it, and whether it waits in the loop now.
+        # How often the run's thread has had it, whether it waits in the loop now, and whether it waits for its turn.
         self._visits = 0
-        self._waits = False
+        self._waits = self._claimed = False
         self._wanted = threading.Event()
         self._wanted.set()
         self._reason = f"the {'host' if host else 'member'} ended the connection"
@@ -158,8 +158,11 @@ class LoopPort(Port):
         """Have the loop to oneself; the port's own thread lets go of it, until the run's has been away for a while."""
         self._visits += 1
         if not self._turn.acquire(blocking=False):
+            # The port's own thread must not have it again before this one wakes up: it is asked to stop but once.
+            self._claimed = True
             self.later(self._loop.stop)
             self._turn.acquire()
+            self._claimed = False
             self._settled = time.monotonic() + _SETTLING
 
     def _leave_loop(self) -> None:
@@ -356,7 +359,8 @@ class LoopPort(Port):
         live.add_done_callback(lambda _: self._loop.stop())
         while not live.done():
             visits = self._visits
-            if (self._wanted.wait(_LEAVE) or visits == self._visits) and self._turn.acquire(blocking=False):
+            is_left = self._wanted.wait(_LEAVE) or visits == self._visits
+            if is_left and not self._claimed and self._turn.acquire(blocking=False):
                 self._wanted.clear()
                 try:
                     self._loop.run_forever()

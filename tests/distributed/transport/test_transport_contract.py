@@ -557,6 +557,33 @@ def test_who_waits_for_frames_reads_them_without_another_thread(
     assert switches() - before < 100 + 100 * (time.monotonic() - began)
 
 
+class _Sluggish:
+    """A lock whose owner-to-be takes its time to wake up, as on a machine with much to do."""
+
+    def __init__(self, lock: Any) -> None:
+        self._lock = lock
+
+    def acquire(self, blocking: bool = True) -> bool:
+        if blocking:
+            with self._lock:
+                pass
+            time.sleep(0.1)
+        return bool(self._lock.acquire(blocking))
+
+    def release(self) -> None:
+        self._lock.release()
+
+
+def test_a_run_that_is_slow_to_wake_up_gets_its_turn_all_the_same(stack: ExitStack) -> None:
+    port: Any = stack.enter_context(Tcp(Tcp.Parameters()).listen("127.0.0.1", 0))
+    assert eventually(port._turn.locked)  # its own thread has it
+    port._turn = _Sluggish(port._turn)
+    waiting = threading.Thread(target=port.receive, args=(0.0,), daemon=True)
+    waiting.start()
+    waiting.join(20.0)
+    assert not waiting.is_alive()
+
+
 def test_ports_leave_no_thread_and_no_descriptor(make: Callable[..., Transport]) -> None:
     transport = make()
 
