@@ -90,6 +90,9 @@ def manifest(
         "entities": {name: _entity(environment, name) for name in environment.obstacles},
         "roster": [*environment.roster.ids, *environment.obstacles],
     }
+    regions = groups[0].regions if groups else {}
+    if regions:
+        content["regions"] = {name: region.model_dump(mode="json") for name, region in regions.items()}
     if part is not None:
         content["part"] = dict(part)
     return json.dumps(content, indent=1).encode()

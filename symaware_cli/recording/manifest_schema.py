@@ -6,6 +6,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, JsonValue, model_validator
 
+from symaware_cli.geometry.region import Region
 from symaware_cli.geometry.shape import Number, Position, Shape
 
 
@@ -79,6 +80,7 @@ class Manifest(_Entry):
     groups: dict[Name, _ManifestGroup] = {}
     entities: dict[Name, _Obstacle] = {}
     roster: list[Name] = []
+    regions: dict[Name, Region] = {}
     part: _Part = None  # type: ignore[assignment] # missing, but not null
     parts: list[JsonValue] = []
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from symaware_cli.recording import symaware_v1_pb2 as v1
+from symaware_cli.recording.index import ChannelInfo
 from symaware_cli.recording.wire.packing import FLOAT, INDEX, TIME, packed
 from symaware_cli.recording.writer import LogWriter
 from symaware_cli.specification.specification import SpecificationMonitor
@@ -91,6 +92,19 @@ class SpecificationRecorder:
 
 def _field(number: int, values: ArrayLike | None, dtype: np.dtype[Any]) -> bytes:
     return b"" if values is None else packed(number, values, dtype)
+
+
+def specification_rows(channels: Mapping[str, ChannelInfo]) -> dict[str, tuple[tuple[str, ...], ...]]:
+    """The ids of the agents that each row of the specifications of a log is about, by name.
+
+    Raises:
+        ValueError: A channel does not say.
+    """
+    return {
+        topic.rpartition("/")[2]: tuple(tuple(each) for each in json.loads(info.metadata.get("rows", "")))
+        for topic, info in channels.items()
+        if info.carries("Specification")
+    }
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -168,6 +168,8 @@ def _overviews(run_view: RunView, detail: Detail, content: ReplayContent) -> Ite
     cameras = _cameras(run_view, detail, content)
     if cameras:
         yield rrb.Grid(*cameras, grid_columns=min(len(cameras), 2), name="Cameras")
+    for name, rows in _specifications(run_view):
+        yield _curves(f"Specification {name}", [f"+ curves/specifications/{name}/**"], legend=len(rows) <= _LEGEND)
     if _has_risk(content):
         yield _curves("Risk", ["+ curves/risk/**"], legend=not detail.curves or run_view.agent_count <= _LEGEND)
     if run_view.agent_count > 1:
@@ -211,7 +213,12 @@ def _log(name: str, origin: str) -> rrb.TextLogView:
 def _row_shares(run_view: RunView, content: ReplayContent) -> list[int]:
     """How high the overviews above the journals are."""
     cameras = [5] * any("/image/" in topic for topic in content.topics)
-    return cameras + [3] * (_has_risk(content) + (run_view.agent_count > 1))
+    return cameras + [3] * (len(_specifications(run_view)) + _has_risk(content) + (run_view.agent_count > 1))
+
+
+def _specifications(run_view: RunView) -> list[tuple[str, Sequence[tuple[str, ...]]]]:
+    """The specifications that have a view of their own: the first few."""
+    return list(run_view.specifications.items())[:_CURVES]
 
 
 def _has_risk(content: ReplayContent) -> bool:

@@ -30,6 +30,7 @@ GOAL: Colour = (120, 170, 90)
 CONTACT: Colour = (255, 60, 60)
 MESSAGE: Colour = (250, 220, 120)
 LOSS: Colour = (255, 80, 70)
+REGIONS: tuple[Colour, ...] = ((90, 120, 160), (90, 150, 90), (150, 120, 70), (140, 100, 150), (80, 140, 140))
 
 #: What one agent can be told apart by: beyond this many, agents share the colour of their group.
 DISTINCT = 2 * len(AGENTS)

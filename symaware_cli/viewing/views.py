@@ -14,6 +14,7 @@ from pydantic import ValidationError
 from symaware_cli.awareness.signal import Drawn
 from symaware_cli.core import Shape, Signal
 from symaware_cli.geometry.footprint import footprint
+from symaware_cli.geometry.region import Region
 from symaware_cli.geometry.rotation import about, attitude, attitude_columns, rotated
 from symaware_cli.recording.error import LogError
 from symaware_cli.recording.fields import signal_topic
@@ -22,6 +23,7 @@ from symaware_cli.recording.index import ChannelInfo
 from symaware_cli.recording.json_text import read_yaml
 from symaware_cli.recording.log_schema import GEOMETRY
 from symaware_cli.recording.reader import Log
+from symaware_cli.recording.specifications import specification_rows
 from symaware_cli.viewing.figure import Figure
 from symaware_cli.viewing.palette import SCENERY, Colour, agent_colours, body_colours
 
@@ -159,6 +161,8 @@ class RunView:
         has_space: Whether the world is one of space, however its agents move in it.
         ground: The height of the plane that carries what falls [m]; None where there is none.
         quantities: Name and unit of each column of each topic, where the log tells.
+        regions: The regions of the scenario, by name.
+        specifications: The ids of the agents that each row of a specification is about, by its name.
     """
 
     name: str
@@ -171,6 +175,8 @@ class RunView:
     has_space: bool = False
     ground: float | None = None
     quantities: Mapping[str, Sequence[tuple[str, str]]] = field(default_factory=dict)
+    regions: Mapping[str, Region] = field(default_factory=dict)
+    specifications: Mapping[str, Sequence[tuple[str, ...]]] = field(default_factory=dict)
 
     def quantities_of(self, topic: str, field: str, width: int) -> Sequence[tuple[str, str]]:
         """Name and unit of each of so many columns of a topic, by the name of a field where the log tells none."""
@@ -244,6 +250,8 @@ def run_view_of(log: Log) -> RunView:
             surfaces={name: log.attachments[name] for figure in figures for name in figure.surfaces},
             has_space=GEOMETRY in log.attachments,
             ground=geometry.ground,
+            regions={name: Region.model_validate(each) for name, each in manifest.get("regions", {}).items()},
+            specifications=specification_rows(log.channels),
             quantities={
                 topic: quantities for topic, channel in log.topics.items() if (quantities := _quantities(channel))
             },

@@ -70,7 +70,7 @@ def show_solid(columns: Columns, mark: Solid) -> None:
             surface = rr.Mesh3D(vertex_positions=vertices, triangle_indices=triangles, albedo_factor=colour)
             columns.static(f"{mark.path}/{number}", surface)
         if mark.label:
-            middle, unseen = [[0.0, 0.0, mark.high]], rr.Radius.ui_points([0.0])
+            middle, unseen = [[*mark.label_at, mark.high]], rr.Radius.ui_points([0.0])
             label = rr.Points3D(middle, labels=[mark.label], show_labels=True, colors=[mark.colour], radii=unseen)
             columns.static(f"{mark.path}/label", label)
     placed = rr.Transform3D.columns(translation=flat(mark.positions), quaternion=turns(mark.orientations))

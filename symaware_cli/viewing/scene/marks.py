@@ -182,7 +182,8 @@ class Solid(_Mark):
         high: Where it ends [m]; flat if that is the same.
         colour: Red, green and blue.
         transparency: How much of the background shines through, from 0 to 1.
-        label: What stands in its middle.
+        label: Its label.
+        label_at: Where that is, relative to its position [m].
         positions: (k, 3) [m].
         orientations: (k, 4) quaternions x, y, z, w.
     """
@@ -196,6 +197,7 @@ class Solid(_Mark):
     orientations: Array
     transparency: float = 0.0
     label: str = ""
+    label_at: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True, kw_only=True)

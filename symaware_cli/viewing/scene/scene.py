@@ -20,9 +20,11 @@ from symaware_cli.viewing.scene.marks import Mark
 from symaware_cli.viewing.scene.messages import Messages
 from symaware_cli.viewing.scene.others import Others
 from symaware_cli.viewing.scene.points import Found
+from symaware_cli.viewing.scene.regions_drawing import RegionsDrawing
 from symaware_cli.viewing.scene.risk import Risks
 from symaware_cli.viewing.scene.scenery import SceneryDrawing
 from symaware_cli.viewing.scene.sensors import Cameras, Scans
+from symaware_cli.viewing.scene.specification_curves import SpecificationCurves, Violations
 from symaware_cli.viewing.scene.trails import Trails
 from symaware_cli.viewing.scene.uncertainties import Uncertainties
 from symaware_cli.viewing.views import RunView
@@ -30,6 +32,7 @@ from symaware_cli.viewing.views import RunView
 #: What there is to be seen in the world, and what happened.
 SCENE: tuple[type[Drawing], ...] = (
     SceneryDrawing,
+    RegionsDrawing,
     Appearances,
     Goals,
     Agents,
@@ -44,11 +47,12 @@ SCENE: tuple[type[Drawing], ...] = (
     Messages,
     Informed,
     Contacts,
+    Violations,
     Events,
     Knowledge,
 )
 #: Curves for those who see what was chosen for them, and tables for those who choose themselves what to plot.
-CURVES: tuple[type[Drawing], ...] = (Risks, SeparationCurve, AwarenessCurves)
+CURVES: tuple[type[Drawing], ...] = (SpecificationCurves, Risks, SeparationCurve, AwarenessCurves)
 TABLES: tuple[type[Drawing], ...] = (Everything,)
 
 

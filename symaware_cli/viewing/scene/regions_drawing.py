@@ -1,0 +1,102 @@
+"""Regions: areas of the ground with their names; those around an agent move with it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symaware_cli.geometry.region import Region, RegionShape
+from symaware_cli.geometry.rotation import about
+from symaware_cli.viewing.chunk import Chunk
+from symaware_cli.viewing.detail import Detail
+from symaware_cli.viewing.outline import circle
+from symaware_cli.viewing.palette import REGIONS
+from symaware_cli.viewing.scene.base import Drawing
+from symaware_cli.viewing.scene.marks import Solid
+from symaware_cli.viewing.views import RunView
+
+Array = NDArray[np.float64]
+
+#: How far below the ground regions lie in a plane, so that bodies are seen above them [m].
+_BELOW = -0.5
+#: By how much a smaller region lies above a larger one [m].
+_STEP = 0.01
+_TRANSPARENCY = 0.7
+
+
+def region_outlines(region: RegionShape, regions: Mapping[str, Region]) -> list[Array]:
+    """The outlines of the primitives that a region is the union of, (m, 2) counter-clockwise each [m].
+
+    Intersections and complements have none.
+    """
+    if region.box is not None:
+        if len(region.box) < 4:
+            return []
+        west, east, south, north = region.box[:4]
+        return [np.array([[west, south], [east, south], [east, north], [west, north]], float)]
+    if region.circle is not None:
+        return [circle(region.circle.radius)[:-1] + np.array(region.circle.centre[:2])]
+    if region.polygon is not None:
+        return [np.array(region.polygon, float)]
+    members = [regions[each] if isinstance(each, str) else each for each in region.union or ()]
+    return [outline for member in members for outline in region_outlines(member, regions)]
+
+
+def _size(outlines: list[Array]) -> float:
+    """How far outlines reach [m]."""
+    corners = np.concatenate(outlines)
+    return float(np.ptp(corners, axis=0).max())
+
+
+class RegionsDrawing(Drawing):
+    """The regions of a scenario."""
+
+    def __init__(self, run_view: RunView, detail: Detail) -> None:
+        super().__init__(run_view, detail)
+        found = {name: region_outlines(region, run_view.regions) for name, region in run_view.regions.items()}
+        # The largest lies lowest, so that each is seen.
+        drawn = sorted((name for name in found if found[name]), key=lambda name: _size(found[name]), reverse=True)
+        self._found = {name: found[name] for name in drawn}
+        self._begun = False
+
+    def marks(self, chunk: Chunk) -> Iterator[Solid]:
+        """Those that rest at the beginning, and those that move wherever they are."""
+        for name, found in self._found.items():
+            region = self.run_view.regions[name]
+            if region.around is None:
+                if not self._begun:
+                    yield self._solid(name, found, np.array([chunk.start]), np.zeros((1, 3)), np.zeros(1))
+                continue
+            group, row = self.run_view.place[region.around]
+            group_view = self.run_view.group_views[group]
+            frames = chunk.frames.get(group_view.whereabouts)
+            if frames is not None and len(frames.times):
+                headings = np.zeros(len(frames.times))
+                if group_view.heading is not None and region.turns:
+                    headings = frames.values[:, row, group_view.heading]
+                yield self._solid(name, found, frames.times, self.places(region.around, frames.times, chunk), headings)
+        self._begun = True
+
+    def _solid(
+        self, name: str, outlines: list[Array], times: NDArray[np.int64], positions: Array, headings: Array
+    ) -> Solid:
+        number = list(self._found).index(name)
+        level = _BELOW + _STEP * number
+        middle = np.concatenate(outlines).mean(axis=0)
+        return Solid(
+            path=f"world/regions/{name}",
+            layer="regions",
+            times=times,
+            name=name,
+            outlines=outlines,
+            low=level,
+            high=level,
+            colour=REGIONS[number % len(REGIONS)],
+            transparency=_TRANSPARENCY,
+            label=name,
+            label_at=(float(middle[0]), float(middle[1])),
+            positions=positions,
+            orientations=about((0.0, 0.0, 1.0), headings),
+        )
