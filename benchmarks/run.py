@@ -224,6 +224,23 @@ def measure_messages(rounds: int) -> str:
     return "\n".join(["## Messages", "", about, "", *table(rows), ""])
 
 
+def measure_specifications(rounds: int) -> str:
+    """Measure monitors of specifications, and lay out the results."""
+    found: dict[str, list[float]] = {}
+    for number in range(rounds):
+        _tell(f"round {number + 1} of {rounds}: monitors of specifications")
+        for name, nanoseconds in measure(Case([sys.executable, str(HERE / "specifications.py"), "--json"])).items():
+            found.setdefault(name, []).append(nanoseconds)
+    aims = {"one agent": "<= 5,000", "one agent, interval": "<= 15,000"}
+    aims |= {"1,000 agents": "<= 25", "1,000 agents, interval": "<= 400"}
+    rows = [(name, spread(each), aims.get(name, "")) for name, each in found.items()]
+    about = [
+        "Nanoseconds for each agent and instant of `always[0,5] (a implies eventually[0,2] b)` at 20 Hz, without what",
+        "a and b cost, as `benchmarks/specifications.py` measures them.",
+    ]
+    return "\n".join(["## Specifications", "", *about, "", *table(rows), ""])
+
+
 def spread(values: list[float]) -> str:
     """Median, with the least and the greatest."""
     least, greatest = min(values), max(values)
@@ -249,6 +266,7 @@ def main() -> None:
     parser.add_argument("--drones", metavar="PYTHON", help="an interpreter that can import gym_pybullet_drones")
     parser.add_argument("--no-replays", action="store_true", help="leave the replays out")
     parser.add_argument("--no-messages", action="store_true", help="leave the messages out")
+    parser.add_argument("--no-specifications", action="store_true", help="leave the monitors of specifications out")
     parser.add_argument("--no-write", action="store_true", help="leave RESULTS.md as it is")
     arguments = parser.parse_args()
     if not arguments.no_peers:
@@ -270,6 +288,8 @@ def main() -> None:
         text += "\n" + measure_replays(arguments.rounds)
     if not arguments.no_messages:
         text += "\n" + measure_messages(arguments.rounds)
+    if not arguments.no_specifications:
+        text += "\n" + measure_specifications(arguments.rounds)
     print("\r" + " " * 60 + "\r", end="", file=sys.stderr)
     print(text)
     if not arguments.no_write:
