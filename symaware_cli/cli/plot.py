@@ -36,11 +36,14 @@ def plot(
     show: Annotated[
         str | None,
         typer.Option(
-            help="The panels, separated by commas: trajectories, separation, risk, speed, altitude, control, or a "
-            "part of awareness. By default those that fit the log.",
+            help="The panels, separated by commas: trajectories, separation, specifications, risk, speed, altitude, "
+            "control, or a part of awareness. By default those that fit the log.",
             metavar="PANELS",
         ),
     ] = None,
+    specifications: Annotated[
+        bool, typer.Option("--specifications", help="The trajectories and the specifications alone.")
+    ] = False,
     series: Annotated[
         list[str] | None,
         typer.Option(
@@ -76,7 +79,7 @@ def plot(
         from symaware_cli.viewing.plotting.request import PlotRequest, SeriesName
 
         request = PlotRequest(
-            show=tuple(names(show)),
+            show=(*names(show), *(("trajectories", "specifications") if specifications else ())),
             series=tuple(SeriesName.parse(name) for name in series or ()),
             agents=tuple(names(agents)),
             start=start,

@@ -22,6 +22,8 @@ from symaware_cli.viewing.plotting.motion import Chosen, Motion, Obstacles, moti
 from symaware_cli.viewing.plotting.request import PlotRequest, Window
 from symaware_cli.viewing.plotting.separation import LeastSeparation
 from symaware_cli.viewing.plotting.shares import Shares, shares
+from symaware_cli.viewing.plotting.specification_bounds import specifications
+from symaware_cli.viewing.scene.regions_drawing import region_outlines
 from symaware_cli.viewing.views import RunView, run_view_of
 
 Array = NDArray[np.float64]
@@ -47,6 +49,7 @@ class Trajectories:
         goals: By agent, where it wanted to go (m, 2) [m].
         intents: By agent, where it meant to go at the moment that is shown (m, 2) [m].
         contacts: Those that began.
+        regions: The outlines of regions that rest, by name, (m, 2) each [m].
         at: The instant of `motion` at which bodies are shown.
         steps: The instants at which paths are drawn.
     """
@@ -57,6 +60,7 @@ class Trajectories:
     goals: Mapping[str, Array]
     intents: Mapping[str, Array]
     contacts: tuple[LoggedContact, ...]
+    regions: Mapping[str, list[Array]]
     at: int
     steps: NDArray[np.intp]
 
@@ -253,6 +257,8 @@ class _Reading:
                 return self._separation()
             case "speed":
                 curves = self._motion and speed(self._chosen, self._motion)
+            case "specifications":
+                return specifications(self._log, self._chosen, self._window)
             case "altitude":
                 curves = self._motion and altitude(self._chosen, self._motion)
             case field:
@@ -293,6 +299,11 @@ class _Reading:
                 goals=self._of_chosen(goals(self._log, self._run_view, at)),
                 intents=self._of_chosen(intents(self._log, self._run_view, at)) if moment else {},
                 contacts=self._contacts,
+                regions={
+                    name: region_outlines(region, self._run_view.regions)
+                    for name, region in self._run_view.regions.items()
+                    if region.around is None
+                },
                 at=self._motion.index(at),
                 steps=np.unique(np.append(np.arange(0, last + 1, stride), last)),
             )
@@ -324,9 +335,10 @@ class _Reading:
 
 
 #: What is shown of every log that has it.
-_DEFAULT = ("trajectories", "separation", "risk", "speed", "altitude")
+_DEFAULT = ("trajectories", "separation", "specifications", "risk", "speed", "altitude")
 
 _REASONS = {
+    "specifications": "its scenario has none of these agents, or leaves out their intervals",
     "trajectories": "no states were recorded",
     "separation": "it takes two agents, or an agent and an obstacle, whose states were recorded",
     "risk": "no component told a risk, or it was not recorded",

@@ -40,6 +40,7 @@ class PlottedCurves:
         values: (k, n); NaN where it is not known.
         lines: How each is drawn.
         stepwise: Whether it jumps from one value to the next, as inputs do.
+        level: A line to compare with; None for none.
         dots: Whether each value stands by itself, as the entries of a table do; then times may repeat.
         note: How it was obtained, where it is not as it was recorded.
     """
@@ -52,6 +53,7 @@ class PlottedCurves:
     stepwise: bool = False
     note: str = ""
     dots: bool = False
+    level: float | None = None
 
     @property
     def many(self) -> bool:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from symaware_cli.core import Shape
 from symaware_cli.geometry.pieces import Pieces
 from symaware_cli.viewing.outline import outlines, placed
-from symaware_cli.viewing.palette import CONTACT, GOAL, SCENERY, hexadecimal
+from symaware_cli.viewing.palette import CONTACT, GOAL, REGIONS, SCENERY, hexadecimal
 from symaware_cli.viewing.plotting.content import Trajectories
 from symaware_cli.viewing.plotting.motion import LineStyle
 from symaware_cli.viewing.plotting.time import DASHES, INK
@@ -59,6 +59,7 @@ def draw_trajectories(axes: Axes, content: Trajectories, moment: bool) -> tuple[
     for axis, span in ((axes.xaxis, wide), (axes.yaxis, tall)):
         # The same ticks on both, unless one of them would have hardly any.
         axis.set_major_locator(MultipleLocator(min(round_interval(max(wide, tall)), round_interval(span, 4))))
+    _draw_regions(axes, content)
     handles = _draw_obstacles(axes, content)
     said = _draw_paths(axes, content)
     handles += _draw_goals(axes, content)
@@ -119,6 +120,18 @@ def _obstacle(content: Trajectories, number: int, step: int) -> list[Circle | Po
     obstacles = content.obstacles
     pieces = _pieces(obstacles.obstacle_views[number].shape)
     return _body(pieces, obstacles.positions[step, number], obstacles.headings[step, number])
+
+
+def _draw_regions(axes: Axes, content: Trajectories) -> None:
+    """Draw areas with their names, which are cut off where the panel ends."""
+    for number, (name, pieces) in enumerate(content.regions.items()):
+        colour = hexadecimal(REGIONS[number % len(REGIONS)])
+        for corners in pieces:
+            axes.add_patch(Polygon(corners, facecolor=colour, edgecolor=colour, alpha=0.18, linewidth=0.8, zorder=0))
+        if pieces:
+            middle = np.concatenate(pieces).mean(axis=0)
+            style: dict[str, Any] = {"color": colour, "fontsize": "x-small", "ha": "center", "va": "center"}
+            axes.text(float(middle[0]), float(middle[1]), name, clip_on=True, zorder=1, **style)
 
 
 def _draw_obstacles(axes: Axes, content: Trajectories) -> list[Line2D | Patch]:

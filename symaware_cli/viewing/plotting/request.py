@@ -11,7 +11,7 @@ from symaware_cli.recording.error import LogError, UnknownNameError
 from symaware_cli.recording.reader import Log
 
 #: The panels that can be asked for by name, beside parts of awareness, in the order in which they are drawn.
-PANELS = ("trajectories", "separation", "risk", "speed", "altitude", "control")
+PANELS = ("trajectories", "separation", "specifications", "risk", "speed", "altitude", "control")
 
 #: The formats that a plot can be saved in, by suffix.
 FORMATS = (".png", ".svg", ".pdf")

@@ -43,6 +43,8 @@ def draw_curves(axes: Axes, curves: PlottedCurves) -> tuple[list[Line2D | Patch]
     unit = f" [{curves.unit}]" if curves.unit not in ("", "1") else ""
     note = f", {curves.note}" if curves.note else ""
     axes.set_title(f"{curves.name}{unit}{note}", loc="left")
+    if curves.level is not None:
+        axes.axhline(curves.level, color=_ALARM, linewidth=0.8, zorder=1)
     if curves.name in ("risk", "speed"):
         axes.set_ylim(bottom=min(0.0, axes.get_ylim()[0]))
     greatest = curves.extreme() if curves.name == "risk" else None
