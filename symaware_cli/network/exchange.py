@@ -31,7 +31,7 @@ class UnknownReceiverError(Exception):
     """A message was sent to somebody who does not exist."""
 
 
-class MemoryExchange:
+class MessageExchange:
     """Carries messages in memory, over the links and channels of a network.
 
     Without a network, everybody reaches everybody: sent in one step, readable in the next, none ever lost but by a

@@ -13,7 +13,7 @@ from symaware_cli.core import AgentGroup, Contact, Environment, Event, Level
 from symaware_cli.network.traffic import Traffic
 from symaware_cli.recording import symaware_v1_pb2 as v1
 from symaware_cli.recording import wire
-from symaware_cli.recording.channels import EntityChannels, GroupChannels, PostureChannels
+from symaware_cli.recording.group_channels import EntityChannels, GroupChannels, PostureChannels
 from symaware_cli.recording.json_text import as_json
 from symaware_cli.recording.names import KINDS
 from symaware_cli.recording.specifications import SpecificationRecorder

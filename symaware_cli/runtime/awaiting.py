@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from symaware_cli.core import Event
 from symaware_cli.core.waiting import AllOf, AnyOf, EventWait, First, MessageWait, Several, Sleep, Wait
-from symaware_cli.network.exchange import MemoryExchange
+from symaware_cli.network.exchange import MessageExchange
 from symaware_cli.runtime.event_router import EventHandler, EventRouter
 from symaware_cli.runtime.queue import Phase, Queue
 
@@ -158,7 +158,7 @@ class _Event(Pending):
 class _Mail(Pending):
     __slots__ = ("_connection", "_exchange", "_has_come", "_router", "_wait", "_wakeups")
 
-    def __init__(self, wait: MessageWait, router: EventRouter, exchange: MemoryExchange) -> None:
+    def __init__(self, wait: MessageWait, router: EventRouter, exchange: MessageExchange) -> None:
         self._wait, self._router, self._exchange = wait, router, exchange
         self._connection: EventHandler | None = None
         self._has_come = False
@@ -280,7 +280,7 @@ class _Any(_Some):
 class Awaiter:
     """Makes of what components await what can be waited for."""
 
-    def __init__(self, router: EventRouter, exchange: MemoryExchange, bridge: AsyncioBridge | None) -> None:
+    def __init__(self, router: EventRouter, exchange: MessageExchange, bridge: AsyncioBridge | None) -> None:
         """Prepare.
 
         Args:

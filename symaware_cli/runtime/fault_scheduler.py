@@ -35,7 +35,7 @@ class FaultScheduler:
         queue: Queue,
         router: EventRouter,
     ) -> None:
-        """Prepare; `begin` enters them.
+        """Create; `begin` queues the faults.
 
         Args:
             faults: What is to go wrong.

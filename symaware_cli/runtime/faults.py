@@ -206,7 +206,7 @@ def _blindfold(rows: frozenset[int], group: AgentGroup, measured: Sequence[int])
 
 
 @dataclass(frozen=True)
-class Error(Effect):
+class MeasurementError(Effect):
     """Sensors measure one's own state with an error: an offset, or noise that is drawn at each turn, or both."""
 
     components: Sequence[ComponentSelection]
@@ -254,7 +254,9 @@ class _Noise:
         return noise
 
 
-def _mismeasure(error: Error, rows: Sequence[int], noise: _Noise, group: AgentGroup, measured: Sequence[int]) -> None:
+def _mismeasure(
+    error: MeasurementError, rows: Sequence[int], noise: _Noise, group: AgentGroup, measured: Sequence[int]
+) -> None:
     """Add errors to what some agents have measured in a turn."""
     awareness, errors = group.awareness, np.zeros_like(group.awareness.state)
     struck = sorted(set(rows).intersection(measured))

@@ -21,7 +21,7 @@ from symaware_cli.core import (
     Surroundings,
 )
 from symaware_cli.core.event import RECURRING
-from symaware_cli.network.exchange import MemoryExchange
+from symaware_cli.network.exchange import MessageExchange
 from symaware_cli.network.network import Change, Network, TopologyPhase
 from symaware_cli.network.traffic import Traffic
 from symaware_cli.runtime.failure import RunError, describe
@@ -159,7 +159,7 @@ class Simulation:
         except BaseException as error:
             raise RunError("environment", environment_use, 0, describe(error), error) from error
         listening = {id for entry in self.entries if entry.listens and entry.kinds is None for id in entry.group.ids}
-        self.exchange = MemoryExchange(
+        self.exchange = MessageExchange(
             environment.roster.ids,
             listening,
             on_traffic=self._passed,

@@ -36,7 +36,6 @@ from symaware_cli.runtime.simulation import ComponentEntry, Simulation
 from symaware_cli.runtime.timing import Trigger
 from symaware_cli.scenario.assets import assets, check_assets
 from symaware_cli.scenario.catalogue import Catalogue
-from symaware_cli.scenario.check import check
 from symaware_cli.scenario.compose import Composition, CompositionError, compose
 from symaware_cli.scenario.consensus_check import check_consensus, check_metropolis
 from symaware_cli.scenario.document import ScenarioDocument
@@ -52,6 +51,7 @@ from symaware_cli.scenario.sampling import Sampler
 from symaware_cli.scenario.source import Path
 from symaware_cli.scenario.specifications import SpecificationBuilder, check_values
 from symaware_cli.scenario.timing_check import TimingCheck
+from symaware_cli.scenario.validation import validate
 from symaware_cli.specification.specification import Specification
 
 Array = NDArray[np.float64]
@@ -150,7 +150,7 @@ class _SimulationBuilder:
     def build(self) -> Built:
         data = self._composition.data
         self._factory.load(data)
-        document = check(ScenarioDocument, data, self._composition, (), self._factory.parameters)
+        document = validate(ScenarioDocument, data, self._composition, (), self._factory.parameters)
         if isinstance(document, list):
             if any(problem.code == "wrong-version" for problem in document):
                 # Nobody knows what the rest means in another version of the format.

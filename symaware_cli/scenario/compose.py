@@ -12,7 +12,7 @@ from typing import Any
 
 from symaware_cli.environments.asset import is_packaged
 from symaware_cli.scenario.overrides import Override
-from symaware_cli.scenario.parameters import substitute
+from symaware_cli.scenario.parameter_references import substitute
 from symaware_cli.scenario.problem import Problem, ScenarioError, TextSpan, dotted, quoted
 from symaware_cli.scenario.source import MappingEntry, Path, Source, SourceNode
 from symaware_cli.scenario.source_parser import nearest_file, read

@@ -16,9 +16,9 @@ from symaware_cli.runtime.faults import (
     ComponentSelection,
     Cut,
     Effect,
-    Error,
     Fault,
     Freeze,
+    MeasurementError,
     Push,
     Restart,
     Restore,
@@ -106,14 +106,14 @@ class FaultBuilder:
             return (
                 f"agents.{use.bias.of}",
                 f"{use.bias.of} measures with an offset",
-                Error(components, bias, 0.0 * bias),
+                MeasurementError(components, bias, 0.0 * bias),
             )
         if use.noise:
             components, noise = self._measured(use.noise.of, use.noise.deviation, (*path, "noise"), "deviation")
             return (
                 f"agents.{use.noise.of}",
                 f"{use.noise.of} measures with noise",
-                Error(components, 0.0 * noise, noise),
+                MeasurementError(components, 0.0 * noise, noise),
             )
         if use.push:
             return self._push(use.push, (*path, "push"))

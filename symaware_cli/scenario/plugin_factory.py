@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
+from pydantic import BaseModel
+
 from symaware_cli.core import GroupComponent, Plugin
 from symaware_cli.runtime.failure import describe
 from symaware_cli.scenario.catalogue import Catalogue, PluginError, place_of
-from symaware_cli.scenario.check import check
 from symaware_cli.scenario.compose import Composition
 from symaware_cli.scenario.problem import Problem, dotted, quoted
 from symaware_cli.scenario.source import Path
+from symaware_cli.scenario.validation import validate
 from symaware_cli.world.arrays import FARTHEST
 
 
@@ -79,18 +81,8 @@ class PluginFactory:
         if plugin is None or not isinstance(given, Mapping):
             return []
         use, where = entry["use"], (*path, "with") if "with" in entry else path
-        far = [each for each in _numbers(given, where) if not abs(each[1]) <= FARTHEST]
-        for place, number in far:
-            said, expected = f"{quoted(dotted(place))} is {number:g}", f"a number from {-FARTHEST:g} to {FARTHEST:g}"
-            self._report("out-of-range", said, place, expected=expected)
-        if far:
-            return []
-        try:
-            parameters = check(plugin.Parameters, given, self._composition, where)
-        except KeyboardInterrupt:
-            raise
-        except BaseException as error:
-            self._report("broken-plugin", f"the Parameters of {quoted(use)} fail: {words(error)}", where)
+        parameters = self._validated(plugin, use, given, where)
+        if parameters is None:
             return []
         if isinstance(parameters, list):
             # What was put beside `with` is reported as that, not as missing too.
@@ -117,6 +109,28 @@ class PluginFactory:
             self._report("broken-plugin", f"{quoted(use)} cannot be made: {words(error)}", (*path, "use"))
         return []
 
+    def _validated(
+        self, plugin: Any, use: str, given: Mapping[str, Any], where: Path
+    ) -> BaseModel | list[Problem] | None:
+        """Validate the parameters of a plugin: what is under ``with``.
+
+        Returns:
+            The parameters, or every problem with them; None after a problem that is reported already.
+        """
+        far = [each for each in _numbers(given, where) if not abs(each[1]) <= FARTHEST]
+        for place, number in far:
+            said, expected = f"{quoted(dotted(place))} is {number:g}", f"a number from {-FARTHEST:g} to {FARTHEST:g}"
+            self._report("out-of-range", said, place, expected=expected)
+        if far:
+            return None
+        try:
+            return validate(plugin.Parameters, given, self._composition, where)
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:
+            self._report("broken-plugin", f"the Parameters of {quoted(use)} fail: {words(error)}", where)
+            return None
+
     def _stand_in(
         self, plugin: type[Plugin], given: Mapping[str, Any], where: Path, problems: Iterable[Problem]
     ) -> list[Any]:
@@ -127,7 +141,7 @@ class PluginFactory:
         wrong = {key for key in given for each in problems if f"{each.path}.".startswith(f"{dotted((*where, key))}.")}
         if "time_step" in wrong:
             return []
-        parameters = check(
+        parameters = validate(
             plugin.Parameters, {key: given[key] for key in given if key not in wrong}, self._composition, where
         )
         if isinstance(parameters, list):

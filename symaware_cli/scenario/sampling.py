@@ -17,11 +17,11 @@ from pydantic import Field
 
 from symaware_cli.core import Model
 from symaware_cli.geometry.shape import LARGEST, Length, Number
-from symaware_cli.scenario.check import a_number, check, said_of
 from symaware_cli.scenario.compose import Composition
 from symaware_cli.scenario.problem import Problem, dotted, nearest, quoted
 from symaware_cli.scenario.section import Section
 from symaware_cli.scenario.source import Path
+from symaware_cli.scenario.validation import a_number, said_of, validate
 from symaware_cli.world.arrays import FARTHEST, is_within
 from symaware_cli.world.chance import GroupChance, agent_numbers
 
@@ -367,7 +367,7 @@ class Sampler:
     def _checked(self, kind: type[Placement], content: Any, path: Path) -> Placement | None:
         """Validate what is said of a placement, once for all agents."""
         if path not in self._known:
-            checked = check(kind, content, self._composition, path)
+            checked = validate(kind, content, self._composition, path)
             if isinstance(checked, list):
                 self.problems += checked
             self._known[path] = None if isinstance(checked, list) else checked

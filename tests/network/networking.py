@@ -10,7 +10,7 @@ from simulating import STEP, Team, present, simulation
 from symaware_cli import Environment, Links, Obstacle, Topology
 from symaware_cli.core import Message, MessageBatch
 from symaware_cli.network.channel.channel_parameters import ChannelParameters
-from symaware_cli.network.exchange import MemoryExchange
+from symaware_cli.network.exchange import MessageExchange
 from symaware_cli.network.network import ChannelOverride, Network, TopologyPhase
 from symaware_cli.network.traffic import Traffic
 
@@ -56,7 +56,7 @@ class Post:
     ) -> None:
         everybody = topology.roster.ids if topology is not None else present(ids)
         self.traffic: list[Traffic] = []
-        self.exchange = MemoryExchange(
+        self.exchange = MessageExchange(
             everybody,
             on_traffic=self.traffic.append,
             seed=seed,

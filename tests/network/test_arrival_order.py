@@ -15,7 +15,7 @@ from symaware_cli import Message, MessageBatch
 from symaware_cli.distributed.codec import decode, encode
 from symaware_cli.distributed.frame import Step
 from symaware_cli.network.channel.channel_parameters import ChannelParameters
-from symaware_cli.network.exchange import MemoryExchange
+from symaware_cli.network.exchange import MessageExchange
 from symaware_cli.network.network import ChannelOverride, Network, TopologyPhase
 from symaware_cli.network.topology.fixed import Complete
 
@@ -70,8 +70,8 @@ class Room:
             topology.roster, [TopologyPhase(0, topology)], channel=base, overrides=overrides
         )
 
-    def opened(self) -> MemoryExchange:
-        exchange = MemoryExchange(self.ids, seed=3, time_step=STEP)
+    def opened(self) -> MessageExchange:
+        exchange = MessageExchange(self.ids, seed=3, time_step=STEP)
         exchange.inboxes.open("group", [self.ids[row] for row in GROUP], ["news"], columns=True)
         exchange.inboxes.open("alone", [self.ids[KINDRED]], ["news"], columns=False)
         return exchange
@@ -104,7 +104,7 @@ Heard = defaultdict[tuple[str, str], list[tuple[int, int]]]
 
 
 def read(
-    exchange: MemoryExchange,
+    exchange: MessageExchange,
     ids: Sequence[str],
     heard: Heard,
 ) -> None:

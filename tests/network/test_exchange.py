@@ -15,15 +15,15 @@ from simulating import STEP, present
 from symaware_cli import AwarenessVector, Message, MessageBatch, TimeSeries
 from symaware_cli.network.channel.channel_parameters import ChannelParameters
 from symaware_cli.network.disturbance import Disturbance
-from symaware_cli.network.exchange import MemoryExchange, UnknownReceiverError
+from symaware_cli.network.exchange import MessageExchange, UnknownReceiverError
 from symaware_cli.network.network import ChannelOverride, Network, TopologyPhase
 from symaware_cli.network.topology.fixed import Complete, Line
 
 IDS = ["car", "robot.0", "robot.1"]
 
 
-def exchange() -> MemoryExchange:
-    return MemoryExchange(IDS, time_step=50)
+def exchange() -> MessageExchange:
+    return MessageExchange(IDS, time_step=50)
 
 
 def test_a_message_is_not_there_before_the_next_step() -> None:
@@ -62,7 +62,7 @@ def test_who_does_not_listen_for_a_while_gets_everything_oldest_first() -> None:
 
 def test_what_arrives_for_somebody_who_never_listens_is_delivered_and_not_kept() -> None:
     delivered: list[tuple[Message, str]] = []
-    post = MemoryExchange(
+    post = MessageExchange(
         IDS,
         {"robot.0"},
         on_traffic=lambda traffic: delivered.extend(traffic.messages(IDS) if traffic.stage == "delivered" else ()),

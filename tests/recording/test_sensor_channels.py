@@ -17,8 +17,8 @@ from symaware_cli import open_log
 from symaware_cli.components.perception_contact import ContactSensor
 from symaware_cli.components.perception_imu import InertialUnit
 from symaware_cli.recording import png
-from symaware_cli.recording.channels import GroupChannels
 from symaware_cli.recording.error import UnknownNameError
+from symaware_cli.recording.group_channels import GroupChannels
 from symaware_cli.recording.writer import LogWriter
 from symaware_cli.viewing.views import run_view_of
 

@@ -8,7 +8,7 @@ from symaware_cli.components.communication.inbox import Inbox
 from symaware_cli.components.communication.state import StateSender
 from symaware_cli.components.perception import OmniscientPerception
 from symaware_cli.components.perception_range import RangePerception
-from symaware_cli.runtime.faults import Blind, ComponentSelection, Error, Fault
+from symaware_cli.runtime.faults import Blind, ComponentSelection, Fault, MeasurementError
 from symaware_cli.runtime.options import RunOptions
 from symaware_cli.runtime.run import run
 from symaware_cli.runtime.timing import Timing
@@ -61,7 +61,7 @@ def test_what_sensors_measure_wrongly_estimators_are_given_wrongly(blind):
 
     ready.events.subscribe("iterated", look)
     ones = [ComponentSelection(entry, [1])]
-    effect = Blind(ones) if blind else Error(ones, np.array([0.0, 0.5]), np.zeros(2))
+    effect = Blind(ones) if blind else MeasurementError(ones, np.array([0.0, 0.5]), np.zeros(2))
     run(ready, 6, options=RunOptions(faults=[Fault("bad", "bad", "run", effect, 2 * STEP, lasting=2 * STEP)]))
     sound, faulty = ([[0, 0], [0, 0]], 2), (([[0, 0], [0, 0]], 1) if blind else ([[0, 0], [0, 0.5]], 2))
     assert found[:6] == [sound, sound, faulty, faulty, sound, sound]

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from simulating import STEP, Team, simulation
 
 from symaware_cli import Component, GroupComponent, open_log
-from symaware_cli.runtime.faults import ComponentSelection, Error, Fault
+from symaware_cli.runtime.faults import ComponentSelection, Fault, MeasurementError
 from symaware_cli.runtime.options import RunOptions
 from symaware_cli.runtime.run import run
 from symaware_cli.runtime.timing import Timing
@@ -174,7 +174,9 @@ def test_offsets_add_up_and_each_measurement_is_wrong_once(kind, count, timing, 
             f"f{n}",
             "",
             "run",
-            Error([ComponentSelection(ready.entries[0], range(count))], np.array([offset, 0.0]), np.zeros(2)),
+            MeasurementError(
+                [ComponentSelection(ready.entries[0], range(count))], np.array([offset, 0.0]), np.zeros(2)
+            ),
         )
         for n, (_, _, offset) in enumerate(faults)
     ]

@@ -11,7 +11,7 @@ from simulating import STEP, Team, execute, simulation
 from symaware_cli import Component, GroupComponent
 from symaware_cli.components.perception_range import RangePerception
 from symaware_cli.models.integrator import SingleIntegrator
-from symaware_cli.runtime.faults import AgentSelection, Blind, ComponentSelection, Error, Fault, Slow, Stop
+from symaware_cli.runtime.faults import AgentSelection, Blind, ComponentSelection, Fault, MeasurementError, Slow, Stop
 from symaware_cli.runtime.options import RunOptions
 from symaware_cli.runtime.timing import Duration, Timing, Trigger
 from symaware_cli.scenario.build import build
@@ -238,7 +238,7 @@ def test_errors_that_a_fault_adds_depend_on_neither_the_other_agents_nor_when_it
     def wrong(rows, at, lasting=4):
         def faults(ready):
             sense = components_of(ready, "car", "sense")._replace(rows=rows)
-            return [fault(Error([sense], np.zeros(2), np.ones(2)), at, lasting)]
+            return [fault(MeasurementError([sense], np.zeros(2), np.ones(2)), at, lasting)]
 
         return run(faults=faults)
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from symaware_cli.core import nanoseconds
 from symaware_cli.core.message import Indices, Times
 from symaware_cli.network.channel.channel_parameters import Bursts, ChannelParameters
-from symaware_cli.network.channel.delay import delays
+from symaware_cli.network.channel.delay_distribution import delays
 from symaware_cli.network.channel.impairment import Impairment
 from symaware_cli.network.channel.link_states import FOREVER, LinkStates
 from symaware_cli.world.chance import Array, message_fractions

@@ -19,7 +19,7 @@ _QUANTILES = (("median", 0.5), ("90 %", 0.9), ("maximum", 1.0))
 _SHADES = (AGENTS[3], AGENTS[2], RISK)
 
 
-class Risks(Drawing):
+class RiskCurves(Drawing):
     """The risk of each agent over time, or its quantiles over a group."""
 
     def marks(self, chunk: Chunk) -> Iterator[Curves]:

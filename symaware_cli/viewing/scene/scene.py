@@ -21,7 +21,7 @@ from symaware_cli.viewing.scene.messages import Messages
 from symaware_cli.viewing.scene.others import Others
 from symaware_cli.viewing.scene.points import Found
 from symaware_cli.viewing.scene.regions_drawing import RegionsDrawing
-from symaware_cli.viewing.scene.risk import Risks
+from symaware_cli.viewing.scene.risk import RiskCurves
 from symaware_cli.viewing.scene.scenery import SceneryDrawing
 from symaware_cli.viewing.scene.sensors import Cameras, Scans
 from symaware_cli.viewing.scene.specification_curves import SpecificationCurves, Violations
@@ -52,7 +52,7 @@ SCENE: tuple[type[Drawing], ...] = (
     Knowledge,
 )
 #: Curves for those who see what was chosen for them, and tables for those who choose themselves what to plot.
-CURVES: tuple[type[Drawing], ...] = (SpecificationCurves, Risks, SeparationCurve, AwarenessCurves)
+CURVES: tuple[type[Drawing], ...] = (SpecificationCurves, RiskCurves, SeparationCurve, AwarenessCurves)
 TABLES: tuple[type[Drawing], ...] = (Everything,)
 
 

@@ -1,4 +1,4 @@
-"""From pydantic's errors to located problems in the words of the scenario file."""
+"""Validates data against pydantic models, and reports each error at its place, in the words of the scenario file."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ _FLAGS = {"true": "true", "yes": "true", "on": "true", "false": "false", "no": "
 _NAME_RULE = "a letter or _, then letters, digits, _ or -; at most 64 in all"
 
 
-def check(
+def validate(
     model: type[AnyModel], data: Any, composition: Composition, path: Path, others: Sequence[Path] = ()
 ) -> AnyModel | list[Problem]:
     """Validate data that stand at a path of a document.

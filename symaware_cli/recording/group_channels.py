@@ -148,7 +148,7 @@ class GroupChannels:
             else None
         )
         self._sensors = SensorChannels(writer, group, self._rows) if "sensors" not in self._omit else None
-        #: The columns of the parts of awareness, which are read only where their channel is open.
+        #: The columns of state, intent, uncertainty, risk and further parts of awareness whose channel is open.
         self._parts = [
             (self._channels[name], awareness.columns[name]) for name in awareness.parts if name in self._channels
         ]

@@ -7,10 +7,10 @@ import pytest
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
-from symaware_cli.scenario.check import check, said_of
 from symaware_cli.scenario.compose import Composition, compose
 from symaware_cli.scenario.problem import Problem
 from symaware_cli.scenario.source import Path as Place
+from symaware_cli.scenario.validation import said_of, validate
 
 
 class _Model(BaseModel):
@@ -57,7 +57,7 @@ def judged(tmp_path: Path) -> Any:
     def judge(text: str, model: type[BaseModel] = Car, others: tuple[Place, ...] = ()) -> list[Problem]:
         path = tmp_path / "car.yaml"
         path.write_text(text)
-        found = check(model, yaml.safe_load(text), compose(path, name="car.yaml"), (), others)
+        found = validate(model, yaml.safe_load(text), compose(path, name="car.yaml"), (), others)
         assert isinstance(found, list)
         return found
 
@@ -162,7 +162,7 @@ def test_sound_data_becomes_the_model(tmp_path: Path) -> None:
     path = tmp_path / "car.yaml"
     path.write_text("doors: 2\n")
     composition: Composition = compose(path)
-    car = check(Car, composition.data, composition, ())
+    car = validate(Car, composition.data, composition, ())
     assert isinstance(car, Car)
     assert car.doors == 2
 
