@@ -160,7 +160,13 @@ class Run:
             options.faults, simulation, self.schedulers, self.membership, self._motion, queue, router
         )
         self._specifications = Specifications(
-            simulation, options.specifications, options.instances, router, self._observer, recorder
+            simulation,
+            options.specifications,
+            options.instances,
+            router,
+            self._observer,
+            recorder,
+            decides=participant is None or participant.decides,
         )
         self._instants = SimulationHooks(
             simulation,

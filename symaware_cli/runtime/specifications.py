@@ -42,6 +42,7 @@ class Specifications:
         observer: Observer,
         recorder: Recorder | None = None,
         period: int | None = None,
+        decides: bool = True,
     ) -> None:
         """Prepare.
 
@@ -52,9 +53,15 @@ class Specifications:
             router: Connects events with what they bring about.
             observer: Watches the run, for what is said of the world.
             recorder: Writes the run down; None where nobody does.
+            decides: Whether this process says what becomes of them. One that does not monitors, for its agents, those
+                that a copy of the world is enough for.
             period: The time between two looks, in nanoseconds; by default the time step of the world.
         """
         self._simulation = simulation
+        self._decides = decides
+        if not decides:
+            specifications = [each for each in specifications if not isinstance(each.scope, WorldColumns)]
+            recorder = None
         time_step = period or simulation.environment.time_step
         self.monitors = {
             each.name: SpecificationMonitor(each, time_step, begins=each.name not in triggers)
@@ -65,6 +72,8 @@ class Specifications:
             if isinstance(each.scope, WorldColumns):
                 each.scope.source = WorldScope(simulation, observer)
         for name, trigger in triggers.items():
+            if name not in self.monitors:
+                continue
             router.connect(trigger.event, trigger.source, partial(self._begin, self.monitors[name], trigger))
         statuses = {name: _Statuses(monitor) for name, monitor in self.monitors.items()}
         for group in simulation.groups:
@@ -82,7 +91,7 @@ class Specifications:
                 decisions = monitor.look(now)
             except SpecificationError as error:
                 raise RunError(f"specifications.{name}", "symaware", now, str(error), error) from error
-            for decision in decisions:
+            for decision in decisions if self._decides else ():
                 self._tell(decision, monitor.specification)
                 if not decision.satisfied and monitor.specification.on_violation == "end":
                     ending = ending or f"`{name}` is violated"
@@ -93,7 +102,8 @@ class Specifications:
     def finish(self, now: int) -> None:
         """Take note that the run has come to its declared end."""
         for monitor in self.monitors.values():
-            for decision in monitor.finish():
+            decisions = monitor.finish()
+            for decision in decisions if self._decides else ():
                 self._tell(decision, monitor.specification)
             if self._recorder:
                 self._recorder.record(monitor, now)

@@ -51,6 +51,10 @@ def participant(built: Built, place: Place) -> Participant:
     if built.options.presence:
         groups = ", ".join(f"`agents.{name}.present`" for name in sorted(built.options.presence))
         raise DistributionError(f"agents enter and leave only where one process makes the whole run: {groups}")
+    believed = [each.name for each in built.options.specifications if each.of == "belief"]
+    if believed:
+        said = "is about beliefs, which the process has that runs the agents, and not the host"
+        raise DistributionError(f"the specification `{believed[0]}` {said}")
     agents = _chosen(built, place)
     key = None if place.key is None else _key(place.key)
     if key is None and not is_loopback(host):
