@@ -27,6 +27,7 @@ def check(
         str | None, typer.Option(help="The group of whose pairs of agents the formula is.", metavar="GROUP")
     ] = None,
     of: Annotated[str, typer.Option(help="What the formula is about: truth or belief.")] = "truth",
+    logic: Annotated[str, typer.Option(help="The logic of the formula: stl or ltl.")] = "stl",
     file: Annotated[
         Path | None,
         typer.Option(help="A file of specifications to check instead, as in a scenario.", metavar="SPECIFICATIONS"),
@@ -38,13 +39,20 @@ def check(
 ) -> None:
     """Check specifications on logs: those of the run, or new ones."""
     if formula is None:
-        for option, given in (("--each", each), ("--pairs", pairs), ("--of", of != "truth")):
+        for option, given in (
+            ("--each", each),
+            ("--pairs", pairs),
+            ("--of", of != "truth"),
+            ("--logic", logic != "stl"),
+        ):
             if given:
                 fail(f"{option} says what a formula is about: it goes with --formula", WRONG_INPUT, as_json)
     elif file is not None:
         fail("--formula and --file both say what to check: give one of them", WRONG_INPUT, as_json)
     elif each is not None and pairs is not None:
         fail("--each and --pairs both say what the formula is about: give one of them", WRONG_INPUT, as_json)
+    if logic not in ("stl", "ltl"):
+        fail(f"--logic takes stl or ltl, not {logic}", WRONG_INPUT, as_json)
     if of not in ("truth", "belief"):
         fail(f"--of takes truth or belief, not {of}", WRONG_INPUT, as_json)
     logs = _logs(paths, as_json)
@@ -56,7 +64,7 @@ def check(
         for log in logs:
             stated: Mapping[str, Any] | Path | None = file
             if formula is not None:
-                stated = _stated(log, formula, each, pairs, of)
+                stated = _stated(log, {"formula": formula, "of": of, "logic": logic}, each, pairs)
             try:
                 results.append(check_log(log, stated, again))
             except RunError as error:
@@ -82,18 +90,16 @@ def _logs(paths: Sequence[Path], as_json: bool) -> list[Path]:
     return logs
 
 
-def _stated(log: Path, formula: str, each: str | None, pairs: str | None, of: str) -> Mapping[str, Any]:
+def _stated(log: Path, stated: Mapping[str, str], each: str | None, pairs: str | None) -> Mapping[str, Any]:
     """The specifications that a formula amounts to."""
     if pairs is not None:
-        return {"formula": {"pairs": pairs, "formula": formula}}
+        return {"formula": {**stated, "pairs": pairs}}
     if each is not None:
-        return {"formula": {"each": each, "of": of, "formula": formula}}
+        return {"formula": {**stated, "each": each}}
     from symaware_cli.recording.reader import open_log
 
     groups = list(open_log(log).agents)
-    return {
-        ("formula" if len(groups) == 1 else group): {"each": group, "of": of, "formula": formula} for group in groups
-    }
+    return {("formula" if len(groups) == 1 else group): {**stated, "each": group} for group in groups}
 
 
 def _lines(result: CheckResult) -> list[str]:

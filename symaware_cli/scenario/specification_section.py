@@ -27,6 +27,11 @@ class SpecificationUse(Section):
     of: Literal["truth", "belief"] = Field(
         "truth", description="Whether the formula is about what is true, or about what each agent believes."
     )
+    logic: Literal["stl", "ltl"] = Field(
+        "stl",
+        description="stl: signal temporal logic, with windows and robustness. ltl: linear temporal logic, without "
+        "both; what is undecided is presumed to be satisfied or violated.",
+    )
     where: dict[Identifier, str] = Field(
         default_factory=dict, description="Formulas to refer to by name, each also by those that follow it."
     )

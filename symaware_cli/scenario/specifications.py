@@ -18,6 +18,7 @@ from symaware_cli.scenario.section import TriggerSection
 from symaware_cli.scenario.source import Path
 from symaware_cli.scenario.specification_section import SpecificationUse
 from symaware_cli.scenario.timing_check import TimingCheck, trigger_of
+from symaware_cli.specification.automaton import Automaton, AutomatonError
 from symaware_cli.specification.columns import COLUMN_FUNCTIONS, KindError
 from symaware_cli.specification.expression import FUNCTIONS
 from symaware_cli.specification.formulation import Formulation, formulate
@@ -112,6 +113,13 @@ class SpecificationBuilder:
             self.triggers[name] = trigger
         if scope is None or formulation is None:
             return None
+        automaton = None
+        if use.logic == "ltl":
+            try:
+                automaton = Automaton(formulation.formula, len(formulation.atoms))
+            except AutomatonError as error:
+                self._report("bad-expression", f"{quoted(name)}: {error}", (*path, "formula"))
+                return None
         return Specification(
             name=name,
             of=use.of,
@@ -121,7 +129,8 @@ class SpecificationBuilder:
             start=0 if isinstance(use.from_, TriggerSection) else nanoseconds(use.from_),
             end=None if use.to is None else nanoseconds(use.to),
             on_violation=use.on_violation,
-            interval=use.interval,
+            interval=use.interval and automaton is None,
+            automaton=automaton,
         )
 
     def _scope(self, use: SpecificationUse, path: Path) -> Scope | None:

@@ -45,6 +45,8 @@ class Decision:
         """What decided it, in one sentence."""
         if self.instant is None:
             return f"`{self.formula}` is about no instant"
+        if not self.predicate:
+            return f"decided at {seconds(self.instant):g} s"
         margin = f" by {abs(self.robustness):.6g}" if np.isfinite(self.robustness) else ""
         return f"`{self.predicate}` {'holds' if self.holds else 'fails'}{margin} at {seconds(self.instant):g} s"
 
@@ -76,6 +78,8 @@ class Outcome:
         agents: Whom that concerns.
         time: When the value was that decided the verdict [s]; None where nothing did.
         reason: What decided the worst verdict; empty where nothing did.
+        presumably: ``satisfied`` or ``violated``: what the verdict would be if the run ended now, of an undecided
+            formula of linear temporal logic; None for others.
     """
 
     name: str
@@ -87,6 +91,7 @@ class Outcome:
     agents: tuple[str, ...]
     time: float | None
     reason: str
+    presumably: str | None = None
 
     def to_json(self) -> dict[str, Any]:
         """Return it as plain data."""
@@ -97,6 +102,8 @@ class Outcome:
         told = self.name if several == 1 else f"{self.name} by {count:,} of {several:,}"
         if self.robustness is not None:
             told += f", robustness {'' if self.is_exact else 'at most '}{self.robustness:.6g}"
+        if self.presumably:
+            told += f", presumably {self.presumably}"
         who = f" ({' and '.join(self.agents)})" if self.agents else ""
         return f"{told}: {self.reason}{who}" if self.reason else f"{told}{who}"
 
@@ -109,6 +116,7 @@ def outcome_of(
     robustness: Array,
     upper: Array,
     decisions: Iterable[Decision],
+    presumption: int | None = None,
 ) -> Outcome:
     """Sum up a specification.
 
@@ -120,6 +128,7 @@ def outcome_of(
         robustness: The exact robustness of each, NaN where it is not known.
         upper: The greatest that it can turn out to be.
         decisions: What decided the verdicts.
+        presumption: The worst verdict if the run ended now; None where that is not known.
     """
     worst = int(verdicts.min()) if len(verdicts) else 0
     known = np.where(np.isnan(robustness), upper, robustness)
@@ -140,4 +149,5 @@ def outcome_of(
         agents=who,
         time=None if decision is None or decision.instant is None else seconds(decision.instant),
         reason=decision.reason if decision else "",
+        presumably=VERDICTS[presumption] if presumption and not worst else None,
     )

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.core.verdict import SpecificationStatus
+from symaware_cli.specification.automaton import Automaton, AutomatonMonitor
 from symaware_cli.specification.columns import KindError
 from symaware_cli.specification.formula import Array, plain
 from symaware_cli.specification.formulation import Formulation, subformula
@@ -39,6 +40,7 @@ class Specification:
         start: The instant that verdicts are about, in nanoseconds.
         end: The last instant that counts, in nanoseconds; None for the end of the run.
         on_violation: What becomes of the run when it is violated.
+        automaton: What watches the formula if it is one of linear temporal logic; None for signal temporal logic.
         interval: Whether the robust satisfaction interval is computed before the verdict.
     """
 
@@ -51,6 +53,13 @@ class Specification:
     end: int | None = None
     on_violation: OnViolation = "event"
     interval: bool = True
+    automaton: Automaton | None = None
+
+    def monitor(self, rows: int) -> Monitor | AutomatonMonitor:
+        """Make a monitor of some rows that begin now."""
+        if self.automaton is not None:
+            return AutomatonMonitor(self.automaton, rows)
+        return Monitor(self.formulation.formula, rows, interval=self.interval)
 
     @property
     def text(self) -> str:
@@ -83,7 +92,9 @@ class _Cohort:
         told: Their verdicts, as far as they were told; shape (k,).
     """
 
-    def __init__(self, rows: NDArray[np.intp], monitor: Monitor, start: int, told: NDArray[np.int8]) -> None:
+    def __init__(
+        self, rows: NDArray[np.intp], monitor: Monitor | AutomatonMonitor, start: int, told: NDArray[np.int8]
+    ) -> None:
         self.rows = rows
         self.monitor = monitor
         self.start = start
@@ -154,6 +165,7 @@ class SpecificationMonitor:
         self.is_over = False
         self._time_step = time_step
         self._begins = begins
+        self._now = 0
         self._due: list[NDArray[np.intp]] = []
         self._cohorts: list[_Cohort] = []
         self._ended = _Worst(count)
@@ -171,6 +183,7 @@ class SpecificationMonitor:
             return ()
         if specification.end is not None and now > specification.end:
             return self.finish()
+        self._now = now
         present = specification.scope.present
         decisions: list[Decision] = []
         if present is not None:
@@ -212,6 +225,15 @@ class SpecificationMonitor:
         return int(seen.min()) if len(seen) else 0
 
     @property
+    def presumption(self) -> int | None:
+        """The worst verdict if the run ended now, of a formula of linear temporal logic; None for others."""
+        if self.specification.automaton is None or not self.begun.any():
+            return None
+        monitors = [cohort.monitor for cohort in self._cohorts]
+        found = [int(each.presumption.min()) for each in monitors if isinstance(each, AutomatonMonitor)]
+        return min([*found, self.verdict or 1])
+
+    @property
     def outcome(self) -> Outcome:
         """What has become of it so far."""
         specification, begun = self.specification, np.flatnonzero(self.begun)
@@ -223,6 +245,7 @@ class SpecificationMonitor:
             self.settled[begun],
             self.upper[begun],
             self.decisions,
+            self.presumption,
         )
 
     def status(self, rows: Sequence[int]) -> SpecificationStatus:
@@ -244,7 +267,7 @@ class SpecificationMonitor:
             rows = due if present is None else due[present[due]]
             if len(rows):
                 self.begun[rows] = True
-                monitor = Monitor(specification.formulation.formula, len(rows), interval=specification.interval)
+                monitor = specification.monitor(len(rows))
                 self._cohorts.append(_Cohort(rows, monitor, now, np.zeros(len(rows), np.int8)))
         self._due.clear()
 
@@ -328,7 +351,9 @@ class SpecificationMonitor:
         satisfied = bool(cohort.monitor.verdict[place] > 0)
         agents = specification.scope.agents(int(cohort.rows[place]))
         if reason is None:
-            return Decision(specification.name, agents, satisfied, "", specification.text, None, 0.0, satisfied)
+            # No single sample decides a path through an automaton, and an empty run has none.
+            now = self._now if specification.automaton is not None else None
+            return Decision(specification.name, agents, satisfied, "", specification.text, now, np.inf, satisfied)
         return Decision(
             specification=specification.name,
             agents=agents,

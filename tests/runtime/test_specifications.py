@@ -13,7 +13,8 @@ from symaware_cli.recording.digest import digest
 from symaware_cli.recording.reader import Log
 from symaware_cli.runtime.run_summary import RunSummary
 from symaware_cli.scenario.build import build
-from symaware_cli.scenario.execution import execute
+from symaware_cli.scenario.execution import execute, prepared
+from symaware_cli.scenario.problem import ScenarioError
 
 Ran = Callable[..., tuple[RunSummary, Log]]
 
@@ -85,6 +86,44 @@ def test_what_becomes_of_a_specification(
     assert [int((logged.verdict == each).sum()) for each in (-1, 0, 1)] == list(outcome.counts.values())
     events = [event for event in log.events() if event.name in ("violated", "satisfied")]
     assert len(events) == outcome.counts["violated"] + outcome.counts["satisfied"]
+
+
+@pytest.mark.parametrize(
+    ("formula", "verdict", "counts"),
+    [
+        ("always (x > 0.9 implies eventually inside(position, end))", "violated", (1, 0, 1)),
+        ("always (x > 0.9 implies eventually inside(position, end)) or x > 5", "satisfied", (0, 0, 2)),
+        ("next next x > 0.9", "satisfied", (0, 0, 2)),
+        ("inside(position, start) until x > 1", "satisfied", (0, 0, 2)),
+    ],
+)
+def test_linear_temporal_logic(ran: Ran, formula: str, verdict: str, counts: tuple[int, ...]) -> None:
+    summary, log = ran({"it": {"each": "robot", "logic": "ltl", "formula": formula}})
+    (outcome,) = summary.specifications
+    assert (outcome.verdict, tuple(outcome.counts.values())) == (verdict, counts)
+    assert outcome.robustness is None
+    assert [int((log.specifications["it"].verdict == each).sum()) for each in (-1, 0, 1)] == list(counts)
+
+
+def test_what_is_undecided_is_presumed_where_a_run_breaks_off(tmp_path: Path) -> None:
+    stated = {"it": {"each": "robot", "logic": "ltl", "formula": "always (x < 1 or eventually x > 3.9)"}}
+    (tmp_path / "line.yaml").write_text(yaml.safe_dump({**SCENARIO, "specifications": stated}, sort_keys=False))
+    with prepared(build(tmp_path / "line.yaml"), None, may_exit=False) as run:
+        said = []
+        for steps in (1, 3):
+            run.advance(steps)
+            said.append(run.summary.specifications[0].presumably)
+        run.leave("enough")
+    assert said == ["satisfied", "violated"]
+    assert str(run.summary.specifications[0]) == "it by 2 of 2, presumably violated"
+
+
+@pytest.mark.parametrize("formula", ["always[0, 3] x < 9", "once x > 1"])
+def test_what_is_no_linear_temporal_logic_is_refused(tmp_path: Path, formula: str) -> None:
+    stated = {"it": {"each": "robot", "logic": "ltl", "formula": formula}}
+    (tmp_path / "line.yaml").write_text(yaml.safe_dump({**SCENARIO, "specifications": stated}, sort_keys=False))
+    with pytest.raises(ScenarioError, match="linear temporal logic has no windows, and no operators about the past"):
+        build(tmp_path / "line.yaml")
 
 
 def test_a_verdict_is_told_as_soon_as_it_is_decided_with_its_reason(ran: Ran) -> None:

@@ -1,0 +1,247 @@
+"""Deterministic automata of formulas of linear temporal logic over finite runs.
+
+A formula is progressed by the letters of a run: what remains to be satisfied after an instant is a formula again
+(F. Bacchus and F. Kabanza, "Using Temporal Logics to Express Search Control Knowledge for Planning", Artificial
+Intelligence 116, 2000). States are in a normal form, so that there are finitely many. Runs are finite, as in
+LTLf (G. De Giacomo and M. Vardi, "Linear Temporal Logic and Linear Dynamic Logic on Finite Traces", IJCAI 2013): a
+state accepts if the formula holds where the run ends with the instant before. Together with what can still be reached,
+that is a verdict of four values (A. Bauer, M. Leucker and C. Schallhart, "Comparing LTL Semantics for Runtime
+Verification", Journal of Logic and Computation 20, 2010).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symaware_cli.specification import formula as stl
+from symaware_cli.specification.formula import Array
+
+#: The most states and propositions of an automaton.
+MOST_STATES = 2_000
+MOST_PROPOSITIONS = 10
+#: The most clauses of one state.
+_MOST_CLAUSES = 256
+
+#: A part of a formula: ("literal", index, sign), ("until", left, right), ...
+_Term: TypeAlias = tuple[Any, ...]
+#: What remains to be satisfied: in disjunctive normal form, of parts that are about further instants alone. No clause
+#: contains another, so that equal functions of these parts are equal sets.
+_State: TypeAlias = frozenset[frozenset[_Term]]
+
+_TRUE: _State = frozenset([frozenset()])
+_FALSE: _State = frozenset()
+#: That there is another instant, or none.
+_INSTANT: _Term = ("instant",)
+_END: _Term = ("end",)
+
+
+class AutomatonError(ValueError):
+    """A formula has no automaton of a sensible size, or says what an automaton cannot."""
+
+
+class Automaton:
+    """A deterministic automaton over sets of propositions.
+
+    Attributes:
+        transitions: The state after each state and letter, shape (states, letters). A letter is the sum of 2**i over
+            the propositions i that hold.
+        accepting: Whether the formula holds if the run ends in a state; shape (states,).
+        verdicts: 1 where the formula holds however the run goes on and ends, -1 where it cannot hold any more, else 0;
+            shape (states,).
+        propositions: How many there are.
+    """
+
+    #: The state before the first instant.
+    start = 0
+
+    def __init__(self, formula: stl.Formula, propositions: int) -> None:
+        """Make the automaton of a formula.
+
+        Args:
+            formula: Of predicates, `Not`, `And`, `Or` and operators about the future without windows; a window of one
+                step ahead is ``next``.
+            propositions: How many predicates there are.
+
+        Raises:
+            AutomatonError: It has more than `MOST_STATES` states or `MOST_PROPOSITIONS` propositions, or there are
+                windows or operators about the past in the formula.
+        """
+        if propositions > MOST_PROPOSITIONS:
+            said = f"there are {propositions} propositions, and {MOST_PROPOSITIONS} at most are possible"
+            raise AutomatonError(said)
+        self.propositions = propositions
+        progression = _Progression()
+        first: _State = frozenset([frozenset([("first", _term(formula, True))])])
+        states: dict[_State, int] = {first: 0}
+        waiting = list(states)
+        rows: list[list[int]] = []
+        for state in waiting:
+            row = []
+            for letter in range(2**propositions):
+                after = progression.of_state(state, letter)
+                if after not in states:
+                    if len(states) >= MOST_STATES:
+                        raise AutomatonError(f"its automaton has more than {MOST_STATES:,} states; split the formula")
+                    states[after] = len(states)
+                    waiting.append(after)
+                row.append(states[after])
+            rows.append(row)
+        self.transitions: NDArray[np.int32] = np.array(rows, np.int32)
+        self.accepting: NDArray[np.bool_] = np.array([_holds_at_end(state) for state in states])
+        self.verdicts = self._verdicts()
+
+    def _verdicts(self) -> NDArray[np.int8]:
+        """Look from which states only accepting ones, or none, can be reached."""
+        always, never = self.accepting.copy(), ~self.accepting
+        # What is known of the states that follow is added until nothing changes.
+        for found in (always, never):
+            while True:
+                closed = found & found[self.transitions].all(axis=1)
+                if (closed == found).all():
+                    break
+                found[:] = closed
+        return always.astype(np.int8) - never.astype(np.int8)
+
+
+def _term(formula: stl.Formula, positive: bool) -> _Term:
+    """A formula, or its negation, with negations before propositions alone."""
+    match formula:
+        case stl.Constant(value=value):
+            return ("constant", value == positive)
+        case stl.Predicate(index=index):
+            return ("literal", index, positive)
+        case stl.Not(operand=operand):
+            return _term(operand, not positive)
+        case stl.And() | stl.Or():
+            parts = [_term(each, positive) for each in formula.operands]
+            return ("and" if isinstance(formula, stl.And) == positive else "or", *parts)
+        case stl.Eventually(first=1, last=1, operand=operand):
+            return ("next" if positive else "weak next", _term(operand, positive))
+        case stl.Always(first=0, last=None, operand=operand):
+            inner = _term(operand, positive)
+            return ("release", ("constant", False), inner) if positive else ("until", ("constant", True), inner)
+        case stl.Eventually(first=0, last=None, operand=operand):
+            inner = _term(operand, positive)
+            return ("until", ("constant", True), inner) if positive else ("release", ("constant", False), inner)
+        case stl.Until(first=0, last=None, left=left, right=right):
+            return ("until" if positive else "release", _term(left, positive), _term(right, positive))
+    raise AutomatonError("linear temporal logic has no windows, and no operators about the past")
+
+
+class _Progression:
+    """Finds what remains to be satisfied after an instant; remembers what it found."""
+
+    def __init__(self) -> None:
+        self._known: dict[tuple[_Term, int], _State] = {}
+
+    def of_state(self, state: _State, letter: int) -> _State:
+        """What remains of a state."""
+        return _or(_and(self._of_term(term, letter) for term in clause) for clause in state)
+
+    def _of_term(self, term: _Term, letter: int) -> _State:
+        found = self._known.get((term, letter))
+        if found is None:
+            found = self._known[term, letter] = self._progressed(term, letter)
+        return found
+
+    def _progressed(self, term: _Term, letter: int) -> _State:
+        match term:
+            case ("constant", value):
+                return _TRUE if value else _FALSE
+            case ("literal", index, sign):
+                return _TRUE if bool(letter >> index & 1) == sign else _FALSE
+            case ("and", *parts):
+                return _and(self._of_term(part, letter) for part in parts)
+            case ("or", *parts):
+                return _or(self._of_term(part, letter) for part in parts)
+            case ("first", inner):
+                return self._of_term(inner, letter)
+            case ("next", inner):
+                return frozenset([frozenset([_INSTANT, ("first", inner)])])
+            case ("weak next", inner):
+                return frozenset([frozenset([_END]), frozenset([("first", inner)])])
+            case ("until", left, right):
+                rest = frozenset([frozenset([term])])
+                return _or([self._of_term(right, letter), _and([self._of_term(left, letter), rest])])
+            case ("release", left, right):
+                rest = frozenset([frozenset([term])])
+                return _and([self._of_term(right, letter), _or([self._of_term(left, letter), rest])])
+        return _TRUE if term == _INSTANT else _FALSE
+
+
+def _or(states: Iterable[_State]) -> _State:
+    clauses: set[frozenset[_Term]] = set()
+    for state in states:
+        clauses |= state
+    if len(clauses) > _MOST_CLAUSES:
+        raise AutomatonError("its automaton has states that are too large; split the formula")
+    return frozenset(clause for clause in clauses if not any(other < clause for other in clauses))
+
+
+def _and(states: Iterable[_State]) -> _State:
+    total = _TRUE
+    for state in states:
+        total = _or([frozenset(one | other for one in total for other in state)])
+    return total
+
+
+def _holds_at_end(state: _State) -> bool:
+    """Whether nothing remains to be satisfied if there is no further instant."""
+    return any(all(term[0] in ("release", "end") for term in clause) for clause in state)
+
+
+class AutomatonMonitor:
+    """Follows runs through an automaton, for many rows at once; used as a `monitor.Monitor` is.
+
+    Attributes:
+        verdict: 1 satisfied, -1 violated, 0 undecided; shape (rows,).
+    """
+
+    def __init__(self, automaton: Automaton, rows: int) -> None:
+        self._automaton = automaton
+        self._states = np.full(rows, Automaton.start, np.int32)
+        self.verdict = np.zeros(rows, np.int8)
+
+    def update(self, values: Sequence[Array]) -> None:
+        """Take the robustness of each predicate at the next instant, each of shape (rows,)."""
+        letters = np.zeros(len(self._states), np.int32)
+        for index, value in enumerate(values):
+            letters |= (value > 0.0).astype(np.int32) << index
+        self._states = self._automaton.transitions[self._states, letters]
+        self.verdict = self._automaton.verdicts[self._states]
+
+    def finish(self) -> None:
+        """Take note that the run has come to its end."""
+        self.verdict = self.presumption
+
+    @property
+    def presumption(self) -> NDArray[np.int8]:
+        """What the verdict would be if the run ended now: 1 or -1; shape (rows,)."""
+        return np.where(self._automaton.accepting[self._states], 1, -1).astype(np.int8)
+
+    @property
+    def lower(self) -> Array:
+        """Infinite where the formula holds, else minus infinity: there is no robustness in this logic."""
+        return np.where(self.verdict > 0, np.inf, -np.inf)
+
+    @property
+    def upper(self) -> Array:
+        """Minus infinity where the formula fails, else infinite."""
+        return np.where(self.verdict < 0, -np.inf, np.inf)
+
+    def exact(self) -> tuple[int, Array]:
+        """No robustness ever becomes known."""
+        return 0, np.empty((0, len(self._states)))
+
+    def reason(self, row: int) -> None:
+        """No single sample decides a path through an automaton."""
+
+    def select(self, rows: NDArray[np.intp]) -> AutomatonMonitor:
+        """A monitor of some rows, with their past."""
+        other = AutomatonMonitor(self._automaton, len(rows))
+        other._states, other.verdict = self._states[rows], self.verdict[rows]
+        return other
