@@ -22,7 +22,6 @@ WRITTEN = "what a scenario says, what a run makes of it, and how it is recorded"
 MODULES = {
     "awareness": "what agents are aware of, and its encoding in the log",
     "bodies": BACKEND,
-    "check": VERB,
     "columns": BACKEND,
     "curves": BACKEND,
     "figure": "the geometry of bodies of links and joints; the figure of a plot",
