@@ -33,6 +33,7 @@ def text(summary: Overview) -> str:
         lines.append(_line("time", f"0 to {summary.simulated_time:.9g} s{steps}{step}{wall}"))
     if summary.events:
         lines.append(_line("events", ", ".join(f"{name} {count}" for name, count in summary.events.items())))
+    lines += [_line(each.verdict, str(each)) for each in summary.specifications]
     if summary.scenario:
         lines.append(_line("attached", ", ".join(summary.scenario)))
     if summary.versions:

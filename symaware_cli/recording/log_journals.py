@@ -22,7 +22,8 @@ from symaware_cli.recording.sensor_channels import (
     scans,
     sensors,
 )
-from symaware_cli.recording.specifications import LoggedSpecification, logged
+from symaware_cli.recording.specifications import LoggedSpecification, logged, outcome_in, specification_channels
+from symaware_cli.specification.outcome import Outcome
 
 Sensed = TypeVar("Sensed", bound=LoggedReading)
 """An entry of what a sensor measured."""
@@ -75,12 +76,19 @@ class LogJournals(LogFile):
     def specifications(self) -> Mapping[str, LoggedSpecification]:
         """The specifications that were monitored, by name, in the scenario's order."""
         found = {}
-        for topic, info in self.channels.items():
-            if info.carries("Specification"):
-                name = topic.rpartition("/")[2]
-                with self._fitting(topic):
-                    found[name] = logged(name, info.metadata, self.messages(topic))
+        for name, info in specification_channels(self.channels).items():
+            with self._fitting(info.topic):
+                found[name] = logged(name, info.metadata, self.messages(info.topic))
         return found
+
+    @cached_property
+    def outcomes(self) -> tuple[Outcome, ...]:
+        """What has become of the specifications that were monitored, in the scenario's order."""
+        if not self.specifications:
+            return ()
+        told = [event for event in self.events() if event.name in ("satisfied", "violated")]
+        with self._fitting("/events"):
+            return tuple(outcome_in(each, told) for each in self.specifications.values())
 
     def contacts(self, start: int | None = None, end: int | None = None) -> Iterator[LoggedContact]:
         """Iterate over the beginnings and ends of contacts; see `events`."""

@@ -12,6 +12,7 @@ import numpy as np
 
 from symaware_cli.recording.json_text import read_json
 from symaware_cli.recording.reader import Log
+from symaware_cli.specification.outcome import Outcome
 
 #: An interval this much longer than the usual one of its channel is a gap.
 _GAP = 1.5
@@ -77,6 +78,7 @@ class Overview:
         wall_time: Wall time that the run took, as far as is known [s].
         channels: Every channel.
         events: How often each event occurred.
+        specifications: What has become of each specification.
         scenario: The attachments that hold the scenario.
         versions: What was installed.
         recovered: What it was recovered from, and what was lost then, in words; None if it was not recovered.
@@ -99,6 +101,7 @@ class Overview:
     wall_time: float | None
     channels: tuple[ChannelOverview, ...]
     events: dict[str, int]
+    specifications: tuple[Outcome, ...]
     scenario: tuple[str, ...]
     versions: dict[str, str]
     recovered: str | None
@@ -148,6 +151,7 @@ def overview(log: Log) -> Overview:
         wall_time=wall_time,
         channels=tuple(_channel(log, topic, times[topic], sizes[topic]) for topic in log.channels),
         events=dict(sorted(events.items())),
+        specifications=log.outcomes,
         scenario=tuple(name for name in log.attachments if name.startswith("scenario/") or name == "resolved.yaml"),
         versions=_versions(log),
         recovered=_origin(log.recovery) if log.recovery else None,

@@ -12,8 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from symaware_cli.recording import symaware_v1_pb2 as v1
 from symaware_cli.recording.index import ChannelInfo
+from symaware_cli.recording.logged_events import LoggedEvent
 from symaware_cli.recording.wire.packing import FLOAT, INDEX, TIME, packed
 from symaware_cli.recording.writer import LogWriter
+from symaware_cli.specification.outcome import Decision, Outcome, outcome_of
 from symaware_cli.specification.specification import SpecificationMonitor
 
 #: The topic of a specification.
@@ -41,12 +43,13 @@ class SpecificationRecorder:
         self._writer = writer
         self._channels: dict[str, int] = {}
         self._last: dict[str, tuple[NDArray[Any], ...]] = {}
-        for monitor in monitors:
+        for number, monitor in enumerate(monitors):
             specification = monitor.specification
             rows = [specification.scope.agents(row) for row in range(specification.scope.rows)]
             metadata = {
                 "count": str(len(rows)),
                 "formula": specification.text,
+                "number": str(number),
                 "of": specification.of,
                 "each": specification.each or "",
                 "predicates": json.dumps([atom.text for atom in specification.formulation.atoms]),
@@ -100,11 +103,23 @@ def specification_rows(channels: Mapping[str, ChannelInfo]) -> dict[str, tuple[t
     Raises:
         ValueError: A channel does not say.
     """
-    return {
-        topic.rpartition("/")[2]: tuple(tuple(each) for each in json.loads(info.metadata.get("rows", "")))
-        for topic, info in channels.items()
-        if info.carries("Specification")
-    }
+    return {name: _rows(info.metadata) for name, info in specification_channels(channels).items()}
+
+
+def specification_channels(channels: Mapping[str, ChannelInfo]) -> dict[str, ChannelInfo]:
+    """The channels of specifications by the names of these, in the scenario's order."""
+    found = [info for info in channels.values() if info.carries("Specification")]
+    found.sort(key=lambda info: (len(number := info.metadata.get("number", "")), number, info.topic))
+    return {info.topic.rpartition("/")[2]: info for info in found}
+
+
+def _rows(metadata: Mapping[str, str]) -> tuple[tuple[str, ...], ...]:
+    found = json.loads(metadata.get("rows", ""))
+    if not isinstance(found, list) or not all(isinstance(each, list) for each in found):
+        raise ValueError("the rows are not lists of ids")
+    if str(len(found)) != metadata.get("count") or not all(isinstance(id, str) for each in found for id in each):
+        raise ValueError("the rows are not as many lists of ids as are said to be")
+    return tuple(map(tuple, found))
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,6 +173,30 @@ class _Message(Protocol):
     def decode(self) -> v1.Specification: ...
 
 
+def outcome_in(logged: LoggedSpecification, events: Iterable[LoggedEvent]) -> Outcome:
+    """What has become of a specification, as its log has it.
+
+    Args:
+        logged: The specification.
+        events: Those of the log.
+
+    Raises:
+        ValueError: An event does not say what it should.
+    """
+    begun = np.flatnonzero(logged.begun)
+    known = len(logged.verdicts) > 0
+    lower, upper = (each[-1][begun] if known else np.empty(0) for each in (logged.lower, logged.upper))
+    return outcome_of(
+        logged.name,
+        logged.formula,
+        lambda place: logged.rows[int(begun[place])],
+        logged.verdict[begun],
+        np.where(lower == upper, upper, np.nan),
+        upper,
+        [Decision.from_json(event.data) for event in events if event.source == f"specifications.{logged.name}"],
+    )
+
+
 def logged(name: str, metadata: Mapping[str, str], messages: Iterable[_Message]) -> LoggedSpecification:
     """Put a specification together from its messages.
 
@@ -165,8 +204,14 @@ def logged(name: str, metadata: Mapping[str, str], messages: Iterable[_Message])
         name: Its name.
         metadata: Of its channel.
         messages: In their order.
+
+    Raises:
+        ValueError: The metadata do not say what they should.
     """
-    rows = tuple(tuple(each) for each in json.loads(metadata["rows"]))
+    missing = {"rows", "count", "formula", "of", "each", "predicates", "start", "end"} - metadata.keys()
+    if missing:
+        raise ValueError(f"the metadata lack {', '.join(sorted(missing))}")
+    rows = _rows(metadata)
     state = np.zeros(len(rows), np.int8), np.full(len(rows), -np.inf), np.full(len(rows), np.inf)
     times: list[int] = []
     history: list[tuple[NDArray[Any], ...]] = []
@@ -198,7 +243,7 @@ def logged(name: str, metadata: Mapping[str, str], messages: Iterable[_Message])
         formula=metadata["formula"],
         of=metadata["of"],
         each=metadata["each"],
-        predicates=tuple(json.loads(metadata["predicates"])),
+        predicates=tuple(map(str, json.loads(metadata["predicates"]))),
         rows=rows,
         start=int(metadata["start"]),
         end=int(metadata["end"]) if metadata["end"] else None,

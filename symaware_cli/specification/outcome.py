@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core import seconds
+from symaware_cli.core import nanoseconds, seconds
 from symaware_cli.specification.formula import Array
 
 #: Verdicts as they are shown, from the worst to the best.
@@ -62,6 +62,28 @@ class Decision:
         found["instant"] = None if self.instant is None else seconds(self.instant)
         found["robustness"] = self.robustness if np.isfinite(self.robustness) else None
         return found
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> Decision:
+        """Make one of what `to_json` returned.
+
+        Raises:
+            ValueError: It is something else.
+        """
+        try:
+            instant, robustness = data["instant"], data["robustness"]
+            return cls(
+                specification=str(data["specification"]),
+                agents=tuple(map(str, data["agents"])),
+                satisfied=bool(data["satisfied"]),
+                predicate=str(data["predicate"]),
+                formula=str(data["formula"]),
+                instant=None if instant is None else nanoseconds(instant),
+                robustness=np.inf if robustness is None else float(robustness),
+                holds=bool(data["holds"]),
+            )
+        except (KeyError, TypeError, OverflowError) as error:
+            raise ValueError(f"this is no verdict: {error}") from error
 
 
 @dataclass(frozen=True, slots=True)

@@ -101,3 +101,16 @@ def test_a_damaged_log_is_checked_as_far_as_it_goes(logs: Path, tmp_path: Path) 
     status, out, _ = check(broken)
     assert status == 0
     assert "the run did not come to its end" in out
+
+
+@pytest.mark.parametrize("name", ["patrol", "shortcut"])
+def test_inspect_lists_each_specification_as_the_summary_of_the_run_does(name: str, tmp_path: Path) -> None:
+    log = tmp_path / f"{name}.mcap"
+    summary = execute(build(SCENARIOS / f"{name}.yaml", ["run.duration=10"]), log)
+    done = CliRunner().invoke(application, ["inspect", str(log)], catch_exceptions=False)
+    for outcome in summary.specifications:
+        assert f"  {outcome.verdict:<9} {outcome}" in done.stdout.splitlines()
+    told = CliRunner().invoke(application, ["inspect", str(log), "--json"], catch_exceptions=False)
+    assert json.loads(told.stdout)["specifications"] == [
+        json.loads(json.dumps(each.to_json())) for each in summary.specifications
+    ]
