@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from pydantic import AfterValidator, ConfigDict, Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from symaware_cli.geometry.shape import Length, Number, Point, Polygon, Position, StrictModel
+from symaware_cli.geometry.vectors import lengths
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -104,12 +105,12 @@ class RegionShape(StrictModel):
             Exact Euclidean distances; shape (n,).
         """
         if self.circle is not None:
-            return self.circle.radius - _norm(points - np.array(self.circle.centre))
+            return self.circle.radius - lengths(points - np.array(self.circle.centre))
         if self.box is not None:
             bounds = np.array(self.box).reshape(-1, 2)
             middle, half = bounds.mean(axis=1), 0.5 * (bounds[:, 1] - bounds[:, 0])
             beyond = np.abs(points - middle) - half
-            outside = _norm(np.maximum(beyond, 0.0))
+            outside = lengths(np.maximum(beyond, 0.0))
             return np.asarray(-outside - np.minimum(beyond.max(axis=1), 0.0))
         assert self.polygon is not None
         return _polygon_depth(np.array(self.polygon), points)
@@ -157,14 +158,6 @@ def relative(points: Array, origin: Array, heading: float | None) -> Array:
     return turned
 
 
-def _norm(vectors: Array) -> Array:
-    """Euclidean lengths, element by element, so that a row's bits do not depend on the others; (n, d) to (n,)."""
-    total = vectors[:, 0] * vectors[:, 0]
-    for axis in range(1, vectors.shape[1]):
-        total = total + vectors[:, axis] * vectors[:, axis]
-    return np.asarray(np.sqrt(total))
-
-
 def _polygon_depth(vertices: Array, points: Array) -> Array:
     """The depth in a convex polygon whose corners run counter-clockwise."""
     inward = np.full(len(points), np.inf)
@@ -175,5 +168,5 @@ def _polygon_depth(vertices: Array, points: Array) -> Array:
         x, y = points[:, 0] - corner[0], points[:, 1] - corner[1]
         inward = np.minimum(inward, (along[0] * y - along[1] * x) / np.sqrt(squared))
         share = np.clip((along[0] * x + along[1] * y) / squared, 0.0, 1.0)
-        apart = np.minimum(apart, _norm(np.stack([x - share * along[0], y - share * along[1]], axis=1)))
+        apart = np.minimum(apart, lengths(np.stack([x - share * along[0], y - share * along[1]], axis=1)))
     return np.where(inward >= 0.0, inward, -apart)

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from symaware_cli.geometry.vectors import lengths
 from symaware_cli.specification.formula import Array, encoded, plain
 from symaware_cli.specification.node import (
     Arithmetic,
@@ -165,11 +166,7 @@ def _extreme(choose: Any) -> Callable[..., Any]:
 def _norm(value: Any) -> Any:
     if not isinstance(value, np.ndarray):
         return abs(value)
-    first, *others = _columns(value)
-    total = first * first
-    for each in others:
-        total = total + each * each
-    return np.sqrt(total)
+    return lengths(value.reshape(len(value), -1))
 
 
 def _distance(one: Any, other: Any) -> Any:

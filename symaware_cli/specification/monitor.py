@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.specification.formula import Array, Formula, Predicate, horizon, operands
+from symaware_cli.specification.formula_stream import stream
 from symaware_cli.specification.reason import Reason, reasons
 from symaware_cli.specification.selection import selected
 from symaware_cli.specification.sliding import Extremum, History, Recent, Starts, UntilWindow
-from symaware_cli.specification.stream import Clock, Stream, Together, stream
+from symaware_cli.specification.stream import Clock, Stream, Together
 from symaware_cli.specification.whole import bounds
 
 #: The number of samples that a monitor keeps at most, for the end of the run and for reasons.

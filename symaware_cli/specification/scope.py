@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from symaware_cli.core import AgentGroup, EntityGroup, Snapshot, seconds
 from symaware_cli.geometry.region import Region
+from symaware_cli.geometry.vectors import lengths
 from symaware_cli.specification.formula import Array
 from symaware_cli.specification.region import PlacedRegion
 
@@ -193,7 +194,7 @@ class AgentScope(Scope):
             case "position":
                 return group.model.positions(self.states)
             case "speed":
-                return _norm(self.look_up("velocity"))
+                return lengths(self.look_up("velocity"))
             case "state":
                 return self.states
             case "velocity":
@@ -206,7 +207,7 @@ class AgentScope(Scope):
         start = self._world.snapshot().roster.start(self.group.name)
         least = np.full(self.rows, np.inf)
         for row in range(self.rows):
-            apart = _norm(positions - positions[start + row])
+            apart = lengths(positions - positions[start + row])
             apart[start + row] = np.inf
             least[row] = np.nanmin(apart, initial=np.inf)
         return least
@@ -295,14 +296,14 @@ class PairScope(Scope):
                 total = np.zeros(self.rows)
                 for axis in range(apart.shape[1]):
                     total = total + apart[:, axis] * (second - first)[:, axis]
-                distance = _norm(apart)
+                distance = lengths(apart)
                 return np.divide(-total, distance, out=np.zeros(self.rows), where=distance > 0.0)
             case "distance":
-                return _norm(self._apart())
+                return lengths(self._apart())
             case "position":
                 return self._of_each(self._world.snapshot().positions)
             case "speed":
-                return self._of_each(_norm(self._velocities()))
+                return self._of_each(lengths(self._velocities()))
             case "velocity":
                 return self._of_each(self._velocities())
         raise KeyError(name)
@@ -363,12 +364,4 @@ def nearest_believed(group: AgentGroup, row: int) -> float:
     own = np.zeros(others.shape[1])
     position = group.model.positions(group.awareness.state)[row]
     own[: len(position)] = position
-    return float(_norm(others - own).min(initial=np.inf))
-
-
-def _norm(vectors: Array) -> Array:
-    """Euclidean lengths, element by element, so that a row's bits do not depend on the others; (n, d) to (n,)."""
-    total = vectors[:, 0] * vectors[:, 0]
-    for axis in range(1, vectors.shape[1]):
-        total = total + vectors[:, axis] * vectors[:, axis]
-    return np.asarray(np.sqrt(total))
+    return float(lengths(others - own).min(initial=np.inf))

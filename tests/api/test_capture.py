@@ -14,6 +14,8 @@ SCENARIOS = Path(__file__).parents[2] / "scenarios"
 
 #: Shipped scenarios of a world without a physics engine, and a step at which to take their state.
 KINEMATIC = {
+    "patrol": 30,
+    "shortcut": 30,
     "hello": 12,
     "asynchronous": 11,
     "consensus": 9,

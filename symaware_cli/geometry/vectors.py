@@ -1,0 +1,16 @@
+"""Vectors in rows, computed element by element, so that the bits of a row do not depend on the others."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+def lengths(vectors: Array) -> Array:
+    """Euclidean lengths of vectors; (n, d) to (n,)."""
+    total = vectors[:, 0] * vectors[:, 0]
+    for axis in range(1, vectors.shape[1]):
+        total = total + vectors[:, axis] * vectors[:, axis]
+    return np.asarray(np.sqrt(total))
