@@ -1,12 +1,12 @@
-"""Deterministic automata of formulas of linear temporal logic over finite runs.
+"""Deterministic automata for linear temporal logic (LTL) over finite runs.
 
-A formula is progressed by the letters of a run: what remains to be satisfied after an instant is a formula again
+A formula is progressed by the letters of a run: the obligation that remains after an instant is again a formula
 (F. Bacchus and F. Kabanza, "Using Temporal Logics to Express Search Control Knowledge for Planning", Artificial
-Intelligence 116, 2000). States are in a normal form, so that there are finitely many. Runs are finite, as in
-LTLf (G. De Giacomo and M. Vardi, "Linear Temporal Logic and Linear Dynamic Logic on Finite Traces", IJCAI 2013): a
-state accepts if the formula holds where the run ends with the instant before. Together with what can still be reached,
-that is a verdict of four values (A. Bauer, M. Leucker and C. Schallhart, "Comparing LTL Semantics for Runtime
-Verification", Journal of Logic and Computation 20, 2010).
+Intelligence 116, 2000). States are in a normal form, so that their number is finite. Runs are finite, as in LTLf
+(G. De Giacomo and M. Vardi, "Linear Temporal Logic and Linear Dynamic Logic on Finite Traces", IJCAI 2013): a state
+accepts if the formula holds when the run ends with the preceding instant. Acceptance and reachability together give a
+four-valued verdict (A. Bauer, M. Leucker and C. Schallhart, "Comparing LTL Semantics for Runtime Verification", Journal
+of Logic and Computation 20, 2010).
 """
 
 from __future__ import annotations
@@ -20,55 +20,55 @@ from numpy.typing import NDArray
 from symaware_cli.specification import formula as stl
 from symaware_cli.specification.formula import Array
 
-#: The most states and propositions of an automaton.
+#: Maximum number of states and of propositions of an automaton.
 MOST_STATES = 2_000
 MOST_PROPOSITIONS = 10
-#: The most clauses of one state.
+#: Maximum number of clauses of a state.
 _MOST_CLAUSES = 256
 
 #: A part of a formula: ("literal", index, sign), ("until", left, right), ...
 _Term: TypeAlias = tuple[Any, ...]
-#: What remains to be satisfied: in disjunctive normal form, of parts that are about further instants alone. No clause
-#: contains another, so that equal functions of these parts are equal sets.
+#: A remaining obligation: a disjunctive normal form over terms about later instants. No clause contains another, so
+#: that equal Boolean functions of the terms are equal sets.
 _State: TypeAlias = frozenset[frozenset[_Term]]
 
 _TRUE: _State = frozenset([frozenset()])
 _FALSE: _State = frozenset()
-#: That there is another instant, or none.
+#: Requires that there is another instant, or that there is none.
 _INSTANT: _Term = ("instant",)
 _END: _Term = ("end",)
 
 
 class AutomatonError(ValueError):
-    """A formula has no automaton of a sensible size, or says what an automaton cannot."""
+    """The automaton of a formula would be too large, or the formula uses operators that automata do not support."""
 
 
 class Automaton:
     """A deterministic automaton over sets of propositions.
 
     Attributes:
-        transitions: The state after each state and letter, shape (states, letters). A letter is the sum of 2**i over
-            the propositions i that hold.
-        accepting: Whether the formula holds if the run ends in a state; shape (states,).
-        verdicts: 1 where the formula holds however the run goes on and ends, -1 where it cannot hold any more, else 0;
-            shape (states,).
-        propositions: How many there are.
+            transitions: The next state for each state and letter, shape (states, letters). A letter is the sum of 2**i
+                over the propositions i that hold.
+            accepting: Whether the formula holds if the run ends in a state; shape (states,).
+            verdicts: 1 where the formula holds however the run continues, -1 where it can no longer hold, else 0; shape
+                (states,).
+            propositions: Number of propositions.
     """
 
     #: The state before the first instant.
     start = 0
 
     def __init__(self, formula: stl.Formula, propositions: int) -> None:
-        """Make the automaton of a formula.
+        """Construct the automaton of a formula.
 
         Args:
-            formula: Of predicates, `Not`, `And`, `Or` and operators about the future without windows; a window of one
-                step ahead is ``next``.
-            propositions: How many predicates there are.
+            formula: A formula of predicates, `Not`, `And`, `Or` and future operators without windows; a window of
+                exactly one step ahead is ``next``.
+            propositions: Number of predicates.
 
         Raises:
-            AutomatonError: It has more than `MOST_STATES` states or `MOST_PROPOSITIONS` propositions, or there are
-                windows or operators about the past in the formula.
+            AutomatonError: It has more than `MOST_STATES` states or `MOST_PROPOSITIONS` propositions, or the formula
+                has windows or past operators.
         """
         if propositions > MOST_PROPOSITIONS:
             said = f"there are {propositions} propositions, and {MOST_PROPOSITIONS} at most are possible"
@@ -95,9 +95,9 @@ class Automaton:
         self.verdicts = self._verdicts()
 
     def _verdicts(self) -> NDArray[np.int8]:
-        """Look from which states only accepting ones, or none, can be reached."""
+        """Find the states from which only accepting states, or none, can be reached."""
         always, never = self.accepting.copy(), ~self.accepting
-        # What is known of the states that follow is added until nothing changes.
+        # Greatest fixed point: states are removed until nothing changes.
         for found in (always, never):
             while True:
                 closed = found & found[self.transitions].all(axis=1)
@@ -108,7 +108,7 @@ class Automaton:
 
 
 def _term(formula: stl.Formula, positive: bool) -> _Term:
-    """A formula, or its negation, with negations before propositions alone."""
+    """Return a formula, or its negation, in negation normal form."""
     match formula:
         case stl.Constant(value=value):
             return ("constant", value == positive)
@@ -133,13 +133,13 @@ def _term(formula: stl.Formula, positive: bool) -> _Term:
 
 
 class _Progression:
-    """Finds what remains to be satisfied after an instant; remembers what it found."""
+    """Computes the obligation that remains after an instant, with a cache."""
 
     def __init__(self) -> None:
         self._known: dict[tuple[_Term, int], _State] = {}
 
     def of_state(self, state: _State, letter: int) -> _State:
-        """What remains of a state."""
+        """Progress a state by a letter."""
         return _or(_and(self._of_term(term, letter) for term in clause) for clause in state)
 
     def _of_term(self, term: _Term, letter: int) -> _State:
@@ -190,12 +190,12 @@ def _and(states: Iterable[_State]) -> _State:
 
 
 def _holds_at_end(state: _State) -> bool:
-    """Whether nothing remains to be satisfied if there is no further instant."""
+    """Whether the obligation is met if there is no further instant."""
     return any(all(term[0] in ("release", "end") for term in clause) for clause in state)
 
 
 class AutomatonMonitor:
-    """Follows runs through an automaton, for many rows at once; used as a `monitor.Monitor` is.
+    """Tracks runs in an automaton, for many rows at once; has the interface of `monitor.Monitor`.
 
     Attributes:
         verdict: 1 satisfied, -1 violated, 0 undecided; shape (rows,).
@@ -207,7 +207,7 @@ class AutomatonMonitor:
         self.verdict = np.zeros(rows, np.int8)
 
     def update(self, values: Sequence[Array]) -> None:
-        """Take the robustness of each predicate at the next instant, each of shape (rows,)."""
+        """Process the robustness of each predicate at the next instant, each of shape (rows,)."""
         letters = np.zeros(len(self._states), np.int32)
         for index, value in enumerate(values):
             letters |= (value > 0.0).astype(np.int32) << index
@@ -215,33 +215,33 @@ class AutomatonMonitor:
         self.verdict = self._automaton.verdicts[self._states]
 
     def finish(self) -> None:
-        """Take note that the run has come to its end."""
+        """End the run."""
         self.verdict = self.presumption
 
     @property
     def presumption(self) -> NDArray[np.int8]:
-        """What the verdict would be if the run ended now: 1 or -1; shape (rows,)."""
+        """The verdict if the run ended now: 1 or -1; shape (rows,)."""
         return np.where(self._automaton.accepting[self._states], 1, -1).astype(np.int8)
 
     @property
     def lower(self) -> Array:
-        """Infinite where the formula holds, else minus infinity: there is no robustness in this logic."""
+        """Infinity where the formula holds, else minus infinity: this logic has no robustness."""
         return np.where(self.verdict > 0, np.inf, -np.inf)
 
     @property
     def upper(self) -> Array:
-        """Minus infinity where the formula fails, else infinite."""
+        """Minus infinity where the formula fails, else infinity."""
         return np.where(self.verdict < 0, -np.inf, np.inf)
 
     def exact(self) -> tuple[int, Array]:
-        """No robustness ever becomes known."""
+        """Return nothing: this logic has no robustness."""
         return 0, np.empty((0, len(self._states)))
 
     def reason(self, row: int) -> None:
-        """No single sample decides a path through an automaton."""
+        """Return None: no single sample decides a path through an automaton."""
 
     def select(self, rows: NDArray[np.intp]) -> AutomatonMonitor:
-        """A monitor of some rows, with their past."""
+        """Return a monitor of some rows, with their history."""
         other = AutomatonMonitor(self._automaton, len(rows))
         other._states, other.verdict = self._states[rows], self.verdict[rows]
         return other

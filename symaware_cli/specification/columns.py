@@ -1,7 +1,8 @@
-"""Evaluates expressions for many agents at once: values in columns, and the robustness of predicates.
+"""Vectorised evaluation of expressions for many agents at once: values in columns, and the robustness of predicates.
 
-A value is a number that is the same for all rows, or an array whose first axis is the rows: (n,) for a number of each,
-(n, d) for a vector of each. A row's bits depend neither on the number of rows nor on its place.
+A value is a number that all rows share, or an array with the rows along its first axis: shape (n,) for a number per
+row, (n, d) for a vector per row. The result of a row, to the bit, depends neither on the number of rows nor on its
+index.
 """
 
 from __future__ import annotations
@@ -29,17 +30,17 @@ from symaware_cli.specification.node import (
 )
 from symaware_cli.specification.region import PlacedRegion
 
-#: What a name stands for, for all rows.
+#: Returns the values of a name for all rows.
 Lookup = Callable[[str], Any]
 Evaluate = Callable[[Lookup], Any]
 
 
 class KindError(TypeError):
-    """A value is of another kind than what is done with it needs; the message says of which."""
+    """A value has the wrong type for an operation; the message names both."""
 
 
 def values(node: Node) -> Evaluate:
-    """Return what evaluates a tree without temporal or logical operators."""
+    """Compile a tree without temporal or logical operators into a function that evaluates it."""
     match node:
         case Constant(value=value):
             return lambda lookup: value
@@ -66,11 +67,10 @@ def values(node: Node) -> Evaluate:
 
 
 def robustness(node: Node) -> Callable[[Lookup], Any]:
-    """Return what evaluates how far a predicate is from changing its truth; see `formula.encoded`.
+    """Compile a predicate into a function that returns its robustness, encoded as by `formula.encoded`.
 
     Args:
-        node: A comparison, ``inside(...)``, ``all(...)`` or ``any(...)`` of a comparison, or a value that is true or
-            false.
+        node: A comparison, ``inside(...)``, ``all(...)`` or ``any(...)`` of a comparison, or a Boolean value.
     """
     match node:
         case Comparison():
@@ -105,7 +105,7 @@ def _kind(value: Any) -> str:
 
 
 def _aligned(one: Any, other: Any) -> tuple[Any, Any]:
-    """Give two values as many axes, so that a number of each row meets every element of the row's vector."""
+    """Give two values the same number of axes, so that a number per row is combined with each element of a vector."""
     if isinstance(one, np.ndarray) and isinstance(other, np.ndarray) and one.ndim != other.ndim:
         few, many = (one, other) if one.ndim < other.ndim else (other, one)
         few = few.reshape(few.shape + (1,) * (many.ndim - few.ndim))
@@ -137,13 +137,13 @@ def _element(value: Any, key: int | str) -> Any:
 
 
 def _columns(value: Array) -> list[Array]:
-    """The elements of each row's value, each of shape (n,)."""
+    """Return the elements of each row's value as arrays of shape (n,)."""
     flat = value.reshape(len(value), -1)
     return [flat[:, column] for column in range(flat.shape[1])]
 
 
 def _reduced(choose: Any, value: Any) -> Any:
-    """The least or greatest element of each row, element by element."""
+    """Return the least or greatest element of each row."""
     if not isinstance(value, np.ndarray):
         return value
     first, *others = _columns(value)
@@ -226,7 +226,7 @@ _ARITHMETIC: Mapping[str, Callable[[Any, Any], Any]] = {
     "+": operator.add,
     "-": operator.sub,
     "*": operator.mul,
-    "/": lambda one, other: np.where(np.equal(other, 0.0), np.nan, np.divide(one, other)),  # nothing is infinite
+    "/": lambda one, other: np.where(np.equal(other, 0.0), np.nan, np.divide(one, other)),  # NaN, never infinity
     "%": np.remainder,
     "**": lambda base, power: np.power(np.asarray(base, float), power),
 }
@@ -238,11 +238,11 @@ def _comparison(node: Comparison) -> Evaluate:
 
 
 def _margin(node: Comparison, whole: bool = True) -> Evaluate:
-    """The robustness of a comparison: of several, the least.
+    """Compile a comparison into its robustness; of a chain, the least.
 
     Args:
         node: The comparison.
-        whole: Whether there must be one for each row; otherwise vectors are compared element by element.
+        whole: Whether the result must be one number per row; otherwise vectors are compared element by element.
     """
     operands = [values(each) for each in node.operands]
 
@@ -260,7 +260,7 @@ def _margin(node: Comparison, whole: bool = True) -> Evaluate:
 
 
 def _pair(sign: str, one: Any, other: Any) -> Array:
-    """The robustness of a comparison of two values."""
+    """Return the robustness of a comparison of two values."""
     if sign in ("==", "!="):
         return _equality(one, other, sign == "==")
     one, other = _aligned(_number(one), _number(other))
@@ -269,7 +269,7 @@ def _pair(sign: str, one: Any, other: Any) -> Array:
 
 
 def _equality(one: Any, other: Any, equal: bool) -> Array:
-    """How far values are from being equal, or different; infinite for what are not numbers."""
+    """Return the distance of values from being equal, or different; infinite for non-numeric values."""
     try:
         one, other = _aligned(_number(one), _number(other))
         apart = _reduced(np.maximum, np.abs(np.asarray(one - other, float)))
@@ -280,7 +280,7 @@ def _equality(one: Any, other: Any, equal: bool) -> Array:
 
 
 def _infinite(truth: Any) -> Array:
-    """The robustness of what is just true or false."""
+    """Return the robustness of a Boolean value: plus or minus infinity."""
     found: NDArray[Any] = np.asarray(truth)
     if found.dtype != bool:
         raise KindError(f"{'a number' if found.dtype.kind in 'fiu' else _kind(truth)} is not a condition; compare it")

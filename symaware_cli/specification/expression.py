@@ -1,7 +1,7 @@
-"""Expressions that have a value at one instant, such as ``risk > 0.2 and distance(position, goal) > 1``.
+"""Expressions with a value at one instant, such as ``risk > 0.2 and distance(position, goal) > 1``.
 
-Conditions of components, triggers, ``run.until`` and ``present`` are of this kind. An expression reaches nothing of
-Python: only the names it is given and the functions listed here.
+Conditions of components, triggers, ``run.until`` and ``present`` use them. An expression has access only to the names
+it is given and to the functions listed here, never to Python.
 """
 
 from __future__ import annotations
@@ -37,25 +37,25 @@ from symaware_cli.specification.token import ExpressionError
 
 __all__ = ["FUNCTIONS", "EvaluationError", "Expression", "ExpressionError", "Lookup"]
 
-#: What a name stands for.
+#: Returns the value of a name.
 Lookup = Callable[[str], Any]
 _Evaluate = Callable[[Lookup], Any]
 
-#: The most characters of a condition.
+#: Maximum length of a condition, in characters.
 _LONGEST = 500
 
 
 class EvaluationError(Exception):
-    """An expression has no value at present; the message says why."""
+    """An expression has no value at present; the message gives the reason."""
 
 
 class Expression:
-    """An expression that was parsed.
+    """A parsed expression.
 
     Attributes:
-        text: As written.
-        tree: What it was parsed to.
-        names: What it refers to, sorted.
+        text: The text.
+        tree: Its syntax tree.
+        names: The names it refers to, sorted.
     """
 
     __slots__ = ("_evaluate", "names", "text", "tree")
@@ -64,11 +64,11 @@ class Expression:
         """Parse an expression.
 
         Args:
-            text: As written.
-            names: What it may refer to.
+                text: The text.
+                names: The names it may refer to.
 
         Raises:
-            ExpressionError: It is not valid.
+                ExpressionError: The text is not a valid expression.
         """
         tree = parse(text, names, {name: count for name, (count, _) in FUNCTIONS.items()}, longest=_LONGEST)
         for node in walk(tree):
@@ -82,13 +82,13 @@ class Expression:
         self.names = tuple(sorted({node.name for node in walk(tree) if isinstance(node, Name)}))
 
     def value(self, lookup: Lookup) -> Any:
-        """Evaluate.
+        """Evaluate the expression.
 
         Args:
-            lookup: Tells what a name stands for.
+            lookup: Returns the value of a name.
 
         Raises:
-            EvaluationError: It has no value, such as for a division by zero.
+                EvaluationError: The expression has no value, for example because of a division by zero.
         """
         try:
             with np.errstate(all="ignore"):
@@ -103,7 +103,7 @@ class Expression:
         """Evaluate a condition.
 
         Raises:
-            EvaluationError: It has no value, or is neither true nor false.
+                EvaluationError: The expression has no value, or one that is neither true nor false.
         """
         value = self.value(lookup)
         try:
@@ -119,7 +119,7 @@ def _truth(value: Any) -> bool:
 
 
 def _numeric(value: Any) -> Any:
-    """Make a value such that arithmetic with it costs little and cannot grow: numbers and arrays of them only."""
+    """Convert to a float or an array of floats, so that arithmetic is cheap and values cannot grow without limit."""
     if isinstance(value, bool | int | float | np.number | np.bool_):
         return float(value)
     if isinstance(value, np.ndarray | list | tuple):
@@ -135,7 +135,7 @@ def _distance(one: Any, other: Any) -> float:
 
 
 def _inside(point: Any, region: Any) -> Any:
-    """How far a point lies within a region, encoded."""
+    """Return the depth of a point within a region, encoded."""
     if not isinstance(region, PlacedRegion):
         raise TypeError(f"a {type(region).__name__} is not a region")
     return region.robustness(np.atleast_2d(_numeric(point)))[0]
@@ -155,7 +155,7 @@ def _numeric_function(call: Callable[..., Any]) -> Callable[..., Any]:
     return lambda *values: call(*map(_numeric, values))
 
 
-#: What an expression may call: how many arguments (None for any number but 0), and the function.
+#: The functions of expressions: number of arguments (None for any number but 0) and implementation.
 FUNCTIONS: Mapping[str, tuple[int | None, Callable[..., Any]]] = {
     "abs": (1, _numeric_function(np.abs)),
     "all": (1, lambda values: bool(np.all(values))),
@@ -199,7 +199,7 @@ def _equal(one: Any, other: Any) -> Any:
 
 
 def _evaluator(node: Node) -> _Evaluate:
-    """Turn a tree into a function of what its names stand for."""
+    """Compile a syntax tree into a function of the lookup."""
     match node:
         case Constant(value=value):
             return lambda lookup: value
@@ -249,7 +249,7 @@ def _comparison(node: Comparison) -> _Evaluate:
     def compare(lookup: Lookup) -> Any:
         values = [operand(lookup) for operand in operands]
         results = [call(*pair) for call, pair in zip(calls, itertools.pairwise(values), strict=True)]
-        # One comparison of arrays may give an array, for all(...) and any(...).
+        # A single comparison of arrays may yield an array, for all(...) and any(...).
         return results[0] if len(results) == 1 else all(_truth(each) for each in results)
 
     return compare

@@ -1,13 +1,13 @@
-"""Formulas of signal temporal logic over instants that are evenly spaced, counted in steps.
+"""Formulas of signal temporal logic (STL) over evenly spaced instants, counted in steps.
 
-A formula is made of predicates, each of which has a *robustness* at each instant: how far it is from changing its
-truth, positive where it holds. ``docs/specifications.md`` says what each operator means. Windows are numbers of steps
-from the instant in question, both ends included; ``last`` is None where a window ends with the run (or, in the past,
-begins with it).
+A formula is composed of predicates, each of which has a *robustness* at each instant: its distance from a change of
+truth, positive where the predicate holds. ``docs/specifications.md`` defines the operators. Windows are numbers of
+steps relative to the current instant, both ends included; ``last`` is None where a window extends to the end of the run
+(or, in the past, to its beginning).
 
-A robustness of 0 does not tell whether a predicate holds: ``x > 0`` fails at 0 where ``x >= 0`` holds. Such a value is
-written as `ZERO` where it holds and ``-ZERO`` where it does not, so that the sign is the truth, the order is the one
-that minima and maxima need, and negation is a change of sign. `plain` turns them back into 0.
+A robustness of 0 does not determine whether a predicate holds: at 0, ``x > 0`` fails and ``x >= 0`` holds. Such a value
+is encoded as `ZERO` where the predicate holds and ``-ZERO`` where it does not, so that the sign is the truth value,
+minima and maxima order values correctly, and negation is a change of sign. `plain` decodes both to 0.
 """
 
 from __future__ import annotations
@@ -20,23 +20,23 @@ from numpy.typing import NDArray
 
 Array: TypeAlias = NDArray[np.float64]
 
-#: A robustness of 0 of what holds.
+#: A robustness of 0 of a predicate that holds.
 ZERO = 1e-300
 
 
 @dataclass(frozen=True, slots=True)
 class Constant:
-    """What always holds, with infinite robustness, or never does."""
+    """A formula that always holds, with infinite robustness, or never does."""
 
     value: bool
 
 
 @dataclass(frozen=True, slots=True)
 class Predicate:
-    """A statement about one instant.
+    """A predicate: a statement about one instant.
 
     Attributes:
-        index: Its position among the predicates whose robustness a monitor is given.
+        index: Its position in the sequence of predicates whose robustness a monitor receives.
     """
 
     index: int
@@ -44,28 +44,28 @@ class Predicate:
 
 @dataclass(frozen=True, slots=True)
 class Not:
-    """Negation: the robustness changes its sign."""
+    """Negation: the robustness changes sign."""
 
     operand: Formula
 
 
 @dataclass(frozen=True, slots=True)
 class And:
-    """Conjunction: the least robustness."""
+    """Conjunction: the minimum of the robustness."""
 
     operands: tuple[Formula, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class Or:
-    """Disjunction: the greatest robustness."""
+    """Disjunction: the maximum of the robustness."""
 
     operands: tuple[Formula, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class Always:
-    """The least over instants from ``first`` to ``last`` steps ahead."""
+    """The minimum over the instants ``first`` to ``last`` steps ahead."""
 
     first: int
     last: int | None
@@ -74,7 +74,7 @@ class Always:
 
 @dataclass(frozen=True, slots=True)
 class Eventually:
-    """The greatest over instants from ``first`` to ``last`` steps ahead."""
+    """The maximum over the instants ``first`` to ``last`` steps ahead."""
 
     first: int
     last: int | None
@@ -83,7 +83,7 @@ class Eventually:
 
 @dataclass(frozen=True, slots=True)
 class Until:
-    """``right`` from ``first`` to ``last`` steps ahead, and ``left`` from now on up to, not including, that instant."""
+    """``right`` holds ``first`` to ``last`` steps ahead, and ``left`` from now until just before that instant."""
 
     first: int
     last: int | None
@@ -93,7 +93,7 @@ class Until:
 
 @dataclass(frozen=True, slots=True)
 class Historically:
-    """The least over instants from ``first`` to ``last`` steps ago; infinite where there are none."""
+    """The minimum over the instants ``first`` to ``last`` steps ago; infinity where there are none."""
 
     first: int
     last: int | None
@@ -102,7 +102,7 @@ class Historically:
 
 @dataclass(frozen=True, slots=True)
 class Once:
-    """The greatest over instants from ``first`` to ``last`` steps ago; minus infinity where there are none."""
+    """The maximum over the instants ``first`` to ``last`` steps ago; minus infinity where there are none."""
 
     first: int
     last: int | None
@@ -111,7 +111,7 @@ class Once:
 
 @dataclass(frozen=True, slots=True)
 class Since:
-    """``right`` from ``first`` to ``last`` steps ago, and ``left`` after that instant up to now, now included."""
+    """``right`` held ``first`` to ``last`` steps ago, and ``left`` ever since, up to and including now."""
 
     first: int
     last: int | None
@@ -123,7 +123,7 @@ Formula: TypeAlias = Constant | Predicate | Not | And | Or | Always | Eventually
 
 
 def operands(formula: Formula) -> tuple[Formula, ...]:
-    """The formulas that a formula is directly made of, from left to right."""
+    """Return the direct operands of a formula, from left to right."""
     match formula:
         case Constant() | Predicate():
             return ()
@@ -136,7 +136,7 @@ def operands(formula: Formula) -> tuple[Formula, ...]:
 
 
 def horizon(formula: Formula) -> int | None:
-    """How many steps after an instant its exact robustness is known; None where only the end of the run decides."""
+    """Return after how many steps the exact robustness is known; None if only at the end of the run."""
     below = [horizon(each) for each in operands(formula)]
     if any(each is None for each in below):
         return None
@@ -147,15 +147,15 @@ def horizon(formula: Formula) -> int | None:
 
 
 def encoded(robustness: Array, holds_at_zero: bool) -> Array:
-    """Robustness whose sign is the truth.
+    """Encode robustness so that its sign is the truth value.
 
     Args:
-        robustness: As computed.
-        holds_at_zero: Whether the predicate holds where it is 0.
+        robustness: The computed robustness.
+        holds_at_zero: Whether the predicate holds where its robustness is 0.
     """
     return np.where(robustness == 0.0, ZERO if holds_at_zero else -ZERO, robustness)
 
 
 def plain(robustness: Array) -> Array:
-    """The robustness that `encoded` was given."""
+    """Decode robustness; the inverse of `encoded`."""
     return np.where(np.abs(robustness) == ZERO, 0.0, robustness)

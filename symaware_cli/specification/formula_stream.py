@@ -1,4 +1,4 @@
-"""From a formula to the stream that evaluates it."""
+"""Builds the stream that evaluates a formula online."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ from symaware_cli.specification.stream import (
 
 
 def stream(formula: Formula, clock: Clock, last: int | None) -> Stream:
-    """A stream for a formula.
+    """Build the stream of a formula.
 
     Args:
         formula: The formula.
-        clock: The common clock, and what is evaluated: robustness or truth.
-        last: The last instant at which bounds are asked for; -1 for none at all, None for all.
+        clock: The common clock; determines whether robustness or truth is evaluated.
+        last: The last instant at which bounds are needed; -1 for none, None for all.
     """
 
     def further(steps: int) -> int | None:

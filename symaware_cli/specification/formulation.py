@@ -1,4 +1,4 @@
-"""From the tree of a specification to its formula: predicates apart, windows in steps, definitions checked."""
+"""Translates the syntax tree of a specification into a formula: separate predicates, windows in steps, checks."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from symaware_cli.specification.node import Constant, Junction, Node, Not, Tempo
 from symaware_cli.specification.printing import printed
 from symaware_cli.specification.token import ExpressionError
 
-#: How deep the operators of a formula may be nested.
+#: Maximum depth of nested operators in a formula.
 _DEEPEST = 50
 
 
@@ -23,9 +23,9 @@ class Atom:
     """A predicate of a formula.
 
     Attributes:
-        node: Its tree.
-        text: The same, to be read.
-        robustness: Evaluates it for all rows.
+            node: Its syntax tree.
+            text: Its text, for messages.
+            robustness: Evaluates it for all rows.
     """
 
     node: Node
@@ -35,12 +35,12 @@ class Atom:
 
 @dataclass(frozen=True, slots=True)
 class Formulation:
-    """A specification's formula.
+    """The formula of a specification, with its predicates.
 
     Attributes:
-        formula: The formula; its predicates are the positions of atoms.
-        atoms: The different predicates, in the order in which they occur.
-        tree: What it was made from.
+        formula: The formula; its predicates refer to atoms by position.
+        atoms: The distinct predicates, in order of occurrence.
+        tree: The syntax tree of the formula.
     """
 
     formula: stl.Formula
@@ -49,15 +49,15 @@ class Formulation:
 
 
 def formulate(tree: Node, time_step: int) -> Formulation:
-    """Turn the tree of a specification into a formula.
+    """Translate the syntax tree of a specification into a formula.
 
     Args:
-        tree: As parsed.
+        tree: The syntax tree.
         time_step: The time between two instants, in nanoseconds.
 
     Raises:
-        ExpressionError: A window holds no instant, a temporal operator stands where a value is needed, or the
-            operators are nested too deeply.
+        ExpressionError: A window contains no instant, a temporal operator is used as a value, or the operators are
+            nested too deeply.
     """
     builder = _Formulator(time_step)
     formula = builder.formula(tree, 0)
@@ -65,7 +65,7 @@ def formulate(tree: Node, time_step: int) -> Formulation:
 
 
 def subformula(tree: Node, path: tuple[int, ...]) -> Node:
-    """The part of a specification that a path of positions of operands leads to, in the formula that was made of it."""
+    """Return the part of a specification at a path of operand positions, which refer to the translated formula."""
     for place in path:
         match tree:
             case Junction():
@@ -78,7 +78,7 @@ def subformula(tree: Node, path: tuple[int, ...]) -> Node:
 
 
 class _Formulator:
-    """Walks over a tree; knows the predicates found so far."""
+    """Translates a tree recursively and collects its distinct predicates."""
 
     def __init__(self, time_step: int) -> None:
         self._time_step = time_step
@@ -121,7 +121,7 @@ class _Formulator:
         return stl.Eventually(first, last, operands[0])
 
     def _steps(self, node: Temporal) -> tuple[int, int | None]:
-        """The window of an operator in steps."""
+        """Return the window of an operator in steps."""
         if node.operator == "next":
             return 1, 1
         if node.window is None:

@@ -1,4 +1,4 @@
-"""Operators about the future, evaluated instant by instant."""
+"""Streams of the future operators: always, eventually and until."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from symaware_cli.specification.stream import (
 
 
 class AheadStream(Stream):
-    """The least or greatest in a window ahead."""
+    """The minimum or maximum over a window ahead."""
 
     def __init__(
         self, clock: Clock, operand: Stream, first: int, last: int, greatest: bool, starts: int | None
@@ -63,7 +63,7 @@ class AheadStream(Stream):
         pending = max(window, self._operand.exact + 1)
         one = end - begin == 1 and self._greatest == (side == 1) and pending < begin + self._last
         if one and self._operand.known(side, begin + self._last, end + self._last) is None:
-            # Most often the last instant tells that nothing is known yet.
+            # In most calls, the last instant alone shows that the bound is trivial.
             return None
         found = self._operand.known(side, pending, end + self._last)
         starts = self._starts.between(begin, end)
@@ -74,7 +74,7 @@ class AheadStream(Stream):
                 return starts
             return np.concatenate([starts, self.clock.full(end - begin - len(starts), side == 1)])
         if end - 1 + self._first <= pending:
-            # All windows have begun: they have the first of these instants in common.
+            # All windows have begun and share the first of these instants.
             common = begin + self._last + 1 - pending
             least = ufunc.reduce(found[:common], axis=0, keepdims=True)
             found = least if end - begin == 1 else accumulated(ufunc, np.concatenate([least, found[common:]]))
@@ -88,13 +88,13 @@ class AheadStream(Stream):
 
 
 class ToTheEndStream(Stream):
-    """The least or greatest from an instant on to the end of the run."""
+    """The minimum or maximum from an instant to the end of the run."""
 
     def __init__(self, clock: Clock, operand: Stream, greatest: bool, starts: int | None) -> None:
         super().__init__(clock, None, operand.reach)
         self._operand = operand
         self._greatest = greatest
-        #: Of each instant that is asked for, the extremum so far; if all are, the values instead, as few ask for these.
+        #: The extremum so far for each start that is needed; if all are needed, the values instead, as few are read.
         self._starts = History(clock.rows, dtype=clock.dtype)
         self._values = Recent()
         self._last_start = starts
@@ -116,7 +116,7 @@ class ToTheEndStream(Stream):
         return None
 
     def _begun(self, begin: int, end: int) -> Values:
-        """The extrema so far of the instants from one to another that have been pushed [instants, rows]."""
+        """Return the extrema so far for the starts in a range that have been pushed [instants, rows]."""
         if self._last_start is not None:
             return self._starts.between(begin, max(begin, min(end, self._starts.end)))
         if begin >= min(end, self._values.end):
@@ -127,7 +127,7 @@ class ToTheEndStream(Stream):
     def bound(self, side: int, begin: int, end: int) -> Values | None:
         """See the base class.
 
-        The run may end now or go on for ever, so that each bound is that of the worse of both.
+        The run may end now or continue without end; each bound is the worse of the two cases.
         """
         ufunc = np.maximum if self._greatest else np.minimum
         goes_on = not self.clock.ended and self._greatest == (side == 1)
@@ -154,7 +154,7 @@ class ToTheEndStream(Stream):
 
 
 class UntilStream(Stream):
-    """Right at most so many steps ahead, or before the end of the run, and left up to then."""
+    """``right`` within a number of steps, or before the end of the run, and ``left`` until then."""
 
     def __init__(
         self, clock: Clock, left: Stream, right: Stream, last: int | None, starts: int | None, lasts: int | None
@@ -165,7 +165,7 @@ class UntilStream(Stream):
         self._last = last
         self._window = None if last is None else UntilWindow(last + 1, clock.single, clock.value(False))
         self._last_start = starts
-        #: Of each start that is asked for, the least of left and the robustness, so far.
+        #: For each start that is needed: the minimum of left, and the robustness, so far.
         self._least = History(clock.rows, dtype=clock.dtype)
         self._until = History(clock.rows, dtype=clock.dtype)
 

@@ -1,4 +1,4 @@
-"""Monitors: formulas evaluated while a run goes on."""
+"""Online monitors: evaluate formulas while a run is in progress."""
 
 from __future__ import annotations
 
@@ -16,27 +16,27 @@ from symaware_cli.specification.sliding import Extremum, History, Recent, Starts
 from symaware_cli.specification.stream import Clock, Stream, Together
 from symaware_cli.specification.whole import bounds
 
-#: The number of samples that a monitor keeps at most, for the end of the run and for reasons.
+#: Maximum number of samples that a monitor keeps, for the end of the run and for reasons.
 KEPT = 2**25
 
 
 class Monitor:
     """Evaluates a formula for many rows at once, instant by instant.
 
-    Results of a row depend on nothing but its samples.
+    The results of a row depend only on its own samples.
 
     Attributes:
         formula: The formula.
         rows: The number of rows.
-        interval: Whether bounds of the robustness at the first instant are kept.
-        horizon: After how many steps exact robustness is known; None if only at the end of the run.
-        instants: How many instants have been given.
-        ended: Whether the declared run has ended.
-        verdict: Of each row whether the formula holds at the first instant: 1 true, -1 false, 0 undecided.
-        lower: Least robustness that the formula can have at the first instant, whatever follows (only with `interval`).
-        upper: Greatest such robustness.
-        complete: Whether all samples were kept that are needed to tell exact robustness at the end of the run, if it is
-            not known before. At most `KEPT` are.
+            interval: Whether bounds of the robustness at the first instant are kept.
+            horizon: Number of steps after which the exact robustness is known; None if only at the end of the run.
+            instants: Number of instants processed.
+            ended: Whether the declared run has ended.
+            verdict: Whether the formula holds at the first instant, for each row: 1 true, -1 false, 0 undecided.
+            lower: Least possible robustness at the first instant, whatever follows (only with `interval`).
+            upper: Greatest possible robustness at the first instant.
+            complete: Whether all samples were kept that the exact robustness at the end of the run requires, if it is
+                not known before. At most `KEPT` are.
     """
 
     def __init__(self, formula: Formula, rows: int, *, interval: bool = True) -> None:
@@ -50,15 +50,15 @@ class Monitor:
         self.lower: Array = np.full(rows, -np.inf)
         self.upper: Array = np.full(rows, np.inf)
         self.complete = True
-        #: Without the interval, bounds are those of the truth, and robustness has streams of its own, which of a single
-        #: row would cost more than they save.
+        #: Without the interval, bounds are those of the truth value, and robustness has separate streams; for a single
+        #: row, separate streams would cost more than they save.
         self._truth = not interval and rows != 1
         self._clock = Clock(rows, boolean=self._truth)
         self._stream = stream(formula, self._clock, 0)
         self._robustness_clock = Clock(rows, boolean=False)
         self._robustness = stream(formula, self._robustness_clock, -1)
         self._settled = False
-        #: After how many calls of `update` and `finish` each row was decided.
+        #: Number of calls of `update` and `finish` after which each row was decided.
         self._decided: NDArray[np.int64] = np.zeros(rows, np.int64)
         self._samples: list[list[Any]] = []
         self._known: list[Array] = []
@@ -69,7 +69,7 @@ class Monitor:
         self._judge()
 
     def update(self, values: Sequence[Array]) -> None:
-        """Go on by an instant.
+        """Process the next instant.
 
         Args:
             values: Robustness of each predicate at that instant [rows].
@@ -99,7 +99,7 @@ class Monitor:
             self._known.append(exact)
 
     def finish(self) -> None:
-        """End the declared run with the last instant given."""
+        """End the declared run with the last instant processed."""
         self.ended = self._clock.ended = True
         self._reasons = {}
         if not self._settled:
@@ -110,11 +110,11 @@ class Monitor:
             self._known = list(np.where(found[:, 0] == found[:, 1], found[:, 0], np.nan))
 
     def exact(self) -> tuple[int, Array]:
-        """Exact robustness that is known since this was last asked.
+        """Return the exact robustness that became known since the last call.
 
         Returns:
-            The number of the first instant, and the robustness at that and the following ones [instants, rows]. That of
-            formulas without a horizon is known at the end of the run; NaN where the run ended too early to tell.
+            The number of the first instant, and the robustness from there on [instants, rows]. For formulas without a
+            horizon it is known at the end of the run; NaN where the run ended too early.
         """
         first, known = self._told, self._known
         self._told += len(known)
@@ -122,9 +122,9 @@ class Monitor:
         return first, np.array(known, float).reshape(-1, self.rows)
 
     def select(self, rows: NDArray[np.intp]) -> Monitor:
-        """A monitor of some rows, with their past."""
+        """Return a monitor of some rows, with their history."""
         if self._clock.single and len(rows) == 0:
-            # Numbers of a single row cannot become none: no row at all is told so many instants.
+            # A monitor of a single row holds numbers, which cannot be reduced to no row: build an empty one instead.
             none = Monitor(self.formula, 0, interval=self.interval)
             for _ in range(self.instants):
                 none.update([np.empty(0)] * _predicates(self.formula))
@@ -139,9 +139,9 @@ class Monitor:
         return made
 
     def reason(self, row: int) -> Reason | None:
-        """The sample that decided the verdict of a row, or else bounds its robustness so far.
+        """Return the sample that decided the verdict of a row, or that bounds its robustness so far.
 
-        Rows that were decided together are looked into together, so that asking for all of them costs little more.
+        Rows that were decided by the same call are traced together, so that the reasons of all rows cost little more.
         """
         if row not in self._reasons:
             decided = self._decided == self._decided[row]
@@ -150,7 +150,7 @@ class Monitor:
         return self._reasons[row]
 
     def reasons(self, rows: NDArray[np.intp]) -> list[Reason | None]:
-        """The reasons of several rows; None where no sample decides, and where it was not kept."""
+        """Return the reasons of several rows; None where no sample decides, or it was not kept."""
         calls = np.where(self.verdict[rows] == 0, self.instants + self.ended, self._decided[rows])
         found: list[Reason | None] = [None] * len(rows)
         for call in sorted(set(calls.tolist())):
@@ -168,7 +168,7 @@ class Monitor:
         return found
 
     def _signals(self, rows: NDArray[np.intp], instants: int) -> list[Array]:
-        """The samples of each predicate that were kept of some rows [instants, rows]."""
+        """Return the kept samples of each predicate for some rows [instants, rows]."""
         samples = self._samples[:instants]
         if len(rows) < self.rows:
             samples = [[each[rows] for each in some] for some in samples]
@@ -176,7 +176,7 @@ class Monitor:
         return [kept[:, i] for i in range(kept.shape[1])]
 
     def _judge(self, exact: Any = None) -> None:
-        """Take what is known of the first instant: its exact robustness, or bounds."""
+        """Update verdict and bounds at the first instant from its exact robustness, or from the streams."""
         if exact is not None:
             lower = upper = np.atleast_1d(exact)
         else:
@@ -201,11 +201,11 @@ class Monitor:
 
 
 def _predicates(formula: Formula) -> int:
-    """The number of predicates, as far as a formula knows of them."""
+    """Return the number of predicates: the highest index in the formula plus one."""
     if isinstance(formula, Predicate):
         return formula.index + 1
     return max((_predicates(each) for each in operands(formula)), default=0)
 
 
-#: What monitors consist of.
+#: The classes that a monitor consists of.
 _PARTS = (Monitor, Clock, Stream, Together, History, Recent, Starts, Extremum, UntilWindow)

@@ -1,6 +1,6 @@
-"""The syntax tree of expressions and formulas.
+"""Syntax tree of expressions and formulas.
 
-Every node knows its span: the characters of the text that it was made from.
+Every node has a span: the characters of the text that it was parsed from.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Literal, TypeAlias
 #: Start and end in characters.
 Span: TypeAlias = tuple[int, int]
 
-#: Operators about the future, and about the past.
+#: Temporal operators about the future, and about the past.
 FUTURE = ("always", "eventually", "next", "until")
 PAST = ("historically", "once", "since")
 
@@ -22,7 +22,7 @@ class Node:
     """A part of an expression.
 
     Attributes:
-        span: Where it stands in the text. Nodes that differ in this alone are equal.
+            span: Its position in the text. It is ignored when nodes are compared.
     """
 
     span: Span = field(compare=False)
@@ -52,14 +52,14 @@ class Element(Node):
 
 @dataclass(frozen=True, slots=True)
 class Vector(Node):
-    """Several numbers in brackets."""
+    """A vector: several numbers in brackets."""
 
     items: tuple[Node, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class Call(Node):
-    """A function of values."""
+    """A function call."""
 
     function: str
     arguments: tuple[Node, ...]
@@ -67,7 +67,7 @@ class Call(Node):
 
 @dataclass(frozen=True, slots=True)
 class Sign(Node):
-    """A number with a sign before it."""
+    """A number with a sign."""
 
     operator: Literal["+", "-"]
     operand: Node
@@ -75,7 +75,7 @@ class Sign(Node):
 
 @dataclass(frozen=True, slots=True)
 class Arithmetic(Node):
-    """Two numbers, combined."""
+    """A binary arithmetic operation."""
 
     operator: Literal["+", "-", "*", "/", "%", "**"]
     left: Node
@@ -84,7 +84,7 @@ class Arithmetic(Node):
 
 @dataclass(frozen=True, slots=True)
 class Comparison(Node):
-    """Values compared, each with the next: ``0 < risk < 0.2``."""
+    """A chain of comparisons: ``0 < risk < 0.2``."""
 
     operators: tuple[str, ...]
     operands: tuple[Node, ...]
@@ -99,7 +99,7 @@ class Not(Node):
 
 @dataclass(frozen=True, slots=True)
 class Junction(Node):
-    """Several conditions joined by ``and``, ``or`` or ``implies``; of the last there are two."""
+    """Conditions joined by ``and``, ``or`` or ``implies``; ``implies`` has two operands."""
 
     operator: Literal["and", "or", "implies"]
     operands: tuple[Node, ...]
@@ -107,13 +107,13 @@ class Junction(Node):
 
 @dataclass(frozen=True, slots=True)
 class Temporal(Node):
-    """An operator over time, with one operand or, for ``until`` and ``since``, two.
+    """A temporal operator, with one operand, or two for ``until`` and ``since``.
 
     Attributes:
         operator: One of `FUTURE` and `PAST`.
-        window: From when until when it ranges, as distances from the instant in question [s], both included; infinite
-            where it is not limited, None where none is given.
-        operands: What it is said of.
+        window: Start and end relative to the current instant [s], both included; infinite where unbounded, None where
+            no window is given.
+        operands: The operands.
     """
 
     operator: str
@@ -122,7 +122,7 @@ class Temporal(Node):
 
 
 def walk(node: Node) -> Iterator[Node]:
-    """Yield a node and all below it, each before those it is made of."""
+    """Yield a node and all its descendants, parents first."""
     yield node
     for each in fields(node):
         value = getattr(node, each.name)

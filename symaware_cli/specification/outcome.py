@@ -1,4 +1,4 @@
-"""What has become of a specification in a run, in a few figures."""
+"""Results of a specification in a run: decisions with their reasons, and a summary."""
 
 from __future__ import annotations
 
@@ -12,23 +12,24 @@ from numpy.typing import NDArray
 from symaware_cli.core import nanoseconds, seconds
 from symaware_cli.specification.formula import Array
 
-#: Verdicts as they are shown, from the worst to the best.
+#: Names of the verdicts, from the worst to the best.
 VERDICTS: Mapping[int, str] = {-1: "violated", 0: "undecided", 1: "satisfied"}
 
 
 @dataclass(frozen=True, slots=True)
 class Decision:
-    """A verdict and what decided it.
+    """A verdict and the value that decided it.
 
     Attributes:
         specification: The specification's name.
-        agents: Whom it is about; nobody where it is about the world.
-        satisfied: The verdict.
-        predicate: The predicate that decided it; empty where none did.
-        formula: The smallest temporal formula around that.
-        instant: The instant whose value decided it, in nanoseconds; None where there was none.
-        robustness: The predicate's robustness then, positive where it holds; infinite for what is just true or false.
-        holds: Whether the predicate holds then.
+            agents: The agents it concerns; empty if it concerns the world.
+            satisfied: The verdict.
+            predicate: The predicate that decided it; empty if none did.
+            formula: The smallest temporal formula that contains the predicate.
+            instant: The instant whose value decided it, in nanoseconds; None if there was none.
+            robustness: The robustness of the predicate at that instant, positive where it holds; infinite for Boolean
+                values.
+            holds: Whether the predicate holds at that instant.
     """
 
     specification: str
@@ -42,7 +43,7 @@ class Decision:
 
     @property
     def reason(self) -> str:
-        """What decided it, in one sentence."""
+        """What decided the verdict, in one sentence."""
         if self.instant is None:
             return f"`{self.formula}` is about no instant"
         if not self.predicate:
@@ -52,11 +53,11 @@ class Decision:
 
     @property
     def severity(self) -> tuple[bool, float]:
-        """Orders decisions, the worst first."""
+        """Sort key of decisions, the worst first."""
         return self.satisfied, self.robustness if self.holds == self.satisfied else -self.robustness
 
     def to_json(self) -> dict[str, Any]:
-        """Return it as plain data."""
+        """Return the decision as plain data."""
         found = asdict(self)
         found["agents"] = list(self.agents)
         found["instant"] = None if self.instant is None else seconds(self.instant)
@@ -65,10 +66,10 @@ class Decision:
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> Decision:
-        """Make one of what `to_json` returned.
+        """Create a decision from what `to_json` returned.
 
         Raises:
-            ValueError: It is something else.
+            ValueError: The data do not describe a decision.
         """
         try:
             instant, robustness = data["instant"], data["robustness"]
@@ -88,20 +89,20 @@ class Decision:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What has become of a specification.
+    """The summary of a specification at the end of a run, or so far.
 
     Attributes:
-        name: Its name.
-        formula: The formula.
+        name: Name of the specification.
+        formula: Its formula.
         verdict: ``satisfied``, ``violated`` or ``undecided``: the worst of all agents or pairs that it is about.
-        counts: How many of them have each verdict.
-        robustness: The least robustness, or the greatest that it can still turn out to be; None where it is not known.
-        is_exact: Whether it is the robustness itself.
-        agents: Whom that concerns.
-        time: When the value was that decided the verdict [s]; None where nothing did.
-        reason: What decided the worst verdict; empty where nothing did.
-        presumably: ``satisfied`` or ``violated``: what the verdict would be if the run ended now, of an undecided
-            formula of linear temporal logic; None for others.
+        counts: The number of agents or pairs with each verdict.
+        robustness: The least exact robustness, or an upper bound of it; None where neither is known.
+        is_exact: Whether `robustness` is exact rather than an upper bound.
+        agents: The agents that `robustness` or, if it is violated, the worst decision belongs to.
+        time: The time of the value that decided the verdict [s]; None if nothing did.
+        reason: What decided the worst verdict; empty if nothing did.
+        presumably: The verdict if the run ended now, ``satisfied`` or ``violated``, for an undecided formula of linear
+            temporal logic; None for others.
     """
 
     name: str
@@ -116,7 +117,7 @@ class Outcome:
     presumably: str | None = None
 
     def to_json(self) -> dict[str, Any]:
-        """Return it as plain data."""
+        """Return the outcome as plain data."""
         return asdict(self)
 
     def __str__(self) -> str:
@@ -140,17 +141,17 @@ def outcome_of(
     decisions: Iterable[Decision],
     presumption: int | None = None,
 ) -> Outcome:
-    """Sum up a specification.
+    """Summarise a specification.
 
     Args:
         name: Its name.
-        formula: The formula.
-        agents: Tells whom a row is about.
-        verdicts: The verdict of each row that was ever there.
-        robustness: The exact robustness of each, NaN where it is not known.
-        upper: The greatest that it can turn out to be.
-        decisions: What decided the verdicts.
-        presumption: The worst verdict if the run ended now; None where that is not known.
+        formula: Its formula.
+        agents: Returns the agents that a row is about.
+        verdicts: The verdict of each row that was ever present.
+        robustness: The exact robustness of each row, NaN where it is unknown.
+        upper: The upper bound of the robustness of each row.
+        decisions: The decisions so far.
+        presumption: The worst verdict if the run ended now; None where that is unknown.
     """
     worst = int(verdicts.min()) if len(verdicts) else 0
     known = np.where(np.isnan(robustness), upper, robustness)

@@ -1,6 +1,6 @@
-"""From the text of an expression to its tree: one grammar for conditions and specifications.
+"""Parser of expressions: turns text into a syntax tree, with one grammar for conditions and specifications.
 
-It is an operator-precedence parser; `PRECEDENCE` is the table. Work and memory are bounded by the length of the text.
+It is an operator-precedence parser; `PRECEDENCE` is its table. Work and memory are bounded by the length of the text.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ from symaware_cli.specification.node import (
 )
 from symaware_cli.specification.token import ExpressionError, Token, tokens
 
-#: The most characters that an expression may have.
+#: Maximum length of an expression, in characters.
 LONGEST = 2_000
-#: How deep brackets may be nested, such that no tree exceeds what Python can walk.
+#: Maximum depth of nested brackets; keeps every tree within Python's recursion limit.
 _DEEPEST = 30
 
-#: Binary operators by how tightly they bind: those of a later row bind more tightly.
+#: Binary operators by precedence: a later row binds more tightly.
 PRECEDENCE: tuple[tuple[str, ...], ...] = (
     ("implies",),
     ("or",),
@@ -49,12 +49,12 @@ PRECEDENCE: tuple[tuple[str, ...], ...] = (
 _LEVEL: Mapping[str, int] = {operator: level for level, row in enumerate(PRECEDENCE) for operator in row}
 _COMPARISONS = PRECEDENCE[_LEVEL["<"]]
 _TEMPORAL = frozenset((*FUTURE, *PAST))
-#: Words that are no names.
+#: Words that cannot be names.
 RESERVED = frozenset((*_TEMPORAL, "implies", "and", "or", "not", "true", "false", "True", "False", "None"))
-#: Words of Python that mean nothing here.
+#: Python keywords without a meaning here, each with the error message.
 _FOREIGN: Mapping[str, str] = {
-    "is": "of comparisons there are <, <=, >, >=, == and !=",
-    "in": "of comparisons there are <, <=, >, >=, == and !=",
+    "is": "the comparisons are <, <=, >, >=, == and !=",
+    "in": "the comparisons are <, <=, >, >=, == and !=",
     "if": "there is no `if` in an expression; write `a implies b`",
     "for": "there are no loops in an expression",
     "lambda": "functions cannot be defined in an expression",
@@ -72,14 +72,14 @@ def parse(
     """Parse an expression.
 
     Args:
-        text: As written.
-        names: What it may refer to.
-        functions: What it may call, each with the number of its arguments; None for any number but 0.
-        definitions: Named parts of it, each of which stands for its tree.
-        longest: How many characters it may have.
+            text: The expression.
+            names: The names it may refer to.
+            functions: The functions it may call, each with its number of arguments; None for any number but 0.
+            definitions: Syntax trees by name; a name in the text is replaced by its tree.
+            longest: Maximum length in characters.
 
     Raises:
-        ExpressionError: It is not a valid expression; the error knows where.
+            ExpressionError: The expression is not valid; the error has the position.
     """
     if len(text) > longest:
         raise ExpressionError(f"an expression has at most {longest} characters, not {len(text)}", (0, len(text)))
@@ -100,7 +100,7 @@ class _Parser:
         self._names = names
         self._functions = functions
         self._definitions = definitions
-        # One token ahead, so that what is wrong first is reported first.
+        # One token of lookahead: an invalid token is reported only after the errors that precede it.
         self._tokens = tokens(text)
         self._next = next(self._tokens)
         self._depth = 0
@@ -129,7 +129,7 @@ class _Parser:
         return self._take()
 
     def _spot(self, token: Token) -> Span:
-        """Where a token stands; of the end, the last character."""
+        """Return the span of a token; for the end, the last character."""
         start, end = token.span
         return (start, end) if end > start else (max(0, start - 1), start)
 
@@ -144,7 +144,7 @@ class _Parser:
     # Expressions
 
     def _expression(self, level: int) -> Node:
-        """Parse what binds at least as tightly as a level of `PRECEDENCE`."""
+        """Parse an expression whose operators bind at least as tightly as a level of `PRECEDENCE`."""
         self._depth += 1
         if self._depth > _DEEPEST * len(PRECEDENCE):
             raise ExpressionError("the expression is nested too deeply", self._spot(self._next))
@@ -161,7 +161,7 @@ class _Parser:
         found = self._binary(level)
         if isinstance(found, Node):
             return found
-        left, right = found[0], self._expression(level)  # from the right
+        left, right = found[0], self._expression(level)  # right-associative
         return Junction(_joined(left, right), "implies", (left, right))
 
     def _junction(self, level: int) -> Node:
@@ -180,7 +180,7 @@ class _Parser:
             return found
         left, token = found
         window = self._window(token)
-        right = self._expression(level)  # from the right
+        right = self._expression(level)  # right-associative
         return Temporal(_joined(left, right), token.text, window, (left, right))
 
     def _prefix(self, level: int) -> Node:
@@ -226,7 +226,7 @@ class _Parser:
         if not self._is("**"):
             return left
         self._take()
-        right = self._expression(level - 1)  # from the right, and it may have a sign
+        right = self._expression(level - 1)  # right-associative; the exponent may have a sign
         return Arithmetic(_joined(left, right), "**", left, right)
 
     # Operands
@@ -320,7 +320,7 @@ class _Parser:
     # Windows
 
     def _window(self, operator: Token) -> tuple[float, float] | None:
-        """The window after a temporal operator, if there is one: ``[0, 5]`` or ``[2, inf]``."""
+        """Parse the window after a temporal operator, if present: ``[0, 5]`` or ``[2, inf]``."""
         if not self._is("["):
             return None
         start = self._take().span[0]

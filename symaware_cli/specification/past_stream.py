@@ -1,4 +1,4 @@
-"""Operators about the past, evaluated instant by instant."""
+"""Streams of the past operators: historically, once and since."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from symaware_cli.specification.stream import (
 
 
 class AgoStream(Stream):
-    """The least or greatest in a window of the past."""
+    """The minimum or maximum over a window of the past."""
 
     def __init__(self, clock: Clock, operand: Stream, first: int, last: int, greatest: bool) -> None:
         super().__init__(clock, operand.horizon, operand.reach + last)
@@ -69,7 +69,7 @@ class AgoStream(Stream):
 
 
 class SoFarStream(Stream):
-    """The least or greatest from the beginning of the run on."""
+    """The minimum or maximum from the beginning of the run until now."""
 
     def __init__(self, clock: Clock, operand: Stream, greatest: bool) -> None:
         super().__init__(clock, operand.horizon, operand.reach)
@@ -100,7 +100,7 @@ class SoFarStream(Stream):
 
 
 class SinceStream(Stream):
-    """Right at some instant up to now, and left after it."""
+    """``right`` at some instant up to now, and ``left`` since then."""
 
     def __init__(self, clock: Clock, left: Stream, right: Stream, last: int | None) -> None:
         self._together = Together(clock, [left, right], last)

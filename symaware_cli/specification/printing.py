@@ -1,4 +1,4 @@
-"""Expressions as text again, with no more brackets than they need."""
+"""Formats syntax trees as text, with the fewest brackets."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ _HIGHEST = len(PRECEDENCE)
 
 
 def printed(node: Node) -> str:
-    """Write a tree as text that is parsed to the same tree."""
+    """Format a tree as text that parses to the same tree."""
     return _printed(node)[0]
 
 
 def _printed(node: Node) -> tuple[str, int]:
-    """The text of a tree, and the level of `PRECEDENCE` that it has."""
+    """Return the text of a tree and its level in `PRECEDENCE`."""
     match node:
         case Constant(value=value):
             return _constant(value), _HIGHEST
@@ -47,7 +47,7 @@ def _printed(node: Node) -> tuple[str, int]:
             return sign + _inner(operand, level), level
         case Arithmetic(operator=sign, left=left, right=right):
             level = _LEVEL[sign]
-            if sign == "**":  # from the right
+            if sign == "**":  # right-associative
                 return f"{_inner(left, level + 1)} ** {_inner(right, level - 1)}", level
             return f"{_inner(left, level)} {sign} {_inner(right, level + 1)}", level
         case Comparison(operators=operators, operands=operands):
@@ -59,14 +59,14 @@ def _printed(node: Node) -> tuple[str, int]:
             return f"not {_inner(operand, level)}", level
         case Junction(operator=word, operands=operands):
             level = _LEVEL[word]
-            if word == "implies":  # from the right
+            if word == "implies":  # right-associative
                 return f"{_inner(operands[0], level + 1)} implies {_inner(operands[1], level)}", level
             return f" {word} ".join(_inner(each, level + 1) for each in operands), level
         case Temporal(operator=word, window=window, operands=operands):
             level, said = _LEVEL[word], word + ("" if window is None else f"[{_time(window[0])}, {_time(window[1])}]")
             if len(operands) == 1:
                 text = _inner(operands[0], level)
-                # A bracket right behind the operator would be a window.
+                # A bracket directly after the operator would be parsed as a window.
                 return f"{said} ({text})" if text.startswith("[") and window is None else f"{said} {text}", level
             before, after = _inner(operands[0], level + 1), _inner(operands[1], level)
             after = f"({after})" if after.startswith("[") and window is None else after
@@ -75,7 +75,7 @@ def _printed(node: Node) -> tuple[str, int]:
 
 
 def _inner(node: Node, level: int) -> str:
-    """The text of an operand, in brackets if it binds less tightly than a level."""
+    """Return the text of an operand, in brackets if it binds less tightly than a level."""
     text, own = _printed(node)
     return f"({text})" if own < level else text
 

@@ -1,4 +1,4 @@
-"""Why a formula holds or does not: the sample that its robustness is."""
+"""Finds the critical sample of a formula: the one that explains why it holds or fails."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ class Reason:
     """The critical sample of a formula.
 
     Attributes:
-        predicate: The position of its predicate.
-        instant: The number of its instant.
-        robustness: The robustness of the predicate there.
-        path: The positions of operands that lead from the formula to the predicate.
-        instants: The instant of each formula on that path, from the formula itself to the predicate.
+            predicate: The index of its predicate.
+            instant: The number of its instant.
+            robustness: The robustness of the predicate at that instant.
+            path: The operand positions that lead from the formula to the predicate.
+            instants: The instant of each formula on that path, from the formula itself to the predicate.
     """
 
     predicate: int
@@ -45,17 +45,17 @@ class Reason:
 
 
 def reasons(formula: Formula, samples: Sequence[Array], instants: int, ended: bool) -> list[Reason | None]:
-    """Of each row the sample that decides a formula at the first instant, or that bounds its robustness so far.
+    """Find, for each row, the sample that decides a formula at the first instant or bounds its robustness so far.
 
     Args:
         formula: The formula.
         samples: Robustness of each predicate [instants, rows].
         instants: Number of instants whose samples are known.
-        ended: Whether the declared run ends with the last of them.
+        ended: Whether the declared run ends with the last of these instants.
 
     Returns:
-        The earliest sample with the robustness in question: the lower bound of what holds, else the upper bound or, if
-        that is infinite, the lower bound; None where this is no sample's.
+        The earliest sample whose robustness equals the bound in question: the lower bound if the formula holds,
+        otherwise the upper bound or, if that is infinite, the lower one; None if no sample has that value.
     """
     rows = samples[0].shape[1]
     known: dict[Formula, Bounds] = {}
@@ -92,7 +92,7 @@ class _Trace:
         return Reason(formula.index, t, float(self.samples[formula.index][t, self.row]), tuple(path), tuple(instants))
 
     def step(self, formula: Formula, t: int, side: int) -> tuple[int, int] | None:
-        """The first operand, and the first instant of it, whose bound is that of the formula at an instant."""
+        """Return the first operand, and its first instant, whose bound equals that of the formula at an instant."""
         value = self.among(formula, t, t + 1)[0, side]
         match formula:
             case Not():
@@ -132,7 +132,7 @@ class _Trace:
         return None
 
     def end(self, formula: Always | Eventually | Until, t: int) -> int:
-        """The instant after a window ahead; of one without an end, after all that is known of the operands."""
+        """Return the instant after a window ahead; of an unbounded one, after the known values of the operands."""
         if formula.last is not None:
             return t + formula.last + 1
         if self.ended:
@@ -147,11 +147,11 @@ class _Trace:
         return (position, begin + int(found[0])) if len(found) else None
 
     def among(self, formula: Formula, begin: int, end: int) -> Array:
-        """Bounds at successive instants [instants, 2]."""
+        """Return bounds at successive instants [instants, 2]."""
         return self.bounds(formula).upto(max(end, 0))[begin:, :, self.row]
 
     def bounds(self, formula: Formula) -> Bounds:
-        """Bounds of all rows, which are computed once."""
+        """Return the bounds of all rows, computed once."""
         if formula not in self.known:
             self.known[formula] = bounds(formula, self.samples, self.instants, self.samples[0].shape[1], self.ended)
         return self.known[formula]

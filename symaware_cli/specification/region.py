@@ -1,4 +1,4 @@
-"""Named regions as expressions see them: where they are at an instant, and whether points lie in them."""
+"""Named regions in expressions: their position at an instant, and the depth of points within them."""
 
 from __future__ import annotations
 
@@ -9,17 +9,16 @@ import numpy as np
 from symaware_cli.geometry.region import Array, Region, RegionShape, names_in, relative
 from symaware_cli.specification.formula import encoded
 
-#: Where an agent is and where it heads: position, shape (k,) [m], NaN where it is not in the world; heading [rad], None
-#: where it has none.
+#: Returns the pose of an agent: position, shape (k,) [m], NaN while it is absent; heading [rad], None if it has none.
 Anchor = Callable[[str], tuple[Array, float | None]]
 
 
 class RegionError(ValueError):
-    """A region cannot be made of what it names.
+    """A region refers to a name that it cannot use.
 
     Attributes:
         region: The region's name.
-        name: The name in it that is wrong.
+            name: The invalid name in it.
     """
 
     def __init__(self, message: str, region: str, name: str) -> None:
@@ -29,10 +28,10 @@ class RegionError(ValueError):
 
 
 def check_names(regions: Mapping[str, Region]) -> None:
-    """Look whether regions name only regions, and none is made of itself.
+    """Check that regions refer only to other, static regions, without cycles.
 
     Raises:
-        RegionError: One does.
+        RegionError: A reference is invalid.
     """
     for start in regions:
         seen, waiting = {start}, list(names_in(regions[start]))
@@ -51,12 +50,12 @@ def check_names(regions: Mapping[str, Region]) -> None:
 
 
 class PlacedRegion:
-    """A region as it is at the present instant.
+    """A region at the present instant.
 
     Attributes:
         name: Its name.
-        region: What it is.
-        dimensions: How many coordinates a point needs at least.
+        region: Its shape.
+        dimensions: Minimum number of coordinates of a point.
     """
 
     def __init__(self, name: str, regions: Mapping[str, Region], anchor: Anchor) -> None:
@@ -67,11 +66,11 @@ class PlacedRegion:
         self.dimensions = self._dimensions(self.region)
 
     def robustness(self, points: Array) -> Array:
-        """How far points lie within the region [m], negative outside, encoded as `formula.encoded` says.
+        """Return the depth of points within the region [m], negative outside, encoded as by `formula.encoded`.
 
         For primitives this is the Euclidean distance to the boundary. For a union it is the greatest depth in a member
-        and for an intersection the least, which may be less than the distance to the boundary inside a union and
-        outside an intersection, but never more.
+        and for an intersection the least; inside a union and outside an intersection, this may be less than the
+        distance to the boundary, but never more.
 
         Args:
             points: Shape (n, d).

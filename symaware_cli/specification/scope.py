@@ -1,7 +1,7 @@
-"""What a specification is about: the names it may refer to, with units, and what they stand for, in columns.
+"""Scopes of specifications: the names that a formula may refer to, their units, and their values in columns.
 
-There are four scopes: what is true of the agents of a group, what these believe, what is true of pairs of agents, and
-the world. `docs/specifications.md` has the tables of names.
+There are four scopes: the true states of the agents of a group, their beliefs, pairs of agents, and the world.
+`docs/specifications.md` has the tables of names.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from symaware_cli.geometry.vectors import lengths
 from symaware_cli.specification.formula import Array
 from symaware_cli.specification.region import PlacedRegion
 
-#: The unit of each name of `AgentScope`; "" where it depends.
+#: The unit of each name of `AgentScope`; "" where it depends on the model.
 AGENT_UNITS: Mapping[str, str] = {
     "control_input": "",
     "knowledge": "",
@@ -31,9 +31,9 @@ AGENT_UNITS: Mapping[str, str] = {
     "time": "s",
     "velocity": "m/s",
 }
-#: Of `BeliefScope`, besides.
+#: Additional names of `BeliefScope`.
 BELIEF_UNITS: Mapping[str, str] = {"has_intent": "", "risk": "", "uncertainty": ""}
-#: Of `PairScope`.
+#: Names of `PairScope`.
 PAIR_UNITS: Mapping[str, str] = {
     "closing_speed": "m/s",
     "distance": "m",
@@ -45,31 +45,31 @@ PAIR_UNITS: Mapping[str, str] = {
 
 
 class World(Protocol):
-    """What is asked of a world: an `Environment`, or one that was read from a log."""
+    """The interface that scopes need of a world: an `Environment`, or one read from a log."""
 
     @property
     def groups(self) -> Sequence[EntityGroup]:
-        """The groups in the roster's order."""
+        """The groups in roster order."""
 
     def state(self, group: EntityGroup) -> Array:
-        """The true states of a group; shape (n, nx)."""
+        """Return the true states of a group; shape (n, nx)."""
 
     def applied_input(self, group: EntityGroup) -> Array:
-        """The control inputs that moved a group in the step that ended now; shape (n, nu)."""
+        """Return the control inputs applied to a group in the step that just ended; shape (n, nu)."""
 
     def snapshot(self) -> Snapshot:
-        """The whole world now."""
+        """Return a snapshot of the whole world."""
 
 
 class Anchors:
-    """Tells where agents truly are, and where they head; see `region.Anchor`."""
+    """Returns the true pose of agents; see `region.Anchor`."""
 
     def __init__(self, world: World, groups: Iterable[EntityGroup]) -> None:
         self._world = world
         self._rows = {id: (group, row) for group in groups for row, id in enumerate(group.ids)}
 
     def __call__(self, id: str) -> tuple[Array, float | None]:
-        """Where an agent is now."""
+        """Return the pose of an agent."""
         group, row = self._rows[id]
         state, heading = self._world.state(group)[row], group.model.heading
         position = group.model.positions(state[None])[0]
@@ -79,13 +79,13 @@ class Anchors:
 
 
 class Scope(ABC):
-    """Tells what names stand for at the present instant.
+    """Provides the values of names at the present instant.
 
     Attributes:
-        rows: Of how many it tells: agents, pairs, or one world.
-        units: The names, each with its unit, "" where it is unknown.
+        rows: Number of rows: agents, pairs, or 1 for the world.
+        units: The unit of each name; "" where it is unknown.
         regions: The regions by name.
-        ambiguous: Names that mean two things, each with what they are.
+        ambiguous: Names with several meanings, each with a description of these.
     """
 
     units: Mapping[str, str]
@@ -99,35 +99,35 @@ class Scope(ABC):
 
     @property
     def names(self) -> Collection[str]:
-        """All that a specification may refer to."""
+        """All names that a specification may refer to."""
         return {*self.units, *self.regions}
 
     @property
     def present(self) -> NDArray[np.bool_] | None:
-        """Which rows there are at present; None for all of them."""
+        """Which rows are present; None for all."""
         return None
 
     @abstractmethod
     def agents(self, row: int) -> tuple[str, ...]:
-        """The ids of the agents that a row is about."""
+        """Return the ids of the agents that a row is about."""
 
     def look_up(self, name: str) -> Any:
-        """What a name stands for, for all rows."""
+        """Return the values of a name for all rows."""
         if name == "time":
             return seconds(self._world.snapshot().time)
         return self.regions[name] if name in self.regions else self._look_up(name)
 
     @abstractmethod
     def _look_up(self, name: str) -> Any:
-        """What a name of `units` stands for."""
+        """Return the values of a name in `units`."""
 
     def anchor(self, id: str) -> tuple[Array, float | None]:
-        """Where an agent truly is, and where it heads; see `region.Anchor`."""
+        """Return the true pose of an agent; see `region.Anchor`."""
         return self._anchors(id)
 
 
 class AgentScope(Scope):
-    """What is true of the agents of a group."""
+    """The true states of the agents of a group."""
 
     _units: ClassVar[Mapping[str, str]] = AGENT_UNITS
 
@@ -156,16 +156,16 @@ class AgentScope(Scope):
         self.units = {**fixed, **units, **dict.fromkeys(self._known, "")}
 
     def _parts(self) -> Mapping[str, str]:
-        """Further names, with their units."""
+        """Return additional names with their units."""
         return {}
 
     @property
     def present(self) -> NDArray[np.bool_] | None:
-        """Which agents are in the world; None for all of them."""
+        """Which agents are in the world; None for all."""
         return self.group.present
 
     def agents(self, row: int) -> tuple[str, ...]:
-        """The id of an agent."""
+        """Return the id of an agent."""
         return (self.group.ids[row],)
 
     @property
@@ -202,7 +202,7 @@ class AgentScope(Scope):
         raise KeyError(name)
 
     def _nearest(self) -> Array:
-        """The distance between an agent's centre and that of the nearest other [m]; infinite if there is none."""
+        """Return the distance of each agent to the nearest other [m], between centres; infinity if there is none."""
         positions = self._world.snapshot().positions
         start = self._world.snapshot().roster.start(self.group.name)
         least = np.full(self.rows, np.inf)
@@ -214,7 +214,7 @@ class AgentScope(Scope):
 
 
 class BeliefScope(AgentScope):
-    """What the agents of a group believe of themselves and others."""
+    """The beliefs of the agents of a group about themselves and others."""
 
     _units: ClassVar[Mapping[str, str]] = {**AGENT_UNITS, **BELIEF_UNITS}
 
@@ -224,7 +224,7 @@ class BeliefScope(AgentScope):
 
     @property
     def states(self) -> Array:
-        """What the agents believe their own states to be."""
+        """The agents' beliefs of their own states."""
         return self.group.awareness.state
 
     @property
@@ -233,7 +233,7 @@ class BeliefScope(AgentScope):
         return self.group.control_input
 
     def anchor(self, id: str) -> tuple[Array, float | None]:
-        """Refuse: where an agent truly is, is no belief."""
+        """Raise an error: beliefs have no regions around the true position of an agent."""
         raise ValueError(f"a region around `{id}` is where that truly is; beliefs have no such regions")
 
     def _look_up(self, name: str) -> Any:
@@ -253,7 +253,7 @@ class BeliefScope(AgentScope):
 
 
 class PairScope(Scope):
-    """What is true of pairs of agents."""
+    """True relations between pairs of agents."""
 
     units = PAIR_UNITS
 
@@ -280,12 +280,12 @@ class PairScope(Scope):
 
     @property
     def present(self) -> NDArray[np.bool_] | None:
-        """Of which pairs both agents are in the world; None for all of them."""
+        """Which pairs have both agents in the world; None for all."""
         here = self._world.snapshot().present
         return None if here is None else here[self._first] & here[self._second]
 
     def agents(self, row: int) -> tuple[str, ...]:
-        """The ids of a pair."""
+        """Return the ids of a pair."""
         return self._pairs[row]
 
     def _look_up(self, name: str) -> Any:
@@ -309,12 +309,12 @@ class PairScope(Scope):
         raise KeyError(name)
 
     def _apart(self) -> Array:
-        """Where the second of each pair is, seen from the first [m]; shape (n, d)."""
+        """Return the position of the second agent of each pair relative to the first [m]; shape (n, d)."""
         positions = self._world.snapshot().positions
         return np.asarray(positions[self._second] - positions[self._first])
 
     def _velocities(self) -> Array:
-        """The velocities of all agents by index [m/s]; shape (N, d)."""
+        """Return the velocities of all agents by index [m/s]; shape (N, d)."""
         snapshot = self._world.snapshot()
         velocities = np.zeros(snapshot.positions.shape)
         for group, start in zip(self._world.groups, snapshot.roster.starts, strict=True):
@@ -323,12 +323,12 @@ class PairScope(Scope):
         return velocities
 
     def _of_each(self, values: Array) -> Mapping[str, Array]:
-        """The values of the first and of the second agent of each pair."""
+        """Return the values of the first and of the second agent of each pair."""
         return {"first": values[self._first], "second": values[self._second]}
 
 
 class _Known(Mapping[str, Any]):
-    """What the agents of a group know, by name: numbers in columns, anything else as objects."""
+    """The knowledge of the agents of a group by name: numbers as columns, anything else as objects."""
 
     def __init__(self, group: AgentGroup) -> None:
         self._group = group
@@ -352,7 +352,7 @@ class _Known(Mapping[str, Any]):
 
 
 def nearest_believed(group: AgentGroup, row: int) -> float:
-    """The distance from where an agent believes to be to the nearest other that it is aware of [m]; else infinite."""
+    """Return the distance from an agent's believed position to the nearest other it is aware of [m], or infinity."""
     tracks, world = group.awareness.tracks, group.awareness.world
     if tracks is not None:
         others = tracks.positions[tracks.pointers[row] : tracks.pointers[row + 1]]

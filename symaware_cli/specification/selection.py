@@ -1,4 +1,4 @@
-"""Some rows of a whole structure of objects whose arrays have the rows along their last axis."""
+"""Selects rows from a structure of objects whose arrays have the rows along their last axis."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 
 def selected(value: Any, rows: NDArray[np.intp], *, instances: tuple[type, ...]) -> Any:
-    """A copy with some rows.
+    """Return a copy with the selected rows.
 
     Args:
-        value: An array, a list, an object of one of the classes, with such attributes, or else what is shared.
-        rows: The positions of the rows.
-        instances: The classes of what is copied.
+        value: An array, a list, or an object of one of the classes with such attributes; anything else is shared.
+        rows: The indices of the rows.
+        instances: The classes whose instances are copied.
     """
     return _Selection(rows, instances).of(value)
 

@@ -1,4 +1,4 @@
-"""Windows that slide over successive values, in arrays with the instants along the first axis."""
+"""Sliding-window extrema over successive values, in arrays with the instants along the first axis."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-#: The lesser and the greater of two: of arrays, and of single numbers, for which NumPy would take some times as long.
+#: Minimum and maximum of two: for arrays, and for single numbers, for which NumPy is several times slower.
 EXTREMA: tuple[tuple[Callable[[Any, Any], Any], ...], ...] = ((np.minimum, np.maximum), (min, max))
 
-#: Up to so many columns, extrema are accumulated column by column.
+#: Up to this number of columns, NumPy accumulates extrema efficiently.
 _FEW = 100
 
-#: Robustness, or truth.
+#: Robustness or truth.
 Values: TypeAlias = NDArray[Any]
 
 
 def sliding(ufunc: np.ufunc, values: Values, width: int) -> Values:
-    """The least or greatest of so many successive values, for each place where they begin.
+    """Return the minimum or maximum over each window of successive values, by the index where the window begins.
 
-    Windows that overlap are combined: the number of passes is the logarithm of the width.
+    Overlapping windows are combined: the number of passes is the logarithm of the width.
     """
     covered = 1
     while covered < width:
@@ -34,7 +34,7 @@ def sliding(ufunc: np.ufunc, values: Values, width: int) -> Values:
 
 
 def sliding_until(left: Values, right: Values, width: int) -> Values:
-    """The robustness of "left until right" within so many instants, for each instant where these begin."""
+    """Return the robustness of "left until right" over each window of instants, by the instant where it begins."""
     covered = 1
     while covered < width:
         step = min(covered, width - covered)
@@ -45,10 +45,10 @@ def sliding_until(left: Values, right: Values, width: int) -> Values:
 
 
 def accumulated(ufunc: np.ufunc, values: Values, out: Values | None = None) -> Values:
-    """The least or greatest of each value and those before it, along the first axis."""
+    """Return the running minimum or maximum along the first axis."""
     if values[:1].size < _FEW:
         return ufunc.accumulate(values, out=out)
-    # NumPy would go from column to column, which is several times slower for many of them.
+    # NumPy would iterate over the columns, which is several times slower if there are many.
     found = np.empty_like(values) if out is None else out
     found[:1] = values[:1]
     for i in range(1, len(values)):
@@ -57,11 +57,11 @@ def accumulated(ufunc: np.ufunc, values: Values, out: Values | None = None) -> V
 
 
 class History:
-    """Arrays of successive instants, the older of which may be dropped.
+    """Arrays of successive instants, the oldest of which can be dropped.
 
     Attributes:
-        first: The instant of the first array that is kept.
-        end: The instant after the last one.
+            first: The instant of the first array kept.
+            end: The instant after the last one.
     """
 
     def __init__(self, *shape: int, dtype: type = float, first: int = 0) -> None:
@@ -75,7 +75,7 @@ class History:
         self.add()[:] = values
 
     def add(self) -> Values:
-        """Add an instant, and return its array, to be written to."""
+        """Add an instant and return its array, for the caller to fill."""
         at = self._begin + self.end - self.first
         if at == len(self._data):
             kept = self._data[self._begin :]
@@ -89,23 +89,23 @@ class History:
         return row
 
     def drop(self, before: int) -> None:
-        """Forget what lies before an instant."""
+        """Drop everything before an instant."""
         if before > self.first:
             self._begin += before - self.first
             self.first = before
 
     def between(self, begin: int, end: int) -> Values:
-        """The arrays from an instant on, up to but not including another [instants, ...]."""
+        """Return the arrays from `begin` up to but not including `end` [instants, ...]."""
         offset = self._begin - self.first
         return self._data[begin + offset : end + offset]
 
 
 class Recent:
-    """Values of the last instants, each of all rows [rows] or the number of a single one.
+    """Values of the latest instants, each an array [rows] or the number of a single row.
 
     Attributes:
-        first: The instant of the first value that is kept.
-        end: The instant after the last one.
+            first: The instant of the first value kept.
+            end: The instant after the last one.
     """
 
     def __init__(self) -> None:
@@ -119,13 +119,13 @@ class Recent:
         self.end += 1
 
     def drop(self, before: int) -> None:
-        """Forget what lies before an instant."""
+        """Drop everything before an instant."""
         while self.first < before:
             self._values.popleft()
             self.first += 1
 
     def delayed(self, value: Any, steps: int) -> Any:
-        """Add the value of the next instant, and take out the one that lies so many steps before it, if there is."""
+        """Add the value of the next instant; remove and return the one that many steps before it, if there is one."""
         self._values.append(value)
         self.end += 1
         if self.end - self.first <= steps:
@@ -134,29 +134,29 @@ class Recent:
         return self._values.popleft()
 
     def at(self, instant: int) -> Any:
-        """The value of an instant."""
+        """Return the value at an instant."""
         return self._values[instant - self.first]
 
     def between(self, begin: int, end: int, rows: int) -> Values:
-        """The values from an instant on, up to but not including another [instants, rows]."""
+        """Return the values from `begin` up to but not including `end` [instants, rows]."""
         return np.array(list(islice(self._values, begin - self.first, end - self.first))).reshape(-1, rows)
 
 
 class Starts:
-    """Of each instant at which a window ahead begins that has not ended, the extremum so far.
+    """The extremum so far of each window ahead that has begun and not ended, by the instant it belongs to.
 
     Attributes:
-        end: The instant after the last one at which a window has begun.
+            end: The instant after the last one whose window has begun.
     """
 
     def __init__(self, first: int, last: int, greatest: bool, final: int | None, rows: int, dtype: type) -> None:
-        """Begin without windows.
+        """Create it without windows.
 
         Args:
-            first: How many steps after its instant a window begins.
-            last: How many steps after its instant it ends.
-            greatest: Whether the greatest is asked for, or else the least.
-            final: The last instant that is asked for; -1 for none at all, None for all.
+            first: Number of steps from an instant to the beginning of its window.
+            last: Number of steps from an instant to the end of its window.
+            greatest: Whether to compute the maximum instead of the minimum.
+            final: The last instant that is needed; -1 for none, None for all.
             rows: Number of rows.
             dtype: The type of values.
         """
@@ -167,12 +167,12 @@ class Starts:
         self._single = rows == 1
         self._gone = 0
         self._extrema = History(rows, dtype=dtype)
-        #: A single row keeps values themselves, which most often nobody asks for.
+        #: For a single row the values are kept instead, since their extrema are seldom read.
         self._values = Recent()
         self._only: Any = None
 
     def extend(self, at: int, value: Any) -> None:
-        """Go on to an instant with its value."""
+        """Add the value of an instant."""
         begun, final = at - self._first, self._final
         if begun < 0 or (final is not None and self._gone > final):
             return
@@ -197,7 +197,7 @@ class Starts:
         self._gone = gone
 
     def between(self, begin: int, end: int) -> Values | None:
-        """The extrema of windows that begin from one instant up to another [instants, rows]; None if none has begun."""
+        """Return the extrema of the windows of a range of instants [instants, rows]; None if none has begun."""
         end = min(end, self.end)
         if begin >= end:
             return None
@@ -205,16 +205,16 @@ class Starts:
             return self._extrema.between(begin, end)
         if self._final == 0:
             return np.array([[self._only]])
-        # The first value that was kept is that of instant `first`.
+        # The first value kept is the one at instant `first`.
         values = self._values.between(begin, self._values.end, 1)
         return accumulated(np.maximum if self._greatest else np.minimum, values[::-1])[::-1][: end - begin]
 
 
 class Extremum:
-    """The least or greatest of the last so many values, in amortised constant time.
+    """The minimum or maximum of the latest `width` values, in amortised constant time.
 
-    Values are taken in blocks as long as the window, which so consists of the end of one block and the beginning of the
-    next: van Herk, Pattern Recognition Letters 13 (1992); Gil and Werman, IEEE PAMI 15 (1993).
+    Values are grouped in blocks as long as the window, so that the window consists of the end of one block and the
+    beginning of the next: van Herk, Pattern Recognition Letters 13 (1992); Gil and Werman, IEEE PAMI 15 (1993).
     """
 
     def __init__(self, width: int, single: bool, greatest: bool, neutral: Any) -> None:
@@ -223,11 +223,11 @@ class Extremum:
         self._greatest = greatest
         self._block: list[Any] = []
         self._beginning = neutral
-        #: Of the last block, the extremum of each value and those after it.
+        #: For each value of the last block, the extremum from it to the end of the block.
         self._ends = [neutral] * width
 
     def push(self, value: Any) -> Any:
-        """Take a value, and return the extremum."""
+        """Add a value and return the extremum of the window."""
         block = self._block
         better = EXTREMA[self._single][self._greatest]
         beginning = self._beginning
@@ -248,10 +248,10 @@ class Extremum:
 
 
 class UntilWindow:
-    """The robustness of "left until right" within the last so many values, in amortised constant time.
+    """The robustness of "left until right" within the latest `width` values, in amortised constant time.
 
-    It is found by blocks, as an extremum is: of a stretch of instants, what counts is the least of left and the
-    robustness within the stretch, and stretches are joined by these alone.
+    It is computed by blocks, as in `Extremum`: a range of instants is summarised by its minimum of left and its
+    robustness, and adjacent ranges are joined by these two.
     """
 
     def __init__(self, width: int, single: bool, neutral: Any) -> None:
@@ -261,12 +261,12 @@ class UntilWindow:
         self._rights: list[Any] = []
         self._held = neutral
         self._until = neutral
-        #: Of the end of the last block from each of its instants on.
+        #: For each instant of the last block: both values from it to the end of the block.
         self._holds = [neutral] * width
         self._untils = [neutral] * width
 
     def push(self, left: Any, right: Any) -> Any:
-        """Take both at an instant, and return the whole, which has a meaning as soon as the window is full."""
+        """Add both values of an instant and return the robustness, which is meaningful once the window is full."""
         least, greatest = EXTREMA[self._single]
         lefts, rights = self._lefts, self._rights
         if lefts:
@@ -288,10 +288,10 @@ class UntilWindow:
 
 
 def lowest(dtype: type) -> float | bool:
-    """What is less than any other value: falsehood, or minus infinity."""
+    """Return the least possible value: False, or minus infinity."""
     return False if dtype is bool else -np.inf
 
 
 def highest(dtype: type) -> float | bool:
-    """What is greater than any other value: truth, or infinity."""
+    """Return the greatest possible value: True, or infinity."""
     return True if dtype is bool else np.inf

@@ -1,4 +1,4 @@
-"""Specifications: formulas about a run, and what has become of them so far."""
+"""Specifications: formulas about a run, and their monitors with verdicts and robustness."""
 
 from __future__ import annotations
 
@@ -19,28 +19,28 @@ from symaware_cli.specification.outcome import Decision, Outcome, outcome_of
 from symaware_cli.specification.printing import printed
 from symaware_cli.specification.scope import Scope
 
-#: What becomes of a run in which a specification is violated.
+#: The effect of a violation on the run.
 OnViolation = Literal["continue", "end", "event"]
 
 
 class SpecificationError(Exception):
-    """A specification has no value at an instant; the message says which predicate, of whom and why."""
+    """A specification has no value at an instant; the message names the predicate, the agents and the reason."""
 
 
 @dataclass(frozen=True, slots=True)
 class Specification:
-    """A formula about a run, of each row of a scope.
+    """A formula about a run, evaluated for each row of a scope.
 
     Attributes:
         name: Its name in the scenario.
-        of: What it is about: ``truth`` or ``belief``.
-        each: The group of whose agents there is a verdict each; None for pairs and the world.
-        scope: What its names stand for.
+        of: Its subject: ``truth`` or ``belief``.
+        each: The group whose agents each have a verdict; None for pairs and the world.
+        scope: Provides the values of its names.
         formulation: The formula.
         start: The instant that verdicts are about, in nanoseconds.
         end: The last instant that counts, in nanoseconds; None for the end of the run.
-        on_violation: What becomes of the run when it is violated.
-        automaton: What watches the formula if it is one of linear temporal logic; None for signal temporal logic.
+        on_violation: The effect of a violation on the run.
+        automaton: The automaton of a formula of linear temporal logic; None for signal temporal logic.
         interval: Whether the robust satisfaction interval is computed before the verdict.
     """
 
@@ -56,25 +56,25 @@ class Specification:
     automaton: Automaton | None = None
 
     def monitor(self, rows: int) -> Monitor | AutomatonMonitor:
-        """Make a monitor of some rows that begin now."""
+        """Create a monitor for some rows, starting now."""
         if self.automaton is not None:
             return AutomatonMonitor(self.automaton, rows)
         return Monitor(self.formulation.formula, rows, interval=self.interval)
 
     @property
     def text(self) -> str:
-        """The formula, to be read."""
+        """The text of the formula."""
         return printed(self.formulation.tree)
 
 
 @dataclass(frozen=True, slots=True)
 class Exact:
-    """Robustness that became known.
+    """Exact robustness that became known.
 
     Attributes:
-        times: The instants that it belongs to, in nanoseconds; shape (m,).
-        rows: Whose; shape (k,).
-        values: Shape (m, k).
+        times: The instants of the values, in nanoseconds; shape (m,).
+        rows: The indices of the rows; shape (k,).
+        values: The robustness; shape (m, k).
     """
 
     times: NDArray[np.int64]
@@ -83,13 +83,13 @@ class Exact:
 
 
 class _Cohort:
-    """Rows that began at the same instant.
+    """Rows whose evaluation began at the same instant.
 
     Attributes:
-        rows: Which, ascending; shape (k,).
+        rows: Their indices, ascending; shape (k,).
         monitor: Their monitor.
         start: Their first instant, in nanoseconds.
-        told: Their verdicts, as far as they were told; shape (k,).
+        told: Their verdicts as last reported; shape (k,).
     """
 
     def __init__(
@@ -101,19 +101,19 @@ class _Cohort:
         self.told = told
 
     def select(self, chosen: NDArray[np.bool_]) -> _Cohort:
-        """Some of them, with their past."""
+        """Return some of the rows, with their history."""
         return _Cohort(self.rows[chosen], self.monitor.select(np.flatnonzero(chosen)), self.start, self.told[chosen])
 
 
 class _Worst:
-    """Verdicts and intervals of rows, each the worst of several instances."""
+    """Verdicts and intervals of rows, each the worst over several instances."""
 
     def __init__(self, count: int) -> None:
         self.verdicts = np.ones(count, np.int8)
         self.lower, self.upper = np.full(count, np.inf), np.full(count, np.inf)
 
     def add(self, cohort: _Cohort, interval: bool) -> None:
-        """Take the instances of a cohort into account."""
+        """Include the instances of a cohort."""
         rows, monitor = cohort.rows, cohort.monitor
         self.verdicts[rows] = np.minimum(self.verdicts[rows], monitor.verdict)
         if interval:
@@ -121,39 +121,39 @@ class _Worst:
             self.upper[rows] = np.minimum(self.upper[rows], plain(monitor.upper))
 
     def copy(self) -> _Worst:
-        """The same, to be added to."""
+        """Return a copy."""
         other = _Worst(0)
         other.verdicts, other.lower, other.upper = self.verdicts.copy(), self.lower.copy(), self.upper.copy()
         return other
 
 
 class SpecificationMonitor:
-    """Follows a specification through a run.
+    """Monitors a specification during a run.
 
-    The formula is to hold for each row from `Specification.start` on, or from when the row is there; or from several
-    instants, the *instances*, of which the worst counts.
+    The formula must hold for each row from `Specification.start` on, or from when the row becomes present; or from
+    several instants on, the *instances*, of which the worst counts.
 
     Attributes:
         specification: The specification.
-        verdicts: Of each row 1 (satisfied), -1 (violated) or 0 (undecided); shape (rows,).
-        lower: The least that the robustness can turn out to be, of each row; minus infinity without intervals.
-        upper: The greatest; infinite without intervals.
-        robustness: The exact robustness at the latest instant at which it is known, of each row; NaN before the first.
-        settled: The exact robustness that the verdicts are about, of each row; NaN while it is not known.
-        begun: Which rows were ever there; shape (rows,).
-        decisions: The verdicts and what decided them, in the order in which they were.
-        is_over: Whether nothing that comes counts any more.
+        verdicts: 1 (satisfied), -1 (violated) or 0 (undecided) for each row; shape (rows,).
+        lower: Lower bound of the robustness of each row; minus infinity without intervals.
+        upper: Upper bound of the robustness of each row; infinity without intervals.
+        robustness: The exact robustness of each row at the latest instant where it is known; NaN before the first.
+        settled: The exact robustness that the verdict of each row is about; NaN while it is unknown.
+        begun: Which rows have ever been present; shape (rows,).
+        decisions: The decisions in the order in which they were made.
+        is_over: Whether further values are ignored.
     """
 
     uncaptured: ClassVar[Sequence[str]] = ("specification",)
 
     def __init__(self, specification: Specification, time_step: int, begins: bool = True) -> None:
-        """Prepare.
+        """Initialise the monitor.
 
         Args:
-            specification: What to follow.
+            specification: The specification to monitor.
             time_step: The time between two steps, in nanoseconds.
-            begins: Whether it begins by itself, once for each row; otherwise instances begin with `begin`.
+            begins: Whether evaluation begins by itself, once for each row; otherwise instances begin with `begin`.
         """
         count = specification.scope.rows
         self.specification = specification
@@ -173,7 +173,7 @@ class SpecificationMonitor:
         self.decisions: list[Decision] = []
 
     def look(self, now: int) -> Sequence[Decision]:
-        """Take the values of the present step, and return what they decided.
+        """Evaluate the predicates at the present step, and return the decisions that follow.
 
         Raises:
             SpecificationError: A predicate has no value.
@@ -199,11 +199,11 @@ class SpecificationMonitor:
         return decisions
 
     def begin(self, rows: Sequence[int]) -> None:
-        """Have an instance begin with the next step, of the rows that are there."""
+        """Begin an instance with the next step, for those of the rows that are present then."""
         self._due.append(np.array(rows, np.intp))
 
     def finish(self) -> Sequence[Decision]:
-        """Take note that what the specification is about has come to its end, and return what that decided."""
+        """End the evaluation, and return the decisions that follow."""
         decisions: list[Decision] = []
         if not self.is_over:
             self.is_over = True
@@ -214,19 +214,19 @@ class SpecificationMonitor:
         return decisions
 
     def take_exact(self) -> Sequence[Exact]:
-        """The exact robustness that became known since the last call."""
+        """Return the exact robustness that became known since the last call."""
         exact, self._exact = self._exact, []
         return exact
 
     @property
     def verdict(self) -> int:
-        """The worst verdict of those who were there: violated, then undecided, then satisfied."""
+        """The worst verdict of the rows that were ever present: violated, then undecided, then satisfied."""
         seen = self.verdicts[self.begun]
         return int(seen.min()) if len(seen) else 0
 
     @property
     def presumption(self) -> int | None:
-        """The worst verdict if the run ended now, of a formula of linear temporal logic; None for others."""
+        """The worst verdict if the run ended now, for linear temporal logic; None for other formulas."""
         if self.specification.automaton is None or not self.begun.any():
             return None
         monitors = [cohort.monitor for cohort in self._cohorts]
@@ -235,7 +235,7 @@ class SpecificationMonitor:
 
     @property
     def outcome(self) -> Outcome:
-        """What has become of it so far."""
+        """The summary so far."""
         specification, begun = self.specification, np.flatnonzero(self.begun)
         return outcome_of(
             specification.name,
@@ -249,7 +249,7 @@ class SpecificationMonitor:
         )
 
     def status(self, rows: Sequence[int]) -> SpecificationStatus:
-        """The worst status of some rows."""
+        """Return the worst status of some rows."""
         chosen = list(rows)
         verdict = int(self.verdicts[chosen].min())
         return SpecificationStatus(
@@ -259,7 +259,7 @@ class SpecificationMonitor:
         )
 
     def _arrive(self, present: NDArray[np.bool_] | None, now: int) -> None:
-        """Let the formula begin to hold for those for whom it is time."""
+        """Begin the evaluation of rows that are due and present."""
         specification = self.specification
         if self._begins and not self.begun.all():
             self._due.append(np.flatnonzero(~self.begun))
@@ -272,7 +272,7 @@ class SpecificationMonitor:
         self._due.clear()
 
     def _values(self, present: NDArray[np.bool_] | None) -> list[Array]:
-        """The robustness of each predicate, of all rows."""
+        """Return the robustness of each predicate for all rows."""
         scope = self.specification.scope
         memory: dict[str, Any] = {}
 
@@ -299,7 +299,7 @@ class SpecificationMonitor:
         return values
 
     def _leave(self, present: NDArray[np.bool_], decisions: list[Decision]) -> None:
-        """End what is about those who are no longer there."""
+        """End the evaluation of rows that are no longer present."""
         for place, cohort in enumerate(self._cohorts):
             here = present[cohort.rows]
             if here.all():
@@ -312,7 +312,7 @@ class SpecificationMonitor:
         self._cohorts = [cohort for cohort in self._cohorts if len(cohort.rows)]
 
     def _take(self, cohort: _Cohort, decisions: list[Decision]) -> None:
-        """Take over what a monitor found."""
+        """Read the new results of a monitor."""
         rows, monitor = cohort.rows, cohort.monitor
         first, exact = monitor.exact()
         if len(exact):
@@ -330,7 +330,7 @@ class SpecificationMonitor:
             cohort.told = verdicts.copy()
 
     def _combine(self) -> None:
-        """Put together what is known of all instances; those that are decided are needed no more."""
+        """Combine the results of all instances; decided instances are dropped."""
         interval = self.specification.interval
         if not self._begins:
             for cohort in self._cohorts:

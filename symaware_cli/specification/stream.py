@@ -1,10 +1,10 @@
-"""Formulas evaluated instant by instant.
+"""Streams: formulas evaluated online, instant by instant.
 
-A stream stands for a formula, and has streams for its operands. Pushed once at each instant, it returns the exact
-robustness at the instant that lies its horizon back, in time that does not depend on the widths of windows. Of instants
-after that one it tells bounds when asked: those between which the robustness lies, whatever the samples to come
-(Deshmukh et al., "Robust online monitoring of signal temporal logic", RV 2015). All arrays have the rows along their
-last axis; they hold robustness, or the truth alone, for which falsehood is less than truth.
+A stream evaluates a formula and has streams for its operands. It is pushed once at each instant and returns the exact
+robustness at the instant that lies its horizon back, in time independent of the widths of windows. For later instants
+it computes bounds on request: an interval that contains the robustness, whatever samples follow (Deshmukh et al.,
+"Robust online monitoring of signal temporal logic", RV 2015). All arrays have the rows along their last axis; they hold
+robustness, or truth values, where false is less than true.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ from symaware_cli.specification.sliding import (
 
 
 class Clock:
-    """What streams of a formula have in common.
+    """The state that all streams of a formula share.
 
     Attributes:
         rows: Number of rows.
-        boolean: Whether streams hold the truth alone.
-        single: Whether values are pushed as numbers of a single row instead of arrays [rows].
-        now: The last instant that was pushed.
-        ended: Whether the declared run ends with it.
+            boolean: Whether streams hold truth values instead of robustness.
+            single: Whether values are pushed as numbers of a single row instead of arrays [rows].
+            now: The last instant that was pushed.
+            ended: Whether the declared run ends with `now`.
     """
 
     def __init__(self, rows: int, boolean: bool) -> None:
@@ -44,19 +44,19 @@ class Clock:
 
     @property
     def dtype(self) -> type:
-        """The type of robustness or truth."""
+        """The type of the values: bool or float."""
         return bool if self.boolean else float
 
     def extreme(self, greatest: bool) -> float | bool:
-        """The greatest or the least value."""
+        """Return the greatest or the least possible value."""
         return highest(self.dtype) if greatest else lowest(self.dtype)
 
     def value(self, greatest: bool) -> Any:
-        """The greatest or least value, as it is pushed."""
+        """Return the greatest or least possible value in the form that is pushed."""
         return self.extreme(greatest) if self.single else self.full(1, greatest)[0]
 
     def full(self, instants: int, greatest: bool) -> Values:
-        """So many instants of the greatest or least value [instants, rows]."""
+        """Return an array of the greatest or least possible value [instants, rows]."""
         return np.full((instants, self.rows), self.extreme(greatest))
 
 
@@ -65,11 +65,11 @@ class Stream:
 
     Attributes:
         clock: The common clock.
-        horizon: The number of steps after which exact values are known; None if only at the end of the run.
-        reach: The number of steps ahead of now after which bounds no longer change from one instant to the next.
-        soonest: The numbers of steps before which nothing is known of lower and upper bounds; infinite for never, as
-            long as the run goes on.
-        exact: The last instant whose exact value was returned, or -1.
+            horizon: The number of steps after which exact values are known; None if only at the end of the run.
+            reach: The number of steps ahead of `now` beyond which bounds no longer change from one instant to the next.
+            soonest: The numbers of steps before which lower and upper bounds are trivial; infinite if they are until
+                the run ends.
+            exact: The last instant whose exact value was returned, or -1.
     """
 
     def __init__(
@@ -82,37 +82,37 @@ class Stream:
         self.reach = reach
 
     def push(self, samples: Sequence[Any]) -> Any:
-        """Go on by an instant, after the clock has.
+        """Process the samples of an instant; the clock has been advanced before.
 
         Args:
-            samples: Robustness or truth of each predicate. Nobody writes to these arrays, nor to those returned.
+            samples: Robustness or truth of each predicate. These arrays, and those returned, must not be written to.
 
         Returns:
-            The exact value at the instant that lies the horizon back; None as long as there is no such instant.
+            The exact value at the instant that lies the horizon back; None if there is no such instant yet.
         """
         raise NotImplementedError
 
     def bound(self, side: int, begin: int, end: int) -> Values | None:
-        """Lower (side 0) or upper (side 1) bounds at instants after the last one whose exact value was returned.
+        """Return lower (side 0) or upper (side 1) bounds at instants after `exact`.
 
         Returns:
-            The bounds from `begin` up to but not including `end` [instants, rows], not to be written to; None where
-            nothing is known of any of them.
+            The bounds from `begin` up to but not including `end` [instants, rows], not to be written to; None if all of
+            them are trivial.
         """
         raise NotImplementedError
 
     def known(self, side: int, begin: int, end: int) -> Values | None:
-        """Bounds, without asking where nothing can be known yet."""
+        """Return bounds, without evaluating them where they must be trivial."""
         return None if self.clock.now < begin + self.soonest[side] else self.bound(side, begin, end)
 
     def bound_or_extreme(self, side: int, begin: int, end: int) -> Values:
-        """Bounds, which are infinite where nothing is known."""
+        """Return bounds, infinite where they are trivial."""
         found = self.bound(side, begin, end) if begin < end else None
         return self.clock.full(max(end - begin, 0), side == 1) if found is None else found
 
 
 class ConstantStream(Stream):
-    """What always holds, or never does."""
+    """A formula that always holds, or never does."""
 
     def __init__(self, clock: Clock, value: bool) -> None:
         super().__init__(clock, 0, 0)
@@ -172,15 +172,15 @@ class NotStream(Stream):
 
 
 class Together:
-    """Operands whose exact values are known after different times, brought to the same instants."""
+    """Aligns operands whose exact values become known after different times."""
 
     def __init__(self, clock: Clock, operands: Sequence[Stream], last: int | None) -> None:
-        """Bring operands together.
+        """Align operands.
 
         Args:
             clock: The common clock.
             operands: The streams of the operands.
-            last: The last instant whose bounds are asked for, if any.
+            last: The last instant whose bounds are needed, if any.
         """
         horizons = [each.horizon for each in operands if each.horizon is not None]
         self.operands = list(operands)
@@ -190,7 +190,7 @@ class Together:
         self._early = [None if each.horizon == self.horizon else Recent() for each in operands]
 
     def push(self, samples: Sequence[Any]) -> list[Any] | None:
-        """Exact values at the same instant, if all know one."""
+        """Push samples; return the exact values of all operands at the next common instant, if all are known."""
         found: list[Any] = []
         horizon = self.horizon
         for operand, early in zip(self.operands, self._early, strict=False):
@@ -208,7 +208,7 @@ class Together:
         return found if len(found) == len(self.operands) else None
 
     def bound(self, position: int, side: int, begin: int, end: int) -> Values | None:
-        """Bounds of an operand; as they are known after exact values of all."""
+        """Return bounds of an operand at instants after the last common exact value."""
         operand, early = self.operands[position], self._early[position]
         exact = operand.exact + 1
         if early is None or begin >= exact:
@@ -222,7 +222,7 @@ class Together:
 
 
 class JunctionStream(Stream):
-    """A conjunction, or a disjunction."""
+    """A conjunction or a disjunction."""
 
     def __init__(self, clock: Clock, operands: Sequence[Stream], greatest: bool, last: int | None) -> None:
         self._together = Together(clock, operands, last)
@@ -230,7 +230,7 @@ class JunctionStream(Stream):
         soonest = (min(lower), max(upper)) if greatest else (max(lower), min(upper))
         super().__init__(clock, self._together.horizon, self._together.reach, soonest)
         self._greatest = greatest
-        # What is known late is known least.
+        # Operands with the longest horizons first: their bounds are most often trivial.
         late = [(0 if each.horizon is None else 1, -(each.horizon or 0)) for each in operands]
         self._order = sorted(range(len(operands)), key=late.__getitem__)
 

@@ -1,4 +1,4 @@
-"""From the text of an expression to its tokens."""
+"""Tokenizer of expressions: splits text into numbers, words, quoted texts and operators."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ class ExpressionError(ValueError):
     """A text is not a valid expression.
 
     Attributes:
-        problem: What is wrong, in one sentence.
-        start: Where in the text, in characters.
-        end: Where that ends.
-        names: What could stand there, if it is a name that is wrong.
-        name: The name that is wrong, if one is.
+            problem: What is wrong, in one sentence.
+            start: Start of the faulty part of the text, in characters.
+            end: Its end.
+            names: Valid names, if an unknown name is the problem.
+            name: The unknown name, if any.
     """
 
     def __init__(self, problem: str, span: Span, name: str = "", names: Collection[str] = ()) -> None:
@@ -41,9 +41,9 @@ class Token:
     """A word, a number, a text in quotes or an operator.
 
     Attributes:
-        kind: "word", "number", "text", "operator", or "end" after the last.
-        text: As written.
-        span: Where.
+            kind: "word", "number", "text", "operator", or "end" after the last token.
+            text: The characters of the token.
+            span: Its position in the text.
     """
 
     kind: str
@@ -52,7 +52,7 @@ class Token:
 
 
 def tokens(text: str) -> Iterator[Token]:
-    """Yield the tokens of a text and then one of the kind "end".
+    """Yield the tokens of a text, followed by one of kind "end".
 
     Raises:
         ExpressionError: A character belongs to no token.
@@ -69,7 +69,7 @@ def tokens(text: str) -> Iterator[Token]:
 
 
 def _unknown(text: str, position: int) -> tuple[str, Span]:
-    """What is wrong with a character that begins no token, and where."""
+    """Describe a character that begins no token, and return its span."""
     character, rest = text[position], text[position : position + 2]
     one = (position, position + 1)
     if character in "\"'":

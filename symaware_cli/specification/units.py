@@ -1,7 +1,7 @@
-"""Checks that quantities which are compared or added have one unit, as far as units are known.
+"""Unit check of formulas: quantities that are compared or added must have the same unit, where units are known.
 
-Units are written as products of powers of SI units: ``m``, ``m/s``, ``m/s^2``, ``rad``, ``1``. A number in a formula
-goes with every unit, as does whatever has no known unit.
+Units are written as products of powers of SI units: ``m``, ``m/s``, ``m/s^2``, ``rad``, ``1``. Numbers in a formula,
+and values without a known unit, are compatible with every unit.
 """
 
 from __future__ import annotations
@@ -25,17 +25,17 @@ from symaware_cli.specification.node import (
 )
 from symaware_cli.specification.token import ExpressionError
 
-#: The power of each base unit.
+#: The exponent of each base unit.
 Unit: TypeAlias = Mapping[str, Fraction]
 
 _FACTOR = re.compile(r"([A-Za-zµ°%]+)(?:\^?(-?\d+))?")
 _SAME = ("abs", "max", "min", "norm", "wrap")
-#: Functions whose value is a pure number.
+#: Functions that return a dimensionless number.
 _PURE = ("cos", "count", "sin")
 
 
 def unit_of(text: str) -> Unit | None:
-    """Parse a unit; None where it is not known. Angles count as pure numbers."""
+    """Parse a unit; None where it is unknown. Angles are dimensionless."""
     if not text:
         return None
     powers: dict[str, Fraction] = {}
@@ -52,7 +52,7 @@ def unit_of(text: str) -> Unit | None:
 
 
 def written(unit: Unit) -> str:
-    """Write a unit, such as ``m/s^2``."""
+    """Format a unit, such as ``m/s^2``."""
 
     def product(powers: Mapping[str, Fraction]) -> str:
         return "·".join(name if power == 1 else f"{name}^{power}" for name, power in powers.items())
@@ -63,14 +63,14 @@ def written(unit: Unit) -> str:
 
 
 def check_units(tree: Node, units: Mapping[str, str]) -> None:
-    """Look whether what is compared and added in a formula has one unit.
+    """Check that compared and added values have the same unit.
 
     Args:
-        tree: The formula.
-        units: The unit of each name; "" where it is not known.
+            tree: The formula.
+            units: The unit of each name; "" where it is unknown.
 
     Raises:
-        ExpressionError: Two units do not agree.
+            ExpressionError: Two units differ.
     """
     for node in walk(tree):
         if isinstance(node, Comparison | Arithmetic | Call):
@@ -78,7 +78,7 @@ def check_units(tree: Node, units: Mapping[str, str]) -> None:
 
 
 def _unit(node: Node, units: Mapping[str, str]) -> Unit | None:
-    """The unit of a value; None where it is not known, or any."""
+    """Return the unit of a value; None where it is unknown or arbitrary."""
     match node:
         case Name(name=name):
             return unit_of(units.get(name, ""))
@@ -110,7 +110,7 @@ def _unit(node: Node, units: Mapping[str, str]) -> Unit | None:
 
 
 def _product(left: Unit | None, right: Unit | None, sign: int, one: Node, other: Node) -> Unit | None:
-    """The unit of a product or a quotient; numbers in the formula change no unit."""
+    """Return the unit of a product or a quotient; a numeric constant does not change the unit."""
     left = {} if left is None and isinstance(one, Constant) else left
     right = {} if right is None and isinstance(other, Constant) else right
     if left is None or right is None:
@@ -122,7 +122,7 @@ def _product(left: Unit | None, right: Unit | None, sign: int, one: Node, other:
 
 
 def _common(given: list[Unit | None], node: Node, what: str) -> Unit | None:
-    """The one unit of several values, as far as these have one."""
+    """Return the common unit of several values; those without a known unit are ignored."""
     known = [unit for unit in given if unit is not None]
     for unit in known[1:]:
         if unit != known[0]:

@@ -1,8 +1,8 @@
-"""What is known of a formula at every instant, from all samples so far at once.
+"""Offline evaluation of formulas: bounds of the robustness at every instant, from all samples so far at once.
 
-The robustness of a formula at an instant is known to lie between two bounds: those that it takes where each sample that
-is not known yet is as bad, and as good, as can be (Deshmukh et al., "Robust online monitoring of signal temporal
-logic", RV 2015). Both are computed together, in arrays of the shape [instants, 2, rows].
+The robustness of a formula at an instant lies between two bounds: its values if each sample that is not yet known is as
+bad, and as good, as possible (Deshmukh et al., "Robust online monitoring of signal temporal logic", RV 2015). Both are
+computed together, in arrays of shape [instants, 2, rows].
 """
 
 from __future__ import annotations
@@ -35,15 +35,15 @@ class Bounds:
     """The bounds of a formula at all instants.
 
     Attributes:
-        values: Lower and upper bound at the instants from 0 on [instants, 2, rows].
-        beyond: The bounds at each instant after those [2, rows].
+            values: Lower and upper bounds at the instants from 0 on [instants, 2, rows].
+            beyond: The bounds at every later instant [2, rows].
     """
 
     values: Array
     beyond: Array
 
     def upto(self, instants: int) -> Array:
-        """Bounds at so many instants [instants, 2, rows]."""
+        """Return the bounds at the first `instants` instants [instants, 2, rows]."""
         missing = instants - len(self.values)
         if missing <= 0:
             return self.values[:instants]
@@ -51,14 +51,14 @@ class Bounds:
 
 
 def bounds(formula: Formula, samples: Sequence[Array], instants: int, rows: int, ended: bool) -> Bounds:
-    """What is known of a formula.
+    """Compute the bounds of a formula at all instants.
 
     Args:
         formula: The formula.
         samples: Robustness of each predicate [instants, rows].
         instants: Number of instants whose samples are known.
         rows: Number of rows.
-        ended: Whether the declared run ends with the last of them.
+        ended: Whether the declared run ends with the last of these instants.
     """
     return _Evaluation(samples, instants, rows, ended).bounds(formula)
 
@@ -115,7 +115,7 @@ class _Evaluation:
         return Bounds(sliding(ufunc, operand.upto(length + last)[first:], last - first + 1)[:length], operand.beyond)
 
     def _to_the_end(self, operand: Bounds, first: int, ufunc: np.ufunc, neutral: float, open_side: int) -> Bounds:
-        """A window that ends with the run, which may end now or go on for ever: each bound has the worse of both."""
+        """Evaluate a window to the end of the run, which may come now or never: each bound is the worse of the two."""
         known = operand.upto(self.instants)[first:]
         known = ufunc.accumulate(known[::-1])[::-1]
         if self.ended:
@@ -143,9 +143,9 @@ class _Evaluation:
         return Bounds(sliding(ufunc, before, last - first + 1), operand.beyond)
 
     def _until(self, formula: Until) -> Bounds:
-        """Combined from windows and an until that looks on without limit.
+        """Compute a bounded until from windows and an unbounded until.
 
-        That the one in a window is the lesser of the other and of "eventually right in the window": Donzé, Ferrère and
+        A bounded until is the minimum of the unbounded one and of "eventually right in the window": Donzé, Ferrère and
         Maler, "Efficient robust monitoring for STL", CAV 2013.
         """
         left, right = self.bounds(formula.left), self.bounds(formula.right)
@@ -154,7 +154,7 @@ class _Evaluation:
         some = length + first
         lefts, rights = left.upto(some), right.upto(some)
         values = np.empty((some + 1, 2, self.rows))
-        # After all that is known: the next instant is as good as any, or there is none.
+        # After the known instants: the next instant is as good as possible, or the run has ended.
         values[some] = right.beyond
         if last is None and self.ended:
             some = length = self.instants
@@ -163,7 +163,7 @@ class _Evaluation:
         for t in range(some - 1, -1, -1):
             np.maximum(rights[t], np.minimum(lefts[t], values[t + 1]), out=values[t])
         if last is None and not self.ended:
-            # The least is what it is if the run ends now.
+            # The lower bound is the value if the run ends now.
             values[self.instants :, 0] = -np.inf
             for t in range(self.instants - 1, -1, -1):
                 np.maximum(rights[t, 0], np.minimum(lefts[t, 0], values[t + 1, 0]), out=values[t, 0])
@@ -199,7 +199,7 @@ class _Evaluation:
 
 
 def _extremum(formula: Always | Eventually | Historically | Once) -> tuple[np.ufunc, float, int]:
-    """What combines samples, what stands for none, and which bound gets worse with each further sample."""
+    """Return the combining ufunc, its neutral element, and the bound that gets worse with each further sample."""
     if isinstance(formula, Always | Historically):
         return np.minimum, np.inf, 0
     return np.maximum, -np.inf, 1
