@@ -10,6 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from symaware_cli.geometry.vectors import lengths
+
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
@@ -188,3 +190,64 @@ class Proximity:
 
         distances: Array = np.asarray(cKDTree(positions).query(positions, k=2)[0])
         return float(distances[:, 1].min())
+
+
+def nearest_distances(positions: Array) -> Array:
+    """The distance from each body to the nearest other [m]; infinite where there is none.
+
+    Args:
+        positions: One row for each body [m]; shape (n, d). A body with a NaN is absent.
+    """
+    count = len(positions)
+    if count <= _ALL_PAIRS:
+        apart = (positions[:, None] - positions).reshape(count * count, -1)
+        distances = lengths(apart).reshape(count, count)
+        distances[np.isnan(distances)] = np.inf
+        np.fill_diagonal(distances, np.inf)
+        return np.asarray(distances.min(axis=1, initial=np.inf))
+    from scipy.spatial import cKDTree
+
+    least = np.full(count, np.inf)
+    present = np.flatnonzero(np.isfinite(positions).all(axis=1))
+    here = positions[present]
+    if len(here) > 1:
+        # The tree only says which body it is; of two at the same place, either may be the first.
+        found = np.asarray(cKDTree(here).query(here, k=2)[1])
+        other = np.where(found[:, 0] == np.arange(len(here)), found[:, 1], found[:, 0])
+        least[present] = lengths(here - here[other])
+    return least
+
+
+def closest_pair(positions: Array, first: Indices, second: Indices) -> tuple[float, int, int]:
+    """The least distance between a body of one set and another body of a second one, and the two bodies.
+
+    Args:
+        positions: One row for each body [m]; shape (n, d). A body with a NaN is absent.
+        first: The indices of the first set; shape (k,).
+        second: Those of the second; shape (m,). A body in both is not paired with itself.
+
+    Returns:
+        The distance [m], infinite if there is no pair, and the lowest indices that have it, the lesser first.
+    """
+    from scipy.spatial import cKDTree
+
+    present = np.isfinite(positions).all(axis=1)
+    first, second = first[present[first]], second[present[second]]
+    none = (float("inf"), -1, -1)
+    if not len(first) or not len(second):
+        return none
+    found, others = cKDTree(positions[second]).query(positions[first], k=[1, 2])
+    itself = (others < len(second)) & (second[np.minimum(others, len(second) - 1)] == first[:, None])
+    apart = np.where(itself, np.inf, found).min(axis=1)
+    if not np.isfinite(apart.min()):
+        return none
+    # The tree may round differently: what is nearly the least is computed again, against all.
+    candidates = first[apart <= apart.min() * (1.0 + 1e-9)]
+    best = none
+    for one in candidates.tolist():
+        distances = lengths(positions[second] - positions[one])
+        distances[second == one] = np.inf
+        least = float(distances.min())
+        other = int(second[distances == least].min())
+        best = min(best, (least, min(one, other), max(one, other)), key=lambda each: (each[0], each[1:]))
+    return best

@@ -59,6 +59,8 @@ Array = NDArray[np.float64]
 #: More steps than this are a slip of the pen: at a million steps a second they would take a quarter of an hour.
 _MOST_STEPS = 10**9
 
+#: Sections in which an entry can be checked where another one is wrong.
+_INDEPENDENT = ("faults", "specifications")
 
 _REFERENCES = {"bad-reference", "cyclic-parameter", "undefined-parameter"}
 
@@ -156,6 +158,7 @@ class _SimulationBuilder:
                 # Nobody knows what the rest means in another version of the format.
                 raise ScenarioError([problem for problem in document if problem.code == "wrong-version"])
             self._problems += document
+            document = self._sound_part(data, document)
         # The parts are made even where the document is broken elsewhere, so that one pass reports everything.
         seed = document.seed if isinstance(document, ScenarioDocument) else 0
         environment = self._environment(mapping(data.get("environment")))
@@ -193,6 +196,16 @@ class _SimulationBuilder:
         files = {**self._composition.files, **assets(document, self._folder)}
         return Built(document, simulation, steps, options, text, files, self._uses, transport)
 
+    def _sound_part(self, data: Mapping[str, Any], problems: list[Problem]) -> ScenarioDocument | list[Problem]:
+        """The document without its wrong entries, if these are in sections whose entries do not need each other."""
+        wrong = {tuple(problem.path.split(".")[:2]) for problem in problems}
+        if not all(len(each) == 2 and each[0] in _INDEPENDENT for each in wrong):
+            return problems
+        rest = {**data}
+        for section, name in wrong:
+            rest[section] = {key: entry for key, entry in rest[section].items() if key != name}
+        return validate(ScenarioDocument, rest, self._composition, (), self._factory.parameters)
+
     def _options(
         self,
         document: ScenarioDocument,
@@ -202,7 +215,11 @@ class _SimulationBuilder:
     ) -> RunOptions:
         """Check what is said about time and faults, and let the components know."""
         check = TimingCheck(
-            self._composition, environment, self._problems.append, document.regions, document.specifications
+            self._composition,
+            environment,
+            self._problems.append,
+            document.regions,
+            mapping(self._composition.data.get("specifications")),
         )
         for component_entry in component_entries:
             use = document.agents[component_entry.group.name].components[component_entry.name]

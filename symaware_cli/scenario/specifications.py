@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from itertools import combinations, product
+from itertools import combinations, islice, product
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from symaware_cli.scenario.source import Path
 from symaware_cli.scenario.specification_section import SpecificationUse
 from symaware_cli.scenario.timing_check import TimingCheck, trigger_of
 from symaware_cli.specification.automaton import Automaton, AutomatonError
+from symaware_cli.specification.closest_pair import ClosestPairScope, check_least
 from symaware_cli.specification.columns import COLUMN_FUNCTIONS, KindError
 from symaware_cli.specification.expression import FUNCTIONS
 from symaware_cli.specification.formulation import Formulation, formulate
@@ -30,7 +31,7 @@ from symaware_cli.specification.specification import Specification
 from symaware_cli.specification.token import ExpressionError
 from symaware_cli.specification.units import check_units
 
-#: The most pairs of which there is a verdict each.
+#: The most pairs of which there is a verdict each; of more the closest stands for all.
 MOST_PAIRS = 10_000
 
 
@@ -144,38 +145,49 @@ class SpecificationBuilder:
             return kind(self._groups[use.each], self._world, groups, self._regions)
         if use.pairs is None:
             return WorldColumns(self._world, groups, self._regions, self._parts)
-        pairs = self._pairs(use.pairs, (*path, "pairs"))
-        return None if pairs is None else PairScope(pairs, self._world, groups, self._regions)
+        return self._pair_scope(use.pairs, (*path, "pairs"))
 
-    def _pairs(self, said: str | Sequence[tuple[str, str]], path: Path) -> Sequence[tuple[str, str]] | None:
-        """The ids of the pairs; None after a problem."""
+    def _pair_scope(self, said: str | Sequence[tuple[str, str]], path: Path) -> Scope | None:
+        """The scope of pairs of agents; None after a problem."""
+        sets = self._pairs(said, path)
+        if sets is None:
+            return None
+        groups = list(self._groups.values())
         if isinstance(said, str):
-            if said not in self._groups:
-                self._unknown(said, "group", path, self._groups)
-                return None
-            found = list(combinations(self._groups[said].ids, 2))
+            every = iter(combinations(sets[0][0], 2))
         else:
-            known = {**{name: group.ids for name, group in self._groups.items()}, **{id: (id,) for id in self._ids}}
-            wrong = [
-                (number, place, name)
-                for number, pair in enumerate(said)
-                for place, name in enumerate(pair)
-                if name not in known
-            ]
-            for number, place, name in wrong:
-                self._unknown(name, "agent or group", (*path, number, place), known)
-            if wrong:
-                return None
-            every = [pair for first, second in said for pair in product(known[first], known[second])]
-            found = list(dict.fromkeys(pair for pair in every if pair[0] != pair[1]))
+            every = (pair for first, second in sets for pair in product(first, second) if pair[0] != pair[1])
+        found = dict.fromkeys(islice(every, MOST_PAIRS))
+        # The same pair may be named several times.
+        while len(found) <= MOST_PAIRS and (more := next(every, None)) is not None:
+            found[more] = None
         if not found:
             self._report("invalid-value", "there is no pair: it takes two agents", path, expected="two agents")
             return None
         if len(found) > MOST_PAIRS:
-            said_count = f"there are {len(found):,} pairs, and a verdict for each of {MOST_PAIRS:,} at most"
-            self._report("invalid-value", said_count, path, expected="`nearest` in a specification with `each`")
-            return None
-        return found
+            return ClosestPairScope(sets, self._world, groups, self._regions)
+        return PairScope(list(found), self._world, groups, self._regions)
+
+    def _pairs(
+        self, said: str | Sequence[tuple[str, str]], path: Path
+    ) -> Sequence[tuple[Sequence[str], Sequence[str]]] | None:
+        """Sets of ids that are paired with each other; None after a problem."""
+        if isinstance(said, str):
+            if said not in self._groups:
+                self._unknown(said, "group", path, self._groups)
+                return None
+            ids = self._groups[said].ids
+            return [(ids, ids)]
+        known = {**{name: group.ids for name, group in self._groups.items()}, **{id: (id,) for id in self._ids}}
+        wrong = [
+            (number, place, name)
+            for number, pair in enumerate(said)
+            for place, name in enumerate(pair)
+            if name not in known
+        ]
+        for number, place, name in wrong:
+            self._unknown(name, "agent or group", (*path, number, place), known)
+        return None if wrong else [(known[first], known[second]) for first, second in said]
 
     def _formulation(self, use: SpecificationUse, scope: Scope, path: Path) -> Formulation | None:
         """The formula, with the definitions under `where`; None after a problem."""
@@ -190,6 +202,12 @@ class SpecificationBuilder:
                 return None
             definitions[name] = tree[0]
         found = self._tree(use.formula, scope, definitions, (*path, "formula"))
+        if found is not None and isinstance(scope, ClosestPairScope):
+            try:
+                check_least(found[0])
+            except ExpressionError as error:
+                self._check.expression_problem(use.formula, (*path, "formula"), error)
+                return None
         return None if found is None else found[1]
 
     def _tree(

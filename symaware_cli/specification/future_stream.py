@@ -49,7 +49,8 @@ class AheadStream(Stream):
             return None
         at = self._operand.exact
         if self._window is not None:
-            self._starts.extend(at, value)
+            if not self._starts.are_over:
+                self._starts.extend(at, value)
             value = self._window.push(value)
         if at < self._last:
             return None

@@ -76,7 +76,8 @@ class Monitor:
         """
         now = self.instants
         self.instants = now + 1
-        self._reasons = {}
+        if self._reasons:
+            self._reasons = {}
         samples: list[Any] = (
             [each.item() for each in values] if self._clock.single else [np.array(each) for each in values]
         )
@@ -117,9 +118,12 @@ class Monitor:
             horizon it is known at the end of the run; NaN where the run ended too early.
         """
         first, known = self._told, self._known
+        if not known:
+            return first, np.empty((0, self.rows))
         self._told += len(known)
         self._known = []
-        return first, np.array(known, float).reshape(-1, self.rows)
+        found: Array = np.array(known)
+        return first, found[:, None] if found.ndim == 1 else found
 
     def select(self, rows: NDArray[np.intp]) -> Monitor:
         """Return a monitor of some rows, with their history."""

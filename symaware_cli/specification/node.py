@@ -6,7 +6,7 @@ Every node has a span: the characters of the text that it was parsed from.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import Literal, TypeAlias
 
 #: Start and end in characters.
@@ -129,3 +129,15 @@ def walk(node: Node) -> Iterator[Node]:
         for child in value if isinstance(value, tuple) else (value,):
             if isinstance(child, Node):
                 yield from walk(child)
+
+
+def moved(node: Node, span: Span) -> Node:
+    """The same tree with one span for all its nodes: that of the name which stands for it in another text."""
+    changes: dict[str, object] = {"span": span}
+    for each in fields(node):
+        value = getattr(node, each.name)
+        if isinstance(value, Node):
+            changes[each.name] = moved(value, span)
+        elif isinstance(value, tuple) and each.name != "span":
+            changes[each.name] = tuple(moved(item, span) if isinstance(item, Node) else item for item in value)
+    return replace(node, **changes)

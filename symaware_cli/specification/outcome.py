@@ -158,10 +158,9 @@ def outcome_of(
     row = int(known.argmin()) if len(known) and np.isfinite(known.min()) else None
     decided = [each for each in decisions if worst and each.satisfied == (worst > 0)]
     decision = min(decided, key=lambda each: each.severity, default=None)
-    if decision is not None and worst < 0:
+    who = agents(row) if row is not None else ()
+    if decision is not None and (worst < 0 or not who):
         who = decision.agents
-    else:
-        who = agents(row) if row is not None else ()
     return Outcome(
         name=name,
         formula=formula,

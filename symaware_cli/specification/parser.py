@@ -25,6 +25,7 @@ from symaware_cli.specification.node import (
     Span,
     Temporal,
     Vector,
+    moved,
 )
 from symaware_cli.specification.token import ExpressionError, Token, tokens
 
@@ -265,7 +266,7 @@ class _Parser:
         if self._is("("):
             return self._call(token)
         if name in self._definitions:
-            return self._definitions[name]
+            return moved(self._definitions[name], token.span)
         if name in self._names:
             return Name(token.span, name)
         if name in self._functions:

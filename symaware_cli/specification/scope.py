@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.core import AgentGroup, EntityGroup, Snapshot, seconds
+from symaware_cli.geometry.proximity import nearest_distances
 from symaware_cli.geometry.region import Region
 from symaware_cli.geometry.vectors import lengths
 from symaware_cli.specification.formula import Array
@@ -111,6 +112,11 @@ class Scope(ABC):
     def agents(self, row: int) -> tuple[str, ...]:
         """Return the ids of the agents that a row is about."""
 
+    @property
+    def momentary_agents(self) -> tuple[str, ...]:
+        """The ids of the agents that the only row is about at the instant of the last `look_up`, if they change."""
+        return ()
+
     def look_up(self, name: str) -> Any:
         """Return the values of a name for all rows."""
         if name == "time":
@@ -203,14 +209,9 @@ class AgentScope(Scope):
 
     def _nearest(self) -> Array:
         """Return the distance of each agent to the nearest other [m], between centres; infinity if there is none."""
-        positions = self._world.snapshot().positions
-        start = self._world.snapshot().roster.start(self.group.name)
-        least = np.full(self.rows, np.inf)
-        for row in range(self.rows):
-            apart = lengths(positions - positions[start + row])
-            apart[start + row] = np.inf
-            least[row] = np.nanmin(apart, initial=np.inf)
-        return least
+        snapshot = self._world.snapshot()
+        start = snapshot.roster.start(self.group.name)
+        return nearest_distances(snapshot.positions)[start : start + self.rows]
 
 
 class BeliefScope(AgentScope):

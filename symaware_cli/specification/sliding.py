@@ -146,7 +146,8 @@ class Starts:
     """The extremum so far of each window ahead that has begun and not ended, by the instant it belongs to.
 
     Attributes:
-            end: The instant after the last one whose window has begun.
+        end: The instant after the last one whose window has begun.
+        are_over: Whether the last window that is asked for has ended.
     """
 
     def __init__(self, first: int, last: int, greatest: bool, final: int | None, rows: int, dtype: type) -> None:
@@ -166,6 +167,7 @@ class Starts:
         self._final = final
         self._single = rows == 1
         self._gone = 0
+        self.are_over = final == -1
         self._extrema = History(rows, dtype=dtype)
         #: For a single row the values are kept instead, since their extrema are seldom read.
         self._values = Recent()
@@ -174,7 +176,7 @@ class Starts:
     def extend(self, at: int, value: Any) -> None:
         """Add the value of an instant."""
         begun, final = at - self._first, self._final
-        if begun < 0 or (final is not None and self._gone > final):
+        if begun < 0 or self.are_over:
             return
         if final is None or begun <= final:
             self.end = begun + 1
@@ -195,6 +197,7 @@ class Starts:
                 extrema.append(value)
             extrema.drop(min(gone, extrema.end))
         self._gone = gone
+        self.are_over = final is not None and gone > final
 
     def between(self, begin: int, end: int) -> Values | None:
         """Return the extrema of the windows of a range of instants [instants, rows]; None if none has begun."""
@@ -228,19 +231,20 @@ class Extremum:
 
     def push(self, value: Any) -> Any:
         """Add a value and return the extremum of the window."""
-        block = self._block
-        better = EXTREMA[self._single][self._greatest]
-        beginning = self._beginning
-        if not block:
+        block, beginning, greatest = self._block, self._beginning, self._greatest
+        # Numbers are compared here, which takes half as long as `min` and `max`.
+        if not block or (self._single and (value > beginning) is greatest):
             beginning = value
         elif not self._single:
-            beginning = better(beginning, value)
-        elif (value > beginning) is self._greatest:
-            beginning = value
+            beginning = EXTREMA[False][greatest](beginning, value)
         block.append(value)
         if len(block) < self._width:
             self._beginning = beginning
-            return better(self._ends[len(block)], beginning)
+            end = self._ends[len(block)]
+            if self._single:
+                return end if (end > beginning) is greatest else beginning
+            return EXTREMA[False][greatest](end, beginning)
+        better = EXTREMA[self._single][greatest]
         self._ends = list(accumulate(reversed(block), better))
         self._ends.reverse()
         self._block = []

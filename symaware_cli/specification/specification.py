@@ -170,6 +170,7 @@ class SpecificationMonitor:
         self._cohorts: list[_Cohort] = []
         self._ended = _Worst(count)
         self._exact: list[Exact] = []
+        self._momentary_agents: dict[int, tuple[str, ...]] = {}
         self.decisions: list[Decision] = []
 
     def look(self, now: int) -> Sequence[Decision]:
@@ -191,6 +192,8 @@ class SpecificationMonitor:
         self._arrive(present, now)
         if self._cohorts:
             values = self._values(present)
+            if agents := specification.scope.momentary_agents:
+                self._momentary_agents[now] = agents
             for cohort in self._cohorts:
                 whole = len(cohort.rows) == specification.scope.rows
                 cohort.monitor.update(values if whole else [each[cohort.rows] for each in values])
@@ -354,13 +357,14 @@ class SpecificationMonitor:
             # No single sample decides a path through an automaton, and an empty run has none.
             now = self._now if specification.automaton is not None else None
             return Decision(specification.name, agents, satisfied, "", specification.text, now, np.inf, satisfied)
+        instant = cohort.start + reason.instant * self._time_step
         return Decision(
             specification=specification.name,
-            agents=agents,
+            agents=agents or self._momentary_agents.get(instant, ()),
             satisfied=satisfied,
             predicate=specification.formulation.atoms[reason.predicate].text,
             formula=printed(subformula(tree, reason.path[:-1])),
-            instant=cohort.start + reason.instant * self._time_step,
+            instant=instant,
             robustness=float(plain(np.asarray(reason.robustness))),
             holds=reason.robustness > 0.0,
         )

@@ -188,19 +188,20 @@ class Together:
         self.reach = max(each.reach for each in operands)
         self._last = last
         self._early = [None if each.horizon == self.horizon else Recent() for each in operands]
+        #: Of each that is known early, by how many steps.
+        self._ahead = [(self.horizon or 0) - (each.horizon or 0) for each in operands]
 
     def push(self, samples: Sequence[Any]) -> list[Any] | None:
         """Push samples; return the exact values of all operands at the next common instant, if all are known."""
         found: list[Any] = []
-        horizon = self.horizon
-        for operand, early in zip(self.operands, self._early, strict=False):
+        for operand, early, ahead in zip(self.operands, self._early, self._ahead, strict=True):
             value = operand.push(samples)
             if value is None:
                 continue
             if early is None:
                 found.append(value)
-            elif horizon is not None:
-                value = early.delayed(value, horizon - (operand.horizon or 0))
+            elif self.horizon is not None:
+                value = early.delayed(value, ahead)
                 if value is not None:
                     found.append(value)
             elif self._last is None or early.end <= self._last:
@@ -240,7 +241,8 @@ class JunctionStream(Stream):
         if found is None:
             return None
         self.exact += 1
-        return reduce(EXTREMA[self.clock.single][self._greatest], found)
+        better = EXTREMA[self.clock.single][self._greatest]
+        return better(found[0], found[1]) if len(found) == 2 else reduce(better, found)
 
     def bound(self, side: int, begin: int, end: int) -> Values | None:
         """See the base class."""
