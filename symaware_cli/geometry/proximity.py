@@ -192,6 +192,38 @@ class Proximity:
         return float(distances[:, 1].min())
 
 
+class ClosestPair:
+    """Finds the closest pair among bodies that move a little each time.
+
+    The pair that was the closest before bounds the distance within which the closest one is now.
+    """
+
+    def __init__(self) -> None:
+        self._proximity = Proximity()
+        self._last: tuple[int, int] | None = None
+
+    def __call__(self, positions: Array) -> tuple[float, int, int]:
+        """Return the least distance [m], infinite if there is no pair, and the lowest indices that have it.
+
+        Args:
+            positions: One row for each body [m]; shape (n, d). A body with a NaN is absent. Not changed in place.
+        """
+        present: NDArray[np.bool_] = np.asarray(np.isfinite(positions).all(axis=1))
+        known = self._proximity.present
+        if known is None or not np.array_equal(known, present):
+            self._proximity.present, self._last = present, None
+        if self._last is None:
+            reach = float(nearest_distances(positions).min(initial=np.inf))
+        else:
+            one, other = self._last
+            reach = float(lengths(positions[[one]] - positions[[other]])[0])
+        if not np.isfinite(reach):
+            return float("inf"), -1, -1
+        pairs = self._proximity.pairs(positions, reach * (1.0 + 1e-9))
+        self._last = int(pairs.first[pairs.closest]), int(pairs.second[pairs.closest])
+        return pairs.least, *self._last
+
+
 def nearest_distances(positions: Array) -> Array:
     """The distance from each body to the nearest other [m]; infinite where there is none.
 
@@ -219,7 +251,7 @@ def nearest_distances(positions: Array) -> Array:
 
 
 def closest_pair(positions: Array, first: Indices, second: Indices) -> tuple[float, int, int]:
-    """The least distance between a body of one set and another body of a second one, and the two bodies.
+    """Find the least distance between a body of one set and another body of a second one.
 
     Args:
         positions: One row for each body [m]; shape (n, d). A body with a NaN is absent.
@@ -231,7 +263,7 @@ def closest_pair(positions: Array, first: Indices, second: Indices) -> tuple[flo
     """
     from scipy.spatial import cKDTree
 
-    present = np.isfinite(positions).all(axis=1)
+    present: NDArray[np.bool_] = np.asarray(np.isfinite(positions).all(axis=1))
     first, second = first[present[first]], second[present[second]]
     none = (float("inf"), -1, -1)
     if not len(first) or not len(second):

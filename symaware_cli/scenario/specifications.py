@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from itertools import combinations, islice, product
 
 import numpy as np
@@ -153,6 +153,7 @@ class SpecificationBuilder:
         if sets is None:
             return None
         groups = list(self._groups.values())
+        every: Iterator[tuple[str, str]]
         if isinstance(said, str):
             every = iter(combinations(sets[0][0], 2))
         else:

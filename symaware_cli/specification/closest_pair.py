@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.core import EntityGroup
-from symaware_cli.geometry.proximity import closest_pair
+from symaware_cli.geometry.proximity import ClosestPair, closest_pair
 from symaware_cli.geometry.region import Region
+from symaware_cli.specification.formula import Array
 from symaware_cli.specification.node import (
     Arithmetic,
     Call,
@@ -59,6 +60,8 @@ class ClosestPairScope(Scope):
         super().__init__(1, world, groups, regions)
         self._pairs = pairs
         self._indices: list[tuple[NDArray[np.intp], NDArray[np.intp]]] = []
+        #: For each set that is paired with itself.
+        self._within = [ClosestPair() for _ in pairs]
         self._closest: tuple[str, ...] = ()
 
     def agents(self, row: int) -> tuple[str, ...]:
@@ -80,10 +83,17 @@ class ClosestPairScope(Scope):
                 (np.array([index[id] for id in first], np.intp), np.array([index[id] for id in second], np.intp))
                 for first, second in self._pairs
             ]
-        found = min(closest_pair(snapshot.positions, first, second) for first, second in self._indices)
-        distance, *pair = found
+        found = (self._closest_of(number, snapshot.positions) for number in range(len(self._indices)))
+        distance, *pair = min(found)
         self._closest = tuple(snapshot.roster.ids[each] for each in pair) if np.isfinite(distance) else ()
         return np.array([distance])
+
+    def _closest_of(self, number: int, positions: Array) -> tuple[float, int, int]:
+        first, second = self._indices[number]
+        if not np.array_equal(first, second):
+            return closest_pair(positions, first, second)
+        distance, one, other = self._within[number](positions[first])
+        return distance, int(first[one]), int(first[other])
 
 
 def check_least(tree: Node) -> None:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields, replace
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 #: Start and end in characters.
 Span: TypeAlias = tuple[int, int]
@@ -133,7 +133,7 @@ def walk(node: Node) -> Iterator[Node]:
 
 def moved(node: Node, span: Span) -> Node:
     """The same tree with one span for all its nodes: that of the name which stands for it in another text."""
-    changes: dict[str, object] = {"span": span}
+    changes: dict[str, Any] = {"span": span}
     for each in fields(node):
         value = getattr(node, each.name)
         if isinstance(value, Node):

@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from symaware_cli import open_log
-from symaware_cli.geometry.proximity import closest_pair, nearest_distances
+from symaware_cli.geometry.proximity import ClosestPair, closest_pair, nearest_distances
 from symaware_cli.geometry.vectors import lengths
 from symaware_cli.scenario import specifications
 from symaware_cli.scenario.build import build
@@ -58,6 +58,18 @@ def test_the_closest_pair_is_the_one_with_the_least_distance(seed: int) -> None:
         if a != b and np.isfinite(positions[[a, b]]).all()
     ]
     assert closest_pair(positions, first, second) == min(pairs, default=(np.inf, -1, -1))
+
+
+@pytest.mark.parametrize("count", [2, 50, 200])
+def test_the_closest_pair_of_bodies_that_move_enter_and_leave_is_the_one_with_the_least_distance(count: int) -> None:
+    generator = np.random.default_rng(count)
+    positions, find = generator.normal(size=(count, 2)), ClosestPair()
+    for step in range(200):
+        positions = positions + generator.normal(scale=0.02 if step % 50 else 1.0, size=(count, 2))
+        given = positions.copy()
+        given[: (step // 30) % 3] = np.nan
+        every = np.arange(count)
+        assert find(given) == closest_pair(given, every, every)
 
 
 SCENARIO: dict[str, Any] = {
