@@ -191,7 +191,7 @@ def _specification(message: Any, channel: ChannelInfo) -> None:
         raise ValueError(f"row {max((*rows, *exact))} of {count}")
     if message.verdicts and len(message.verdicts) != (len(rows) or count):
         raise ValueError(f"{len(message.verdicts)} verdicts of {len(rows) or count} rows")
-    if any(code > 3 for code in message.verdicts):
+    if any(code > 5 for code in message.verdicts):
         raise ValueError(f"there is no verdict {max(message.verdicts)}")
     if any(len(each) not in (0, len(message.verdicts)) for each in (message.lower, message.upper)):
         raise ValueError("the interval is not that of the rows with verdicts")

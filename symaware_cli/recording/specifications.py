@@ -24,10 +24,13 @@ TOPIC = "/specifications/{}"
 #: The most numbers of robustness in one message.
 _MOST = 8_192
 
-#: How verdicts are written; what is about somebody who was never there has one of its own.
+#: The codes of verdicts, and of undecided verdicts of linear temporal logic that are presumed to be so.
 _CODES = {0: 0, 1: 1, -1: 2}
-_VERDICTS = {0: 0, 1: 1, 2: -1, 3: 0}
-_NEVER_THERE = 3
+_PRESUMED_CODES = {1: 4, -1: 5}
+#: The code of a row that has not begun.
+_NOT_BEGUN = 3
+#: The verdict and the presumption of each code.
+_DECODED = {0: (0, 0), 1: (1, 0), 2: (-1, 0), _NOT_BEGUN: (0, 0), 4: (0, 1), 5: (0, -1)}
 
 
 class SpecificationRecorder:
@@ -64,7 +67,7 @@ class SpecificationRecorder:
         """Write what changed of a specification, at an instant in nanoseconds."""
         name = monitor.specification.name
         channel, last = self._channels[name], self._last.get(name)
-        state = monitor.verdicts, monitor.lower, monitor.upper, monitor.begun.copy()
+        state = _codes(monitor), monitor.lower, monitor.upper
         if last is None:
             changed = np.ones(len(state[0]), bool)
         else:
@@ -74,12 +77,8 @@ class SpecificationRecorder:
         if changed.any():
             self._last[name] = state
             rows = None if changed.all() else np.flatnonzero(changed)
-            verdicts, lower, upper, begun = (each if rows is None else each[rows] for each in state)
-            codes = bytes(
-                _CODES[verdict] if there else _NEVER_THERE
-                for verdict, there in zip(verdicts.tolist(), begun.tolist(), strict=True)
-            )
-            head = v1.Specification(verdicts=codes).SerializeToString(deterministic=True)
+            codes, lower, upper = (each if rows is None else each[rows] for each in state)
+            head = v1.Specification(verdicts=codes.tobytes()).SerializeToString(deterministic=True)
             body = _field(1, rows, INDEX)
             if monitor.specification.interval:
                 body += packed(3, lower, FLOAT) + packed(4, upper, FLOAT)
@@ -91,6 +90,18 @@ class SpecificationRecorder:
                 part = slice(first, first + some)
                 times, values = packed(5, exact.times[part], TIME), packed(7, exact.values[part].ravel(), FLOAT)
                 self._writer.add(channel, now, times + _field(6, rows, INDEX) + values)
+
+
+def _codes(monitor: SpecificationMonitor) -> NDArray[np.uint8]:
+    """The code of each row's verdict."""
+    codes = np.full(len(monitor.verdicts), _NOT_BEGUN, np.uint8)
+    for verdict, code in _CODES.items():
+        codes[monitor.begun & (monitor.verdicts == verdict)] = code
+    presumptions = monitor.presumptions
+    if presumptions is not None:
+        for verdict, code in _PRESUMED_CODES.items():
+            codes[(codes == _CODES[0]) & (presumptions == verdict)] = code
+    return codes
 
 
 def _field(number: int, values: ArrayLike | None, dtype: np.dtype[Any]) -> bytes:
@@ -137,6 +148,8 @@ class LoggedSpecification:
         end: The last instant that counts, ns; None for the end of the run.
         times: When verdicts or intervals changed, ns; shape (k,).
         verdicts: 1 satisfied, -1 violated, 0 undecided; shape (k, rows).
+        presumptions: 1 or -1 for what an undecided verdict of linear temporal logic would be if the run ended then; 0
+            for others; shape (k, rows).
         begun: Which rows were ever there; shape (rows,).
         lower: The least that the robustness can turn out to be; shape (k, rows), minus infinity where not computed.
         upper: The greatest; shape (k, rows).
@@ -154,6 +167,7 @@ class LoggedSpecification:
     end: int | None
     times: NDArray[np.int64]
     verdicts: NDArray[np.int8]
+    presumptions: NDArray[np.int8]
     begun: NDArray[np.bool_]
     lower: NDArray[np.float64]
     upper: NDArray[np.float64]
@@ -194,7 +208,16 @@ def outcome_in(logged: LoggedSpecification, events: Iterable[LoggedEvent]) -> Ou
         np.where(lower == upper, upper, np.nan),
         upper,
         [Decision.from_json(event.data) for event in events if event.source == f"specifications.{logged.name}"],
+        _presumption(logged, begun),
     )
+
+
+def _presumption(logged: LoggedSpecification, begun: NDArray[np.intp]) -> int | None:
+    """The worst verdict of some rows if the run ended with the log; None where that is not known."""
+    if not len(logged.verdicts) or not len(begun) or not logged.presumptions[:, begun].any():
+        return None
+    verdicts = logged.verdicts[-1][begun]
+    return int(np.where(verdicts == 0, logged.presumptions[-1][begun], verdicts).min())
 
 
 def logged(name: str, metadata: Mapping[str, str], messages: Iterable[_Message]) -> LoggedSpecification:
@@ -212,7 +235,8 @@ def logged(name: str, metadata: Mapping[str, str], messages: Iterable[_Message])
     if missing:
         raise ValueError(f"the metadata lack {', '.join(sorted(missing))}")
     rows = _rows(metadata)
-    state = np.zeros(len(rows), np.int8), np.full(len(rows), -np.inf), np.full(len(rows), np.inf)
+    none = np.zeros(len(rows), np.int8)
+    state = none, np.full(len(rows), -np.inf), np.full(len(rows), np.inf), none
     times: list[int] = []
     history: list[tuple[NDArray[Any], ...]] = []
     begun = np.zeros(len(rows), bool)
@@ -221,9 +245,10 @@ def logged(name: str, metadata: Mapping[str, str], messages: Iterable[_Message])
         content = message.decode()
         if content.verdicts:
             chosen = list(content.rows) or slice(None)
-            state = state[0].copy(), state[1].copy(), state[2].copy()
-            state[0][chosen] = [_VERDICTS[code] for code in content.verdicts]
-            begun[chosen] |= np.frombuffer(content.verdicts, np.uint8) != _NEVER_THERE
+            state = state[0].copy(), state[1].copy(), state[2].copy(), state[3].copy()
+            decoded = [_DECODED[code] for code in content.verdicts]
+            state[0][chosen], state[3][chosen] = zip(*decoded, strict=True)
+            begun[chosen] |= np.frombuffer(content.verdicts, np.uint8) != _NOT_BEGUN
             if content.lower:
                 state[1][chosen], state[2][chosen] = content.lower, content.upper
             if times and times[-1] == message.time:
@@ -237,7 +262,7 @@ def logged(name: str, metadata: Mapping[str, str], messages: Iterable[_Message])
             for instant, value in zip(content.times, values, strict=True):
                 exact.setdefault(instant, np.full(len(rows), np.nan))[list(own)] = value
     instants = sorted(exact)
-    columns = [np.array([each[place] for each in history]).reshape(len(times), len(rows)) for place in range(3)]
+    columns = [np.array([each[place] for each in history]).reshape(len(times), len(rows)) for place in range(4)]
     return LoggedSpecification(
         name=name,
         formula=metadata["formula"],
@@ -249,6 +274,7 @@ def logged(name: str, metadata: Mapping[str, str], messages: Iterable[_Message])
         end=int(metadata["end"]) if metadata["end"] else None,
         times=np.array(times, np.int64),
         verdicts=columns[0].astype(np.int8),
+        presumptions=columns[3].astype(np.int8),
         begun=begun,
         lower=columns[1].astype(float),
         upper=columns[2].astype(float),

@@ -228,13 +228,21 @@ class SpecificationMonitor:
         return int(seen.min()) if len(seen) else 0
 
     @property
-    def presumption(self) -> int | None:
-        """The worst verdict if the run ended now, for linear temporal logic; None for other formulas."""
-        if self.specification.automaton is None or not self.begun.any():
+    def presumptions(self) -> NDArray[np.int8] | None:
+        """The verdict of each row if the run ended now, of linear temporal logic; shape (rows,). None for others."""
+        if self.specification.automaton is None:
             return None
-        monitors = [cohort.monitor for cohort in self._cohorts]
-        found = [int(each.presumption.min()) for each in monitors if isinstance(each, AutomatonMonitor)]
-        return min([*found, self.verdict or 1])
+        found: NDArray[np.int8] = np.where(self.verdicts == 0, np.int8(1), self.verdicts)
+        for cohort in self._cohorts:
+            if isinstance(cohort.monitor, AutomatonMonitor):
+                found[cohort.rows] = np.minimum(found[cohort.rows], cohort.monitor.presumption)
+        return found
+
+    @property
+    def presumption(self) -> int | None:
+        """The worst verdict if the run ended now, of a formula of linear temporal logic; None for others."""
+        presumptions = self.presumptions
+        return None if presumptions is None or not self.begun.any() else int(presumptions[self.begun].min())
 
     @property
     def outcome(self) -> Outcome:

@@ -108,14 +108,17 @@ def test_linear_temporal_logic(ran: Ran, formula: str, verdict: str, counts: tup
 def test_what_is_undecided_is_presumed_where_a_run_breaks_off(tmp_path: Path) -> None:
     stated = {"it": {"each": "robot", "logic": "ltl", "formula": "always (x < 1 or eventually x > 3.9)"}}
     (tmp_path / "line.yaml").write_text(yaml.safe_dump({**SCENARIO, "specifications": stated}, sort_keys=False))
-    with prepared(build(tmp_path / "line.yaml"), None, may_exit=False) as run:
-        said = []
+    with prepared(build(tmp_path / "line.yaml"), tmp_path / "line.mcap", may_exit=False) as run:
+        presumed = []
         for steps in (1, 3):
             run.advance(steps)
-            said.append(run.summary.specifications[0].presumably)
+            presumed.append(run.summary.specifications[0].presumably)
         run.leave("enough")
-    assert said == ["satisfied", "violated"]
+    assert presumed == ["satisfied", "violated"]
     assert str(run.summary.specifications[0]) == "it by 2 of 2, presumably violated"
+    log = open_log(tmp_path / "line.mcap")
+    assert log.outcomes == run.summary.specifications
+    assert log.specifications["it"].presumptions.tolist()[-1] == [-1, 1]
 
 
 @pytest.mark.parametrize("formula", ["always[0, 3] x < 9", "once x > 1"])
