@@ -35,11 +35,13 @@ from symaware_cli.specification.parser import parse
 from symaware_cli.specification.region import PlacedRegion
 from symaware_cli.specification.token import ExpressionError
 
-__all__ = ["FUNCTIONS", "EvaluationError", "Expression", "ExpressionError", "Lookup"]
+__all__ = ["FUNCTIONS", "EvaluationError", "Expression", "ExpressionError", "Functions", "Lookup"]
 
 #: Returns the value of a name.
 Lookup = Callable[[str], Any]
 _Evaluate = Callable[[Lookup], Any]
+#: The functions an expression may call: number of arguments (None for any number but 0) and implementation.
+Functions = Mapping[str, tuple[int | None, Callable[..., Any]]]
 
 #: Maximum length of a condition, in characters.
 _LONGEST = 500
@@ -60,17 +62,19 @@ class Expression:
 
     __slots__ = ("_evaluate", "names", "text", "tree")
 
-    def __init__(self, text: str, names: Collection[str]) -> None:
+    def __init__(self, text: str, names: Collection[str], functions: Functions | None = None) -> None:
         """Parse an expression.
 
         Args:
-                text: The text.
-                names: The names it may refer to.
+            text: The text.
+            names: The names it may refer to.
+            functions: The functions it may call; `FUNCTIONS` by default.
 
         Raises:
-                ExpressionError: The text is not a valid expression.
+            ExpressionError: The text is not a valid expression.
         """
-        tree = parse(text, names, {name: count for name, (count, _) in FUNCTIONS.items()}, longest=_LONGEST)
+        functions = FUNCTIONS if functions is None else functions
+        tree = parse(text, names, {name: count for name, (count, _) in functions.items()}, longest=_LONGEST)
         for node in walk(tree):
             if isinstance(node, Temporal):
                 raise ExpressionError(
@@ -78,7 +82,7 @@ class Expression:
                 )
         self.text = text
         self.tree = tree
-        self._evaluate = _evaluator(tree)
+        self._evaluate = _evaluator(tree, functions)
         self.names = tuple(sorted({node.name for node in walk(tree) if isinstance(node, Name)}))
 
     def value(self, lookup: Lookup) -> Any:
@@ -155,8 +159,8 @@ def _numeric_function(call: Callable[..., Any]) -> Callable[..., Any]:
     return lambda *values: call(*map(_numeric, values))
 
 
-#: The functions of expressions: number of arguments (None for any number but 0) and implementation.
-FUNCTIONS: Mapping[str, tuple[int | None, Callable[..., Any]]] = {
+#: The functions of conditions.
+FUNCTIONS: Functions = {
     "abs": (1, _numeric_function(np.abs)),
     "all": (1, lambda values: bool(np.all(values))),
     "any": (1, lambda values: bool(np.any(values))),
@@ -198,7 +202,7 @@ def _equal(one: Any, other: Any) -> Any:
     return one == other
 
 
-def _evaluator(node: Node) -> _Evaluate:
+def _evaluator(node: Node, functions: Functions) -> _Evaluate:
     """Compile a syntax tree into a function of the lookup."""
     match node:
         case Constant(value=value):
@@ -206,34 +210,35 @@ def _evaluator(node: Node) -> _Evaluate:
         case Name(name=name):
             return lambda lookup: lookup(name)
         case Junction():
-            return _junction(node)
+            return _junction(node, functions)
         case Not(operand=operand):
-            inner = _evaluator(operand)
+            inner = _evaluator(operand, functions)
             return lambda lookup: not _truth(inner(lookup))
         case Sign(operator=sign, operand=operand):
-            inner = _evaluator(operand)
+            inner = _evaluator(operand, functions)
             if sign == "+":
                 return lambda lookup: _numeric(inner(lookup))
             return lambda lookup: -_numeric(inner(lookup))
         case Arithmetic():
-            call, left, right = _ARITHMETIC[node.operator], _evaluator(node.left), _evaluator(node.right)
+            call = _ARITHMETIC[node.operator]
+            left, right = _evaluator(node.left, functions), _evaluator(node.right, functions)
             return lambda lookup: call(_numeric(left(lookup)), _numeric(right(lookup)))
         case Comparison():
-            return _comparison(node)
+            return _comparison(node, functions)
         case Call():
-            function, parts = FUNCTIONS[node.function][1], [_evaluator(each) for each in node.arguments]
+            function, parts = functions[node.function][1], [_evaluator(each, functions) for each in node.arguments]
             return lambda lookup: function(*[part(lookup) for part in parts])
         case Element(operand=operand, key=key):
-            inner = _evaluator(operand)
+            inner = _evaluator(operand, functions)
             return lambda lookup: _item(inner(lookup), key)
         case Vector():
-            parts = [_evaluator(each) for each in node.items]
+            parts = [_evaluator(each, functions) for each in node.items]
             return lambda lookup: np.array([_numeric(part(lookup)) for part in parts])
     raise TypeError(f"{type(node).__name__} has no value at one instant")
 
 
-def _junction(node: Junction) -> _Evaluate:
-    parts = [_evaluator(each) for each in node.operands]
+def _junction(node: Junction, functions: Functions) -> _Evaluate:
+    parts = [_evaluator(each, functions) for each in node.operands]
     if node.operator == "and":
         return lambda lookup: all(_truth(part(lookup)) for part in parts)
     if node.operator == "or":
@@ -242,8 +247,8 @@ def _junction(node: Junction) -> _Evaluate:
     return lambda lookup: not _truth(premise(lookup)) or _truth(conclusion(lookup))
 
 
-def _comparison(node: Comparison) -> _Evaluate:
-    operands: Sequence[_Evaluate] = [_evaluator(each) for each in node.operands]
+def _comparison(node: Comparison, functions: Functions) -> _Evaluate:
+    operands: Sequence[_Evaluate] = [_evaluator(each, functions) for each in node.operands]
     calls = [_comparator(each) for each in node.operators]
 
     def compare(lookup: Lookup) -> Any:

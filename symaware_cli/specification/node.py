@@ -44,7 +44,7 @@ class Name(Node):
 
 @dataclass(frozen=True, slots=True)
 class Element(Node):
-    """An element of a value: ``state[0]`` or ``knowledge["goal"]``."""
+    """An element of a value: ``state[0]`` or ``knowledge["goal"]``, which may be written ``knowledge.goal``."""
 
     operand: Node
     key: int | str

@@ -234,10 +234,17 @@ class _Parser:
 
     def _operand(self) -> Node:
         node = self._atom()
-        while self._is("["):
-            self._take()
-            key = self._key()
-            end = self._expect("]", "the index")
+        while self._is("[", "."):
+            key: int | str
+            if self._take().text == ".":
+                end = self._take()
+                if end.kind != "word":
+                    said = 'a name is missing after the dot; other keys are written in brackets, such as [0] or ["a-b"]'
+                    raise ExpressionError(said, self._spot(end))
+                key = end.text
+            else:
+                key = self._key()
+                end = self._expect("]", "the index")
             node = Element((node.span[0], end.span[1]), node, key)
         return node
 
