@@ -45,6 +45,7 @@ from symaware_cli.world.reading import Scan
 COMPONENTS = {
     "doubles.ear": "Ear",
     "doubles.ears": "Ears",
+    "doubles.cautious": "Cautious",
     "doubles.gaze": "Gaze",
     "doubles.fault": "Fault",
     "doubles.progress": "Progress",
@@ -367,6 +368,19 @@ class Gaze(Controller):
         bearing = 2 * np.pi * np.argmax(ranges) / len(ranges)
         way = np.array([np.cos(bearing), np.sin(bearing)])
         return 0.5 * way, TimeSeries({self.time: way})
+
+
+class Cautious(Controller):
+    """Drives the faster, the greater the robustness that `apart` can still turn out to have."""
+
+    def _compute(self) -> tuple[Any, TimeSeries]:
+        status = self._agent.specifications["apart"]
+        worst = self._agent.group.specifications["apart"].worst
+        speed = 0.1 if status.verdict is False or worst.verdict is False else min(1.0, 0.2 + status.interval[1])
+        return self._agent.self_knowledge["goal"] * speed, TimeSeries()
+
+    def _update(self, value: tuple[Any, TimeSeries]) -> None:
+        self._agent.model.control_input, self._agent.self_awareness.intent = value
 
 
 class Thinker(Controller):

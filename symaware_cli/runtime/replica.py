@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from symaware_cli.core import AgentGroup, Clock, Event, EventBus, GroupComponent, Roster, Surroundings
 from symaware_cli.core.event import RECURRING
+from symaware_cli.core.verdict import SpecificationStatus
 from symaware_cli.runtime.failure import describe
 from symaware_cli.runtime.state.transfer import Transfer, settle
 from symaware_cli.runtime.turn import in_turn
@@ -101,6 +102,19 @@ class Unavailable:
         )
 
 
+class ReceivedStatuses:
+    """The statuses of one specification as the run sent them; see `SpecificationStatuses`."""
+
+    def __init__(self, worst: tuple[Any, ...], by_agent: Mapping[str, tuple[Any, ...]]) -> None:
+        self.worst = SpecificationStatus(*worst)
+        self._by_agent = by_agent
+
+    def of(self, agent: str) -> SpecificationStatus | None:
+        """Return the status for an agent; None where it has none."""
+        status = self._by_agent.get(agent)
+        return None if status is None else SpecificationStatus(*status)
+
+
 class EntryTransfer(Transfer):
     """Sends what components of one entry may look at of their group and of the world, and the components themselves."""
 
@@ -165,6 +179,14 @@ class EntryTransfer(Transfer):
             "present": {each.name: each.present for each in self._groups if each.present is not None},
             "held": [each.awareness_database.held for each in self._agents],
         }
+        if self._group.specifications:
+            values["specifications"] = {
+                name: (
+                    tuple(statuses.worst),
+                    {id: tuple(status) for id in self._group.ids if (status := statuses.of(id))},
+                )
+                for name, statuses in self._group.specifications.items()
+            }
         if sees_world:
             values["world"] = environment.snapshot().time, dict(environment.share()), list(environment.contacts())
         return self.taken(self._state, values)
@@ -239,6 +261,9 @@ class Replica:
             self._take_presence(found["present"])
             if "world" in found:
                 self._world.follow(*found["world"])
+            self._group.specifications = {
+                name: ReceivedStatuses(*each) for name, each in found.get("specifications", {}).items()
+            }
             for agent, held in zip(self._group.agents if found["held"] else (), found["held"], strict=True):
                 agent.awareness_database.held = held
         self._clock.now = now

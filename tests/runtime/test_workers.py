@@ -84,6 +84,21 @@ def test_what_further_sensors_measured_is_known_there_too(ran):
     assert logs[0] == logs[1]
 
 
+def test_statuses_of_specifications_are_known_there_too(ran):
+    logs = []
+    for where in ("here", "process"):
+        content = document(duration=2.0)
+        components = {"see": {"use": "perception.self"}, "go": {"use": "doubles.cautious", "run_in": where}}
+        content["agents"]["robot"] |= {"count": 3, "state": [[0, 0], [1, 0], [5, 5]], "components": components}
+        content["agents"]["robot"]["knowledge"] = {"goal": [[0.5, 0], [-0.5, 0], [0, 0]]}
+        content["specifications"] = {"apart": {"pairs": "robot", "formula": "always distance > 0.5"}}
+        summary, log = ran(content, where)
+        assert summary.status == "finished", summary.failure
+        assert summary.specifications[0].counts == {"violated": 1, "undecided": 0, "satisfied": 2}
+        logs.append(channels(log))
+    assert logs[0] == logs[1]
+
+
 @pytest.mark.slow
 def test_a_thousand_agents_give_the_same_bytes_again_and_under_load_and_with_one_worker_or_two(ran):
     def thousand(name, where="here", workers=1):
