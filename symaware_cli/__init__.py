@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from symaware_cli.api.result import RunFailedError, RunInterrupted, RunResult
     from symaware_cli.api.scenario import Scenario, load
     from symaware_cli.api.stepping import SteppedSimulation
+    from symaware_cli.api.sweeps import sweep
     from symaware_cli.components.sensor import Sensor, SensorParameters
     from symaware_cli.core import (
         Agent,
@@ -85,6 +86,7 @@ if TYPE_CHECKING:
     from symaware_cli.runtime.state.simulation_state import SimulationState
     from symaware_cli.scenario.place import DistributionError, Place
     from symaware_cli.scenario.problem import ScenarioError
+    from symaware_cli.study.folder import SweepError
 
 __all__ = [
     "Agent",
@@ -150,6 +152,7 @@ __all__ = [
     "SpecificationStatus",
     "StateError",
     "SteppedSimulation",
+    "SweepError",
     "TimeSeries",
     "Topology",
     "TopologyError",
@@ -170,6 +173,7 @@ __all__ = [
     "nanoseconds",
     "open_log",
     "seconds",
+    "sweep",
 ]
 
 
@@ -179,6 +183,7 @@ _HOMES = {
     "symaware_cli.api.result": ("RunFailedError", "RunInterrupted", "RunResult"),
     "symaware_cli.api.scenario": ("Scenario", "load"),
     "symaware_cli.api.stepping": ("SteppedSimulation",),
+    "symaware_cli.api.sweeps": ("sweep",),
     "symaware_cli.components.sensor": ("Sensor", "SensorParameters"),
     "symaware_cli.core.stateful": ("StateError",),
     "symaware_cli.core.verdict": ("SpecificationStatus",),
@@ -199,6 +204,7 @@ _HOMES = {
     "symaware_cli.runtime.state.simulation_state": ("SimulationState",),
     "symaware_cli.scenario.place": ("DistributionError", "Place"),
     "symaware_cli.scenario.problem": ("ScenarioError",),
+    "symaware_cli.study.folder": ("SweepError",),
 }
 
 

@@ -19,6 +19,7 @@ from symaware_cli.cli import (
     run,
     schema,
     show,
+    sweep,
     validate,
 )
 from symaware_cli.cli.terminal import is_plain
@@ -55,6 +56,7 @@ def _symaware(
 
 for _verb in (
     run.run,
+    sweep.sweep,
     validate.validate,
     new.new,
     replay.replay,
@@ -68,4 +70,6 @@ for _verb in (
     show.show,
     schema.schema,
 ):
-    application.command(_verb.__name__.partition("_")[0])(_verb)
+    application.command(_verb.__name__.partition("_")[0], cls=sweep.SweepCommand if _verb is sweep.sweep else None)(
+        _verb
+    )

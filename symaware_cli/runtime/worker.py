@@ -84,15 +84,20 @@ def _replica(description: bytes) -> Replica | BaseException:
         return error
 
 
+def end_with(parent: int) -> bool:
+    """Let this process end with the one that started it; returns whether that is still there."""
+    if sys.platform == "linux":
+        with suppress(OSError, AttributeError):
+            ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    return os.getppid() == parent
+
+
 def main(incoming: int, outgoing: int, parent: int) -> None:
     """Be a worker of the process that started this one."""
     # Ctrl-C reaches all processes of a terminal; the run decides what becomes of it.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    if sys.platform == "linux":
-        with suppress(OSError, AttributeError):
-            ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-    if os.getppid() != parent:
-        return  # it is gone already
+    if not end_with(parent):
+        return
     with (
         os.fdopen(incoming, "rb") as requests,
         os.fdopen(outgoing, "wb") as answers,

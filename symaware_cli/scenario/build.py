@@ -41,6 +41,7 @@ from symaware_cli.scenario.consensus_check import check_consensus, check_metropo
 from symaware_cli.scenario.document import ScenarioDocument
 from symaware_cli.scenario.fault_builder import FaultBuilder
 from symaware_cli.scenario.network_builder import NetworkBuilder
+from symaware_cli.scenario.overrides import Override
 from symaware_cli.scenario.parts import check_omitted, declared_parts, declared_signals, name_columns
 from symaware_cli.scenario.plugin_factory import PluginFactory, mapping, topologies, words
 from symaware_cli.scenario.presence_builder import PresenceBuilder
@@ -74,7 +75,7 @@ class Built:
         simulation: What it describes.
         steps: How many steps to make.
         options: In which way to run.
-        resolved: The one document, as YAML, that the files and overrides amount to; running it repeats the run.
+        data: The one document, as plain data, that the files and overrides amount to.
         files: Each file as written, by its path relative to the scenario's folder; meshes and the like, too.
         uses: For each group, the entry-point names of its ``model`` and ``components``.
         transport: What carries a run that is spread over several processes; None where the scenario does not say.
@@ -84,10 +85,15 @@ class Built:
     simulation: Simulation
     steps: int
     options: RunOptions
-    resolved: bytes
+    data: Mapping[str, Any]
     files: Mapping[str, bytes]
     uses: Mapping[str, Mapping[str, Any]]
     transport: Transport | None = None
+
+    @property
+    def resolved(self) -> bytes:
+        """The one document as YAML; running it repeats the run. Written anew each time it is asked for."""
+        return resolved(self.data, self.document)
 
     @property
     def digest(self) -> bytes:
@@ -95,10 +101,9 @@ class Built:
         return hashlib.sha256(self.resolved).digest()
 
 
-@np.errstate(all="ignore")  # as while it runs
 def build(
     path: FilePath,
-    overrides: Sequence[str] = (),
+    overrides: Sequence[str | Override] = (),
     seed: int | None = None,
     catalogue: Catalogue | None = None,
     name: str | None = None,
@@ -109,7 +114,7 @@ def build(
 
     Args:
         path: The scenario file.
-        overrides: What ``--set`` was given, as ``path=value``.
+        overrides: What ``--set`` was given, as ``path=value`` or taken apart.
         seed: A seed that wins over the scenario's.
         catalogue: What is installed.
         name: What to call the file in messages; by default its path.
@@ -125,9 +130,34 @@ def build(
     except CompositionError as error:
         # What is wrong so far lies in single values; the rest can be looked at in the same pass.
         composition, found = error.partial, error.problems
+    return build_composition(composition, path.parent, seed, catalogue, found, world)
+
+
+@np.errstate(all="ignore")  # as while it runs
+def build_composition(
+    composition: Composition,
+    folder: FilePath,
+    seed: int | None = None,
+    catalogue: Catalogue | None = None,
+    found: Sequence[Problem] = (),
+    world: Callable[[Environment], Environment] | None = None,
+) -> Built:
+    """Make everything that a composed document names; see `build`.
+
+    Args:
+        composition: The document; it can be built once, but copied before.
+        folder: The folder of its file.
+        seed: A seed that wins over the scenario's.
+        catalogue: What is installed.
+        found: Problems with single values that are known already.
+        world: See `build`.
+
+    Raises:
+        ScenarioError: With every problem found.
+    """
     if seed is not None:
         composition.data["seed"] = seed
-    return _SimulationBuilder(composition, catalogue or Catalogue(), found, path.parent, world).build()
+    return _SimulationBuilder(composition, catalogue or Catalogue(), found, folder, world).build()
 
 
 class _SimulationBuilder:
@@ -192,9 +222,8 @@ class _SimulationBuilder:
             raise ScenarioError(self._problems)
         if network is not None:
             simulation.connect(network)
-        text = resolved(data, document)
         files = {**self._composition.files, **assets(document, self._folder)}
-        return Built(document, simulation, steps, options, text, files, self._uses, transport)
+        return Built(document, simulation, steps, options, data, files, self._uses, transport)
 
     def _sound_part(self, data: Mapping[str, Any], problems: list[Problem]) -> ScenarioDocument | list[Problem]:
         """The document without its wrong entries, if these are in sections whose entries do not need each other."""

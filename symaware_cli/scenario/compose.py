@@ -8,7 +8,7 @@ import os
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path as FilePath
 from pathlib import PurePath, PurePosixPath, PureWindowsPath
-from typing import Any
+from typing import Any, Self
 
 from symaware_cli.environments.asset import is_packaged
 from symaware_cli.scenario.overrides import Override
@@ -54,6 +54,10 @@ class Composition:
         self.files = files
         self._root = root
         self._sources = sources
+
+    def copy(self) -> Self:
+        """Returns the same document with data of its own, which may be changed."""
+        return type(self)(self.name, self._root, self.files, self._sources)
 
     def span(self, path: Path, key: bool = False) -> TextSpan | None:
         """Returns where the value (or the key) at a path came from, or its nearest ancestor that exists."""
@@ -101,7 +105,10 @@ _STATEMENTS = ("specifications", "regions")
 
 
 def compose(
-    path: FilePath, overrides: Sequence[str] = (), name: str | None = None, statements: FilePath | None = None
+    path: FilePath,
+    overrides: Sequence[str | Override] = (),
+    name: str | None = None,
+    statements: FilePath | None = None,
 ) -> Composition:
     """Reads a scenario and resolves it.
 
@@ -110,7 +117,7 @@ def compose(
 
     Args:
         path: The scenario file.
-        overrides: What `--set` was given, as `path=value`.
+        overrides: What `--set` was given, as `path=value` or taken apart.
         name: What to call the file in messages; by default its path.
         statements: A file of specifications, with the regions they need, which takes the place of the scenario's.
 
@@ -119,7 +126,7 @@ def compose(
     """
     files = _Files(path, str(path) if name is None else name)
     root = files.compose_top()
-    parsed = [Override.parse(text) for text in overrides]
+    parsed = [Override.parse(each) if isinstance(each, str) else each for each in overrides]
     sources = files.sources | {override.source.name: override.source for override in parsed}
     stated = None if statements is None else read(statements, str(statements))
     if stated is not None:

@@ -22,6 +22,14 @@ class Override:
         self._value = SourceNode(None, self._stretch(0, len(source.text)))
 
     @classmethod
+    def of(cls, source: Source, path: str, span: TextSpan, value: SourceNode) -> Self:
+        """Takes a path and a value that stand in some file; what is wrong with them is left in `source.problems`."""
+        override = cls(source)
+        override._segments = [(name.strip(), span) for name in path.split(".")]
+        override._value = value
+        return override
+
+    @classmethod
     def parse(cls, text: str) -> Self:
         """Takes the text apart; what is wrong with it is left in `source.problems`."""
         source = decode(f"--set {text}", text.encode("utf-8", errors="surrogateescape"))

@@ -27,8 +27,12 @@ def resolved(data: Mapping[str, Any], document: ScenarioDocument) -> bytes:
     """Write the resolved document, in the order of the file, with the seed in force."""
     first = {"symaware": document.symaware, "name": document.name, "seed": document.seed}
     content = {**first, **{key: value for key, value in data.items() if key not in first}}
-    text = yaml.dump(_escaped(content), Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=100)
-    return text.encode()
+    return dumped(_escaped(content))
+
+
+def dumped(content: Mapping[str, Any]) -> bytes:
+    """Write plain data as YAML that reads back the same."""
+    return yaml.dump(content, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=100).encode()
 
 
 def _escaped(value: Any) -> Any:

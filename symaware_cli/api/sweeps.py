@@ -1,0 +1,159 @@
+"""Sweeps from Python: many runs of a scenario, and their table."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from symaware_cli.api.changes import Changes, texts
+
+if TYPE_CHECKING:
+    import pyarrow
+
+    from symaware_cli.study.folder import SweepFolder
+    from symaware_cli.study.request import SweepRequest
+    from symaware_cli.study.session import SweepOutcome, SweepProgress
+    from symaware_cli.study.sweep_plan import SweepPlan
+
+FilePath = str | os.PathLike[str]
+
+
+def sweep(
+    scenario: FilePath,
+    output: FilePath | None = None,
+    *,
+    over: Mapping[str, Iterable[Any] | str] | None = None,
+    changes: Changes | None = None,
+    variants: Mapping[str, Mapping[str, Any]] | None = None,
+    runs: int | None = None,
+    seed: int | None = None,
+    paired: bool = False,
+    keep: str | None = None,
+    timeout: float | None = None,
+    jobs: int = 0,
+    fail_fast: bool = False,
+) -> pyarrow.Table:
+    """Make many runs of a scenario, and return their table.
+
+    Args:
+        scenario: A scenario, or the file of a sweep, or the folder of one that is to be resumed.
+        output: The folder for its journal and table; if it has the same sweep, that is resumed. By default nothing is
+            kept.
+        over: Values of the scenario that vary, by their paths: lists, or ranges such as ``"0..1 by 0.1"``.
+        changes: Values of the scenario that all runs share, by their paths.
+        variants: Variants of the scenario by name, each with its values by their paths.
+        runs: Runs of each combination.
+        seed: The seed of the sweep.
+        paired: Whether all variants share the seed of each run.
+        keep: Which logs are kept: ``none``, ``failed``, ``worst:N`` or ``all``.
+        timeout: Wall time after which a run is given up [s].
+        jobs: How many worker processes; 0 to make all runs in this process.
+        fail_fast: Whether to end with the first run that fails.
+
+    Returns:
+        One row a run in order of its index; docs/sweeps.md describes the columns.
+
+    Raises:
+        ScenarioError: The sweep or the scenario has problems; nothing was run.
+        SweepError: The folder has something else.
+        KeyboardInterrupt: Ctrl-C ended it; the rows are in the folder.
+    """
+    from pyarrow import parquet
+
+    from symaware_cli.study.folder import TABLE
+    from symaware_cli.study.request import SweepRequest
+
+    options = {"runs": runs, "seed": seed, "paired": "true" if paired else None, "keep": keep, "timeout": timeout}
+    request = SweepRequest(
+        over=[text for path, values in (over or {}).items() for text in _varied(path, values)],
+        set=texts(changes),
+        variants=[(name, "; ".join(texts(each))) for name, each in (variants or {}).items()],
+        options={key: str(value) for key, value in options.items() if value is not None},
+    )
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = opened(Path(scenario), Path(temporary, "sweep") if output is None else Path(output), request)
+        outcome = conducted(folder, jobs, fail_fast=fail_fast)
+        if outcome.is_interrupted:
+            raise KeyboardInterrupt
+        return parquet.read_table(folder.path / TABLE)
+
+
+def opened(target: Path, output: Path | None, request: SweepRequest) -> SweepFolder:
+    """Return the folder of a sweep, made if there is none.
+
+    Args:
+        target: A scenario, the file of a sweep, or the folder of one.
+        output: Where the folder is to be, unless the target is one.
+        request: What is asked for.
+
+    Raises:
+        ScenarioError: The sweep or the scenario has problems; nothing was created.
+        SweepError: The folder has something else, or pyarrow is not installed.
+    """
+    require_pyarrow()
+    from symaware_cli.study.folder import SweepError, SweepFolder, is_sweep
+    from symaware_cli.study.sweep_source import read_sweep
+
+    if target.is_dir():
+        return SweepFolder.opened(target)
+    source = read_sweep(target, request)
+    if output is None:
+        raise SweepError("say where the journal and the table are to be: -o DIR")
+    if not is_sweep(output):
+        return SweepFolder.created(output, source)
+    folder = SweepFolder.opened(output)
+    folder.compare(source)
+    return folder
+
+
+def checked(target: Path, request: SweepRequest) -> SweepPlan:
+    """Check a sweep and the scenario in every combination, without creating anything.
+
+    Raises:
+        ScenarioError: They have problems.
+    """
+    from symaware_cli.scenario.catalogue import Catalogue
+    from symaware_cli.study.folder import SweepFolder
+    from symaware_cli.study.sweep_source import build_cells, read_sweep
+
+    source = SweepFolder.opened(target).source if target.is_dir() else read_sweep(target, request)
+    for built in build_cells(source, Catalogue()):
+        built.simulation.environment.close()
+    return source.plan
+
+
+def conducted(
+    folder: SweepFolder,
+    jobs: int,
+    *,
+    retry_lost: bool = False,
+    fail_fast: bool = False,
+    on_progress: Callable[[SweepProgress], object] | None = None,
+) -> SweepOutcome:
+    """Make all runs of a sweep that have no row yet; see `symaware_cli.study.session.conduct`."""
+    from symaware_cli.study.session import conduct
+
+    return conduct(folder, jobs, retry_lost=retry_lost, fail_fast=fail_fast, on_progress=on_progress)
+
+
+def require_pyarrow() -> None:
+    """Make sure that tables can be written.
+
+    Raises:
+        LogError: They cannot.
+    """
+    from importlib.util import find_spec
+
+    from symaware_cli.recording.error import LogError
+
+    if find_spec("pyarrow") is None:
+        raise LogError("a sweep needs the module `pyarrow`, which is not installed: pip install 'symaware-cli[sweep]'")
+
+
+def _varied(path: str, values: Iterable[Any] | str) -> tuple[str, ...]:
+    if isinstance(values, str):
+        return (f"{path}={values}",)
+    return tuple(f"{path}={text.partition('=')[2][1:-1]}" for text in texts({path: list(values)}))

@@ -1,0 +1,262 @@
+"""``symaware sweep``."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from typer.core import TyperCommand
+
+from symaware_cli.cli.terminal import (
+    FAILED,
+    INTERRUPTED,
+    WRONG_INPUT,
+    Json,
+    Overrides,
+    fail,
+    is_lively,
+    output_kept,
+    print_json,
+    trouble_shown,
+)
+
+if TYPE_CHECKING:
+    from symaware_cli.study.folder import SweepFolder
+    from symaware_cli.study.request import SweepRequest
+    from symaware_cli.study.session import SweepOutcome, SweepProgress
+
+_PLAN, _MEANS = "What to run", "How to run it"
+
+
+class SweepCommand(TyperCommand):
+    """Reads ``--variant NAME CHANGES``: an option with two values, which may be repeated."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Join the two values of each variant, for the option to take one."""
+        joined: list[str] = []
+        while args:
+            head, *args = args
+            joined.append(head)
+            if head == "--variant" and len(args) > 1:
+                joined.append(f"{args[0]}\0{args[1]}")
+                args = args[2:]
+        return super().parse_args(ctx, joined)
+
+
+def sweep(
+    target: Annotated[
+        Path,
+        typer.Argument(
+            help="A scenario, a file of a sweep (`symaware-sweep: 1`), or a folder whose sweep is resumed.",
+            metavar="SCENARIO",
+        ),
+    ],
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            help="The folder for journal, table and logs; if it has this sweep, it is resumed.",
+            metavar="DIR",
+            rich_help_panel=_PLAN,
+        ),
+    ] = None,
+    over: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--over",
+            help="Vary a value: `agents.robot.count=4,8,16` or `run.duration=1..5 by 0.5`; may be repeated: every "
+            "combination is run.",
+            metavar="PATH=VALUES",
+            rich_help_panel=_PLAN,
+        ),
+    ] = None,
+    overrides: Overrides = None,
+    variants: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--variant",
+            help="A variant with its name and what it changes: `--variant blind 'path=value; path=value'`; may be "
+            "repeated.",
+            metavar="NAME CHANGES",
+            rich_help_panel=_PLAN,
+        ),
+    ] = None,
+    paired: Annotated[
+        bool, typer.Option("--paired", help="All variants share the seed of each run.", rich_help_panel=_PLAN)
+    ] = False,
+    runs: Annotated[
+        int | None, typer.Option(min=1, help="Runs of each combination; 1 by default.", rich_help_panel=_PLAN)
+    ] = None,
+    add_runs: Annotated[
+        int | None,
+        typer.Option("--add-runs", min=1, help="Further runs of each combination of a folder.", rich_help_panel=_PLAN),
+    ] = None,
+    seed: Annotated[
+        int | None, typer.Option(min=0, max=2**63 - 1, help="The seed of the sweep.", rich_help_panel=_PLAN)
+    ] = None,
+    keep: Annotated[
+        str | None,
+        typer.Option(
+            help="Which logs are kept: none, failed, worst:N or all. `symaware run DIR --index N` makes any of them "
+            "again.",
+            rich_help_panel=_PLAN,
+        ),
+    ] = None,
+    timeout: Annotated[
+        float | None,
+        typer.Option(min=0.001, help="Wall time after which a run is given up, in seconds.", rich_help_panel=_PLAN),
+    ] = None,
+    jobs: Annotated[
+        int | None,
+        typer.Option(
+            "--jobs",
+            "-j",
+            min=0,
+            max=1024,
+            help="Number of worker processes, by default one per core; 0 to run in this process.",
+            rich_help_panel=_MEANS,
+        ),
+    ] = None,
+    retry: Annotated[
+        str | None,
+        typer.Option(
+            help="`lost`: make runs again that the machine lost or that took too long.", rich_help_panel=_MEANS
+        ),
+    ] = None,
+    fail_fast: Annotated[
+        bool, typer.Option("--fail-fast", help="End with the first run that fails.", rich_help_panel=_MEANS)
+    ] = False,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Check everything and show the plan; run nothing.", rich_help_panel=_MEANS)
+    ] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Do not show progress and summary.")] = False,
+    as_json: Json = False,
+) -> None:
+    """Run a scenario many times, over parameters, variants and seeds; resumable, with one table at the end."""
+    if retry not in (None, "lost"):
+        fail(f"--retry takes `lost`, not `{retry}`", WRONG_INPUT, as_json)
+    options: dict[str, Any] = {"runs": runs, "seed": seed, "keep": keep, "timeout": timeout}
+    options["paired"] = "true" if paired else None
+    given = {key: str(value) for key, value in options.items() if value is not None}
+    if target.is_dir() and (over or overrides or variants or given or output):
+        fail(f"{target} says what to run: only --add-runs adds to it", WRONG_INPUT, as_json)
+    if add_runs is not None and not target.is_dir():
+        fail("--add-runs goes with the folder of a sweep", WRONG_INPUT, as_json)
+    with trouble_shown(as_json), output_kept(as_json):
+        from symaware_cli.api.sweeps import conducted, opened
+        from symaware_cli.study.request import SweepRequest
+
+        pairs = [each.partition("\0") for each in variants or ()]
+        request = SweepRequest(over or (), overrides or (), [(name, text) for name, _, text in pairs], given)
+        if dry_run:
+            shown = _dry(target, request, add_runs)
+        else:
+            folder = opened(target, output, request)
+            if add_runs is not None:
+                folder = folder.add_runs(add_runs)
+            with _shown(folder, not quiet and not as_json) as tell:
+                outcome = conducted(
+                    folder,
+                    _cores() if jobs is None else jobs,
+                    retry_lost=retry is not None,
+                    fail_fast=fail_fast,
+                    on_progress=tell,
+                )
+            shown = outcome.to_json()
+    if as_json:
+        print_json(shown)
+    elif dry_run:
+        typer.echo(_plan_text(shown))
+    elif not quiet:
+        typer.echo(_text(outcome))
+    if dry_run:
+        return
+    if outcome.is_interrupted:
+        raise typer.Exit(INTERRUPTED)
+    raise typer.Exit(FAILED if outcome.counts.done < outcome.planned else 0)
+
+
+def _dry(target: Path, request: SweepRequest, add_runs: int | None) -> dict[str, Any]:
+    """Check everything, and return what would be run."""
+    from symaware_cli.api.sweeps import checked
+
+    plan = checked(target, request)
+    runs = plan.document.runs + (add_runs or 0)
+    cells = [
+        {"parameters": dict(cell.parameters), **({} if cell.variant is None else {"variant": cell.variant})}
+        for cell in plan.cells
+    ]
+    return {"valid": True, "runs": runs * len(cells), "runs_of_each": runs, "combinations": cells}
+
+
+def _plan_text(plan: dict[str, Any]) -> str:
+    from symaware_cli.api.report import number
+
+    cells = plan["combinations"]
+    lines = [f"sound; {number(plan['runs'], 'run')}: {plan['runs_of_each']:,} of each of {len(cells):,}"]
+    for cell in cells[:20]:
+        values = [f"{path}={value}" for path, value in cell["parameters"].items()]
+        lines.append("  " + ", ".join([*([cell["variant"]] if "variant" in cell else []), *values] or ["as it is"]))
+    return "\n".join([*lines, *([f"  and {len(cells) - 20:,} more"] if len(cells) > 20 else [])])
+
+
+def _text(outcome: SweepOutcome) -> str:
+    """Return the report of a sweep."""
+    from symaware_cli.study.folder import TABLE
+
+    counts = outcome.counts
+    left = outcome.planned - counts.all
+    status = "interrupted" if outcome.is_interrupted else "stopped" if outcome.stopped else "finished"
+    lines = [f"{outcome.folder}: {status}; {counts.done:,} of {outcome.planned:,} runs done"]
+    if outcome.stopped:
+        lines.append(f"  {'stopped':<14} {outcome.stopped}")
+    if counts.failed:
+        show = f"symaware inspect {outcome.folder} --where 'state == \"failed\"'"
+        lines.append(f"  {'failed':<14} {counts.failed:,}: {show}")
+    if counts.lost:
+        lines.append(f"  {'lost':<14} {counts.lost:,}: symaware sweep {outcome.folder} --retry lost")
+    if left:
+        lines.append(f"  {'left':<14} {left:,}: symaware sweep {outcome.folder}")
+    rate = f", {outcome.made / outcome.wall_time:,.1f} runs/s" if outcome.made else ""
+    lines.append(f"  {'wall time':<14} {outcome.wall_time:.2f} s{rate}")
+    lines.append(f"  {'table':<14} {outcome.folder / TABLE}")
+    return "\n".join(lines)
+
+
+@contextmanager
+def _shown(folder: SweepFolder, shown: bool) -> Iterator[Callable[[SweepProgress], None] | None]:
+    """Show how far a sweep is, on a terminal."""
+    if not shown or not is_lively(sys.stderr):
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn(
+            "{task.completed:,.0f} of {task.total:,.0f} runs, {task.fields[rate]:,.1f}/s{task.fields[bad]}, ends in"
+        ),
+        TimeRemainingColumn(compact=True),
+    )
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(str(folder.path), total=folder.plan.count, rate=0.0, bad="")
+
+        def tell(progress: SweepProgress) -> None:
+            bad = [
+                f"{count:,} {what}" for what, count in (("failed", progress.failed), ("lost", progress.lost)) if count
+            ]
+            bar.update(task, completed=progress.made, rate=progress.rate, bad="".join(f", {each}" for each in bad))
+
+        yield tell
+
+
+def _cores() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -1,0 +1,102 @@
+"""Who makes the runs: the interface, and the simplest executor, which is this process."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+from symaware_cli.study.row import Row
+from symaware_cli.study.runner import Runner
+
+#: The wall time that a block of runs is to take [s], and the most runs of a block.
+_WORTH, _MOST = 1.0, 1000
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """Runs that are given away together.
+
+    Attributes:
+        indices: Their numbers.
+        is_recorded: Whether their logs are written.
+    """
+
+    indices: tuple[int, ...]
+    is_recorded: bool = False
+
+
+class Blocks:
+    """The runs that are still to be made, in blocks worth about a second; what a run takes is learnt meanwhile."""
+
+    def __init__(self, indices: Iterable[int], count: int, *, is_recorded: bool = False) -> None:
+        """Prepare.
+
+        Args:
+            indices: The numbers of the runs.
+            count: How many they are.
+            is_recorded: Whether their logs are to be written.
+        """
+        self._indices = iter(indices)
+        self._left = count
+        self._returned: deque[int] = deque()
+        self._is_recorded = is_recorded
+        self._mean = _WORTH
+
+    def take(self, share: int = 1) -> Block | None:
+        """Return the next block; None if there is none.
+
+        Args:
+            share: Among how many the rest is to be shared.
+        """
+        size = min(_MOST, max(1, int(_WORTH / max(self._mean, 1e-6))), math.ceil(self._left / share))
+        taken: list[int] = []
+        while len(taken) < size:
+            index = self._returned.popleft() if self._returned else next(self._indices, None)
+            if index is None:
+                break
+            taken.append(index)
+        self._left -= len(taken)
+        return Block(tuple(taken), self._is_recorded) if taken else None
+
+    def give_back(self, indices: Iterable[int]) -> None:
+        """Take back runs that were not made."""
+        returned = list(indices)
+        self._returned.extend(returned)
+        self._left += len(returned)
+
+    def learn(self, wall_time: float) -> None:
+        """Take note of how long a run took [s]."""
+        self._mean += 0.2 * (wall_time - self._mean)
+
+
+class Executor(Protocol):
+    """Makes runs, wherever; knows nothing of journals and tables."""
+
+    def rows(self, blocks: Blocks) -> Iterator[Row]:
+        """Make runs until there are no more, and yield their rows as they come, in any order."""
+
+    def close(self) -> None:
+        """End what makes runs."""
+
+
+class LocalExecutor:
+    """Makes all runs in this process, one after the other."""
+
+    def __init__(self, runner: Runner, logs: Path) -> None:
+        self._runner = runner
+        self._logs = logs
+
+    def rows(self, blocks: Blocks) -> Iterator[Row]:
+        """See `Executor`."""
+        while (block := blocks.take()) is not None:
+            for index in block.indices:
+                row = self._runner.run(index, self._logs if block.is_recorded else None)
+                blocks.learn(row.wall_time)
+                yield row
+
+    def close(self) -> None:
+        """See `Executor`."""

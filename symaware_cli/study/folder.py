@@ -1,0 +1,222 @@
+"""The folder of a sweep: what was asked for, the scenario, the versions, the journal, the table and the logs."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from symaware_cli.recording.error import LogError, OutputError, reason
+from symaware_cli.scenario.build import Built
+from symaware_cli.scenario.catalogue import Catalogue
+from symaware_cli.scenario.versions import versions
+from symaware_cli.study.identity import SweepIdentity, differences
+from symaware_cli.study.runner import Runner
+from symaware_cli.study.sweep_plan import SweepPlan
+from symaware_cli.study.sweep_source import SweepSource, build_cells, read_sweep, written_again
+
+#: Names in the folder.
+SWEEP, WRITTEN, IDENTITY, SCENARIO = "sweep.yaml", "as-written.yaml", "identity.json", "scenario"
+JOURNAL, TABLE, TIMES, LOGS = "journal.sqlite", "runs.parquet", "times.parquet", "logs"
+
+
+class SweepError(LogError):
+    """A folder is not what is needed, or does not fit what is asked for."""
+
+
+@dataclass(frozen=True)
+class SweepFolder:
+    """A folder with a sweep.
+
+    Attributes:
+        path: The folder.
+        source: Its plan.
+    """
+
+    path: Path
+    source: SweepSource
+
+    @classmethod
+    def opened(cls, path: str | os.PathLike[str]) -> SweepFolder:
+        """Open a folder that has a sweep.
+
+        Raises:
+            SweepError: It has none.
+            ScenarioError: Its files were damaged.
+        """
+        folder = Path(path)
+        if not is_sweep(folder):
+            raise SweepError(f"{folder} is not the folder of a sweep")
+        return cls(folder, read_sweep(folder / SWEEP))
+
+    @classmethod
+    def created(cls, path: Path, source: SweepSource) -> SweepFolder:
+        """Make a folder for a sweep that was checked; a folder that is there has to be empty.
+
+        Raises:
+            ScenarioError: A cell has problems; nothing was created.
+            SweepError: The folder cannot be created.
+        """
+        files: dict[str, bytes] = {}
+        identity, names = _identity(source, files)
+        if path.exists() and (not path.is_dir() or any(path.iterdir())):
+            raise SweepError(f"{path} is there already, and is not the folder of a sweep")
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            # All of it appears at once.
+            draft = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
+            try:
+                _write_all(draft, source, identity, names, files)
+                os.replace(draft, path)
+            finally:
+                shutil.rmtree(draft, ignore_errors=True)
+        except OSError as error:
+            raise OutputError(f"cannot create {path}: {reason(error)}") from error
+        return cls.opened(path)
+
+    @property
+    def plan(self) -> SweepPlan:
+        """What there is to run."""
+        return self.source.plan
+
+    @property
+    def logs(self) -> Path:
+        """The folder of the logs."""
+        return self.path / LOGS
+
+    @cached_property
+    def identity(self) -> SweepIdentity:
+        """What the rows were made of."""
+        return SweepIdentity(**json.loads((self.path / IDENTITY).read_bytes()))
+
+    @property
+    def specifications(self) -> Sequence[str]:
+        """The names of the specifications of all cells."""
+        return self.identity.specifications
+
+    def runner(self) -> Runner:
+        """Return who makes single runs of it in this process."""
+        return Runner(self.plan, self.source.scenario)
+
+    def check(self) -> None:
+        """Make sure that further rows come of the same files and versions.
+
+        Raises:
+            SweepError: They do not; says what differs.
+        """
+        found, _ = _identity(self.source, {})
+        different = differences(self.identity, found)
+        if different:
+            raise SweepError(_listed(f"{self.path} cannot be resumed: rows would not be comparable", different))
+
+    def compare(self, source: SweepSource) -> None:
+        """Make sure that what is asked for is what the folder is about.
+
+        Raises:
+            SweepError: It is not; says what differs.
+        """
+        mine, other = (each.plan.document.model_dump(by_alias=True) for each in (self.source, source))
+        different = [
+            f"{key}: {_short(mine[key])} there, {_short(other[key])} now"
+            for key in mine
+            if key not in ("scenario", "description") and mine[key] != other[key]
+        ]
+        files: dict[str, bytes] = {}
+        _identity(source, files)
+        folder = self.source.scenario.parent
+        for name, content in sorted(files.items()):
+            kept = folder / name
+            if not kept.exists() or kept.read_bytes() != content:
+                different.append(f"the file {name} is another one")
+        if different:
+            message = f"{self.path} has another sweep; `symaware sweep {self.path}` resumes that"
+            raise SweepError(_listed(message, different))
+
+    def add_runs(self, count: int) -> SweepFolder:
+        """SweepPlan further runs of each cell; those that are there keep their numbers."""
+        document = self.plan.document
+        text = written_again(document, document.scenario, runs=document.runs + count)
+        draft = self.path / f".{SWEEP}"
+        draft.write_bytes(text)
+        os.replace(draft, self.path / SWEEP)
+        return SweepFolder.opened(self.path)
+
+    @contextmanager
+    def locked(self) -> Iterator[None]:
+        """Keep every other process from adding rows.
+
+        Raises:
+            SweepError: One does so already.
+        """
+        import fcntl
+
+        with open(self.path / ".lock", "w") as file:
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                raise SweepError(f"another process is at work on {self.path}") from None
+            yield
+
+
+def is_sweep(path: Path) -> bool:
+    """Whether there is a folder of a sweep at a path."""
+    return (path / SWEEP).is_file() and (path / IDENTITY).is_file()
+
+
+def _identity(source: SweepSource, files: dict[str, bytes]) -> tuple[SweepIdentity, Mapping[str, bytes]]:
+    """Build every cell, and return what rows will be made of; collect the files of all cells.
+
+    Raises:
+        ScenarioError: A cell has problems.
+    """
+    cells, specifications, resolved = [], {}, ""
+    for built in build_cells(source, Catalogue()):
+        with built.simulation.environment:
+            cells.append(_cell_digest(built))
+            specifications.update(dict.fromkeys(built.document.specifications))
+            resolved = resolved or built.resolved.decode()
+            files.update(built.files)
+    return SweepIdentity(cells, list(specifications), versions(), resolved), files
+
+
+def _cell_digest(built: Built) -> str:
+    content = {key: value for key, value in built.data.items() if key != "seed"}
+    digest = hashlib.sha256(json.dumps(content, sort_keys=True).encode())
+    for name, data in sorted(built.files.items()):
+        if not name.endswith((".yaml", ".yml", ".toml")):
+            digest.update(name.encode() + hashlib.sha256(data).digest())
+    return digest.hexdigest()
+
+
+def _write_all(
+    folder: Path, source: SweepSource, identity: SweepIdentity, names: Mapping[str, bytes], files: Mapping[str, bytes]
+) -> None:
+    for name, content in files.items():
+        file = folder / SCENARIO / name
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_bytes(content)
+    (folder / LOGS).mkdir()
+    document = source.plan.document
+    (folder / SWEEP).write_bytes(written_again(document, f"{SCENARIO}/{source.scenario.name}"))
+    if source.written is not None:
+        (folder / WRITTEN).write_bytes(source.written)
+    (folder / IDENTITY).write_text(json.dumps(identity.to_json(), indent=1) + "\n")
+    os.chmod(folder, 0o755)
+
+
+def _listed(message: str, lines: Sequence[str]) -> str:
+    more = [f"and {len(lines) - 20} more"] if len(lines) > 20 else []
+    return "\n  ".join([message, *lines[:20], *more])
+
+
+def _short(value: Any) -> str:
+    text = json.dumps(value, ensure_ascii=False)
+    return text if len(text) <= 60 else f"{text[:57]}..."

@@ -1,0 +1,64 @@
+"""What the rows of a sweep are made of: the resolved scenario of each cell, and the versions of all that computes."""
+
+from __future__ import annotations
+
+import difflib
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from symaware_cli.study.sweep_plan import SweepPlan
+
+#: What may differ where the processor is pinned: it changes no bit.
+_HARMLESS = ("Processor", "platform")
+
+
+@dataclass(frozen=True, slots=True)
+class SweepIdentity:
+    """What rows are made of.
+
+    Attributes:
+        cells: For each cell, the SHA-256 of its resolved scenario, without the seed, and of its assets.
+        specifications: The names of the specifications of all cells, in their order.
+        versions: The versions of what is installed, and what computes.
+        resolved: The resolved scenario of the first cell, to tell what changed.
+    """
+
+    cells: Sequence[str]
+    specifications: Sequence[str]
+    versions: Mapping[str, str]
+    resolved: str
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        return asdict(self)
+
+    def of_run(self, plan: SweepPlan, index: int) -> str:
+        """Return what tells a run from any other: a hash of its scenario, parameters, index, seed and versions."""
+        cell = plan.cell(index)
+        content = [self.cells[cell.number], cell.parameters, cell.variant, index, plan.seed(index), _counting(self)]
+        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def _counting(identity: SweepIdentity) -> dict[str, str]:
+    """The versions that count."""
+    is_pinned = identity.versions.get("Pinned") == "yes"
+    return {name: each for name, each in identity.versions.items() if not (is_pinned and name in _HARMLESS)}
+
+
+def differences(then: SweepIdentity, now: SweepIdentity) -> list[str]:
+    """Say in lines what differs between two identities; nothing if rows of both can be compared."""
+    before, after = _counting(then), _counting(now)
+    lines = [
+        f"{name}: {before.get(name, 'not installed')} then, {after.get(name, 'not installed')} now"
+        for name in sorted(before.keys() | after.keys())
+        if before.get(name) != after.get(name)
+    ]
+    changed = [number for number, pair in enumerate(zip(then.cells, now.cells, strict=False)) if pair[0] != pair[1]]
+    if changed or len(then.cells) != len(now.cells):
+        lines.append("the scenario was changed in the folder of the sweep")
+        old, new = then.resolved.splitlines(), now.resolved.splitlines()
+        lines += [line for line in difflib.unified_diff(old, new, lineterm="", n=0) if line[:3] not in ("---", "+++")]
+    return lines

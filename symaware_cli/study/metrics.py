@@ -1,0 +1,103 @@
+"""The figures of a run that every sweep has."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from symaware_cli.runtime.run_summary import RunSummary
+from symaware_cli.runtime.simulation import Simulation
+from symaware_cli.study.measurement import Measurement
+
+
+@dataclass(frozen=True, slots=True)
+class MetricDescription:
+    """What a metric declares.
+
+    Attributes:
+        name: Its name.
+        kind: The type of its values: ``number``, ``integer``, ``truth`` or ``text``.
+        unit: The unit; empty for none.
+        description: What it is.
+        version: A number that changes when the same run gives another value.
+    """
+
+    name: str
+    kind: str
+    unit: str
+    description: str
+    version: int = 1
+
+
+@dataclass(frozen=True, slots=True)
+class RunFigures:
+    """Where metrics are taken from, when the run is over.
+
+    Attributes:
+        summary: The summary of the run.
+        measurement: What was measured meanwhile.
+        simulation: What ran.
+    """
+
+    summary: RunSummary
+    measurement: Measurement
+    simulation: Simulation
+
+
+_Value = Callable[[RunFigures], Any]
+
+_BUILT_IN: tuple[tuple[MetricDescription, _Value], ...] = (
+    (
+        MetricDescription("time", "number", "s", "simulated time at the end of the run"),
+        lambda run: run.summary.simulated_time,
+    ),
+    (
+        MetricDescription("contacts", "integer", "", "contacts that began"),
+        lambda run: run.summary.contacts,
+    ),
+    (
+        MetricDescription("closest", "number", "m", "the least distance between the outlines of two agents"),
+        lambda run: run.summary.minimum_separation and run.summary.minimum_separation.value,
+    ),
+    (
+        MetricDescription("highest_risk", "number", "", "the greatest risk that an agent saw"),
+        lambda run: run.summary.highest_risk and run.summary.highest_risk.value,
+    ),
+    (
+        MetricDescription("goals_reached", "integer", "", "agents that reached the goal that they have at the end"),
+        lambda run: len(run.summary.goals_reached),
+    ),
+    (
+        MetricDescription("goal_time", "number", "s", "when the last goal was reached that was reached"),
+        lambda run: run.measurement.goal_time,
+    ),
+    (
+        MetricDescription("path_length", "number", "m", "the way of all agents together"),
+        lambda run: run.measurement.path_length,
+    ),
+    (
+        MetricDescription("effort", "number", "", "the squared control inputs of all agents, integrated over time"),
+        lambda run: run.measurement.effort,
+    ),
+    (
+        MetricDescription("messages_sent", "integer", "", "messages that agents sent to one another"),
+        lambda run: run.simulation.exchange.sent,
+    ),
+    (
+        MetricDescription("messages_lost", "integer", "", "messages that did not arrive"),
+        lambda run: run.simulation.exchange.dropped,
+    ),
+    (
+        MetricDescription("failures", "integer", "", "failures of components that did not end the run"),
+        lambda run: run.summary.failures,
+    ),
+)
+
+#: The metrics that every row has.
+BUILT_IN = tuple(description for description, _ in _BUILT_IN)
+
+
+def figures(run: RunFigures) -> dict[str, Any]:
+    """Return the value of each metric by its name."""
+    return {description.name: value(run) for description, value in _BUILT_IN}

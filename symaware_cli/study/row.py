@@ -1,0 +1,44 @@
+"""What a sweep knows of one run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Any, Literal
+
+#: ``done``: it came to its end; ``failed``: a component, the world or a metric failed; ``lost``: the machine lost it,
+#: or it took too long.
+State = Literal["done", "failed", "lost"]
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """What became of a run.
+
+    Attributes:
+        index: Its number.
+        state: How it ended.
+        verdicts: What became of each specification: ``satisfied``, ``violated`` or ``undecided``.
+        robustness: The robustness of each; None where it is not known.
+        metrics: The value of each metric.
+        digest: A hash of the states and control inputs at every step, in hexadecimal; None unless it is done.
+        error: Why it is not done.
+        trace: The traceback, if there is one.
+        wall_time: How long it took [s].
+        log: The name of its log, if it was recorded.
+    """
+
+    index: int
+    state: State
+    verdicts: Mapping[str, str] = field(default_factory=dict)
+    robustness: Mapping[str, float | None] = field(default_factory=dict)
+    metrics: Mapping[str, Any] = field(default_factory=dict)
+    digest: str | None = None
+    error: str | None = None
+    trace: str | None = None
+    wall_time: float = 0.0
+    log: str | None = None
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it as plain data, from which it can be made again."""
+        return asdict(self)

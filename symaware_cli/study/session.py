@@ -1,0 +1,265 @@
+"""Conducts a sweep: gives runs away, writes their rows to the journal, and makes the table of them."""
+
+from __future__ import annotations
+
+import math
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+from symaware_cli.study import sweep_table
+from symaware_cli.study.executor import Blocks, Executor, LocalExecutor
+from symaware_cli.study.folder import JOURNAL, TABLE, TIMES, SweepError, SweepFolder
+from symaware_cli.study.row import Row
+from symaware_cli.study.sweep_journal import Counts, SweepJournal
+from symaware_cli.study.worker_pool import WorkerPool
+
+
+@dataclass(frozen=True, slots=True)
+class SweepProgress:
+    """How far a sweep is.
+
+    Attributes:
+        planned: How many runs there are.
+        made: How many of them have a row.
+        failed: How many failed.
+        lost: How many were lost.
+        rate: Runs per second since this process began; 0 before the first.
+    """
+
+    planned: int
+    made: int
+    failed: int
+    lost: int
+    rate: float
+
+    @property
+    def time_left(self) -> float:
+        """How long the rest will take at this rate [s]."""
+        return (self.planned - self.made) / self.rate if self.rate else math.inf
+
+
+@dataclass(frozen=True, slots=True)
+class SweepOutcome:
+    """What came of a sweep so far.
+
+    Attributes:
+        folder: Its folder.
+        planned: How many runs there are.
+        counts: How many are in which state.
+        made: How many were made now.
+        wall_time: How long that took [s].
+        is_interrupted: Whether a signal ended it.
+        stopped: Why it ended early, if it did.
+    """
+
+    folder: Path
+    planned: int
+    counts: Counts
+    made: int
+    wall_time: float
+    is_interrupted: bool = False
+    stopped: str | None = None
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        return {
+            "folder": str(self.folder),
+            "table": str(self.folder / TABLE),
+            "runs": self.planned,
+            **self.counts._asdict(),
+            "made_now": self.made,
+            "wall_time": self.wall_time,
+            "interrupted": self.is_interrupted,
+            "stopped": self.stopped,
+        }
+
+
+def conduct(
+    folder: SweepFolder,
+    jobs: int,
+    *,
+    retry_lost: bool = False,
+    fail_fast: bool = False,
+    on_progress: Callable[[SweepProgress], object] | None = None,
+) -> SweepOutcome:
+    """Make all runs of a sweep that have no row yet, and write the table.
+
+    Args:
+        folder: The folder of the sweep.
+        jobs: How many worker processes; 0 to make all runs in this process.
+        retry_lost: Whether to make runs again that were lost.
+        fail_fast: Whether to end with the first run that fails.
+        on_progress: Called after each run.
+
+    Raises:
+        SweepError: The folder is in use, or its rows would not be comparable.
+        WorkerPoolError: No worker process can be started.
+    """
+    began = time.monotonic()
+    with folder.locked(), SweepJournal(folder.path / JOURNAL) as journal:
+        folder.check()
+        (folder.path / TABLE).unlink(missing_ok=True)  # it is no longer the whole truth
+        if retry_lost:
+            journal.forget("lost")
+        session = _Session(folder, journal, jobs, on_progress)
+        interrupted = False
+        try:
+            with _signals_raised():
+                session.make_all(fail_fast)
+                session.keep_logs()
+        except KeyboardInterrupt:
+            interrupted = True
+        journal.commit()
+        write_table(folder, journal)
+        return SweepOutcome(
+            folder.path,
+            folder.plan.count,
+            journal.counts(),
+            session.made,
+            time.monotonic() - began,
+            interrupted,
+            session.stopped,
+        )
+
+
+class _Session:
+    """One process's work on a sweep.
+
+    Attributes:
+        made: How many runs were made.
+        stopped: Why it ended early, if it did.
+    """
+
+    def __init__(
+        self,
+        folder: SweepFolder,
+        journal: SweepJournal,
+        jobs: int,
+        on_progress: Callable[[SweepProgress], object] | None,
+    ) -> None:
+        self.made = 0
+        self.stopped: str | None = None
+        self._folder = folder
+        self._journal = journal
+        self._jobs = jobs
+        self._on_progress = on_progress
+        self._counts = journal.counts()
+        self._began = time.monotonic()
+
+    def make_all(self, fail_fast: bool) -> None:
+        """Make all runs that have no row."""
+        plan = self._folder.plan
+        known = self._journal.indices()
+        missing = plan.count - len(known)
+        if not missing:
+            return
+        blocks = Blocks(
+            (index for index in range(plan.count) if index not in known),
+            missing,
+            is_recorded=plan.document.keep == "all",
+        )
+        with self._executor(missing) as executor:
+            for row in executor.rows(blocks):
+                self._note(row)
+                if fail_fast and row.state == "failed":
+                    self.stopped = f"run {row.index} failed: {row.error}"
+                    return
+
+    def keep_logs(self) -> None:
+        """Record the runs again whose logs are kept, and forget the logs of others."""
+        wanted = set(_kept(self._folder.plan.document.keep, self._journal))
+        have = {row.index: row for row in self._journal.rows() if row.log}
+        missing = sorted(wanted - have.keys())
+        if missing:
+            with self._executor(len(missing)) as executor:
+                for row in executor.rows(Blocks(missing, len(missing), is_recorded=True)):
+                    former = self._journal.row(row.index)
+                    if former is not None and row.state != "lost" and row.digest != former.digest:
+                        raise SweepError(f"run {row.index} came out otherwise when it was repeated for its log")
+                    self._journal.keep_logs([(row.index, row.log)])
+        self._journal.keep_logs([(index, None) for index in have if index not in wanted])
+        used = {row.log for row in self._journal.rows() if row.log}
+        for file in self._folder.logs.iterdir():
+            if file.name not in used:
+                file.unlink()
+
+    def _note(self, row: Row) -> None:
+        folder = self._folder
+        self._journal.add(row, folder.plan, folder.identity.of_run(folder.plan, row.index))
+        self.made += 1
+        counts = self._counts._asdict()
+        counts[row.state] += 1
+        self._counts = Counts(**counts)
+        if self._on_progress is not None:
+            rate = self.made / (time.monotonic() - self._began)
+            self._on_progress(
+                SweepProgress(folder.plan.count, self._counts.all, self._counts.failed, self._counts.lost, rate)
+            )
+
+    @contextmanager
+    def _executor(self, count: int) -> Iterator[Executor]:
+        folder = self._folder
+        executor: Executor
+        if self._jobs == 0:
+            executor = LocalExecutor(folder.runner(), folder.logs)
+        else:
+            executor = WorkerPool(folder.path, min(self._jobs, count), folder.plan.document.timeout)
+        try:
+            yield executor
+        finally:
+            executor.close()
+
+
+def write_table(folder: SweepFolder, journal: SweepJournal) -> None:
+    """Write the table of all rows that there are."""
+    plan, names = folder.plan, folder.specifications
+    sweep_table.write(
+        folder.path / TABLE, sweep_table.batches(journal.rows(), plan, names), sweep_table.schema(plan, names)
+    )
+    sweep_table.write_times(folder.path / TIMES, journal.rows())
+
+
+def _kept(policy: str, journal: SweepJournal) -> Iterator[int]:
+    """Yield the numbers of the runs whose logs are kept."""
+    if policy == "failed":
+        yield from (row.index for row in journal.rows("failed"))
+    elif policy == "all":
+        yield from (row.index for row in journal.rows() if row.state != "lost")
+    elif policy.startswith("worst:"):
+        ranked = sorted((_merit(row), row.index) for row in journal.rows("done"))
+        yield from (index for _, index in ranked[: int(policy.partition(":")[2])])
+
+
+def _merit(row: Row) -> float:
+    """How good a run was: its least robustness or, without specifications, its least separation."""
+    values = [value for value in row.robustness.values() if value is not None]
+    if row.robustness:
+        return min(values, default=math.inf)
+    closest = row.metrics["closest"]
+    return math.inf if closest is None else float(closest)
+
+
+@contextmanager
+def _signals_raised() -> Iterator[None]:
+    """Make SIGTERM what Ctrl-C is; in other threads than the main one neither is."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def raised(number: int, frame: FrameType | None) -> None:
+        raise KeyboardInterrupt
+
+    previous = {number: signal.signal(number, raised) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in previous.items():
+            with suppress(TypeError):  # a handler that Python did not install
+                signal.signal(number, handler)

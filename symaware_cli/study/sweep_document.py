@@ -1,0 +1,65 @@
+"""What a file of a sweep may say: which scenario, what varies, how many runs, and what is kept."""
+
+from __future__ import annotations
+
+import re
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema
+
+from symaware_cli.scenario.section import Name, Section
+from symaware_cli.study.values import expanded
+
+#: The version of the format that this package reads.
+FORMAT = 1
+
+#: The most runs of a sweep, and the most combinations of parameters.
+MOST_RUNS, MOST_CELLS = 10_000_000, 100_000
+
+_LISTED = {
+    "anyOf": [{"type": "array", "minItems": 1}, {"type": "string", "pattern": r"\.\."}],
+    "description": "A list of values, or a range such as `0..1 by 0.1`, with both ends.",
+}
+Values = Annotated[list[Any], BeforeValidator(expanded), Field(min_length=1), WithJsonSchema(_LISTED)]
+Target = Annotated[str, Field(min_length=1, max_length=500)]
+Changes = dict[Target, Any]
+
+
+def _kept(text: str) -> str:
+    if not re.fullmatch(r"none|failed|all|worst:[1-9][0-9]{0,5}", text):
+        raise ValueError("say none, failed, all, or worst:N such as worst:5")
+    return text
+
+
+class SweepDocument(Section):
+    """A sweep for `symaware sweep`: many runs of one scenario."""
+
+    symaware_sweep: Literal[1] = Field(alias="symaware-sweep", description="Version of the format of sweeps.")
+    scenario: str = Field(min_length=1, description="The scenario file, relative to the folder of this file.")
+    description: str = Field("", description="What is asked, and what is expected.")
+    seed: int = Field(0, ge=0, lt=2**63, description="Seed of the sweep, from which the seed of each run is derived.")
+    runs: int = Field(1, ge=1, le=MOST_RUNS, description="Runs of each combination of parameters and variant.")
+    set: Changes = Field(default_factory=dict, description="Values that all runs share, by their paths.")
+    over: dict[Target, Values] = Field(
+        default_factory=dict,
+        description="Values of the scenario that vary, by their paths; every combination of them is run.",
+    )
+    together: list[dict[Target, Values]] = Field(
+        default_factory=list,
+        description="Values that vary together: in each mapping all lists have the same length, and the first values "
+        "are run with each other, then the second ones.",
+    )
+    variants: dict[Name, Changes] = Field(
+        default_factory=dict, description="Variants of the scenario by name, each with the values that it changes."
+    )
+    paired: bool = Field(
+        False, description="Whether all variants share the seed of each run, so that they differ in nothing else."
+    )
+    keep: Annotated[str, AfterValidator(_kept)] = Field(
+        "none",
+        description="Which logs are kept: none, failed (of failed runs), worst:N (of the N runs with the least "
+        "robustness or, without specifications, the least separation), or all.",
+    )
+    timeout: float | None = Field(
+        None, gt=0, le=1e6, description="Wall time after which a run is given up [s]. By default there is no limit."
+    )

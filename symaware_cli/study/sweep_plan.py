@@ -1,0 +1,135 @@
+"""The plan of a sweep: which runs there are, and what each of them changes.
+
+Runs are numbered replicate by replicate: run ``index`` is replicate ``index // cells`` of cell ``index % cells``, so
+runs can be added without renumbering, and the first runs are balanced over the cells.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+from typing import Any
+
+from symaware_cli.study.seeds import seed_of
+from symaware_cli.study.sweep_document import SweepDocument
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterChange:
+    """A value of the scenario that is replaced.
+
+    Attributes:
+        target: Its path in the scenario.
+        value: What replaces it.
+        place: Where that stands in the document of the sweep.
+    """
+
+    target: str
+    value: Any
+    place: tuple[str | int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """One combination of parameters and a variant, which is run again and again.
+
+    Attributes:
+        number: Its number.
+        point: The number of its combination of parameters.
+        variant: The name of its variant; None if there are none.
+        parameters: The values of what varies, by their paths.
+        changes: All that is changed in the scenario, in this order.
+    """
+
+    number: int
+    point: int
+    variant: str | None
+    parameters: Mapping[str, Any]
+    changes: tuple[ParameterChange, ...]
+
+
+@dataclass(frozen=True)
+class SweepPlan:
+    """Which runs a sweep has.
+
+    Attributes:
+        document: What the sweep says.
+    """
+
+    document: SweepDocument
+
+    @cached_property
+    def cells(self) -> tuple[Cell, ...]:
+        """All cells: each combination of parameters, in each variant."""
+        document = self.document
+        shared = tuple(ParameterChange(path, value, ("set", path)) for path, value in document.set.items())
+        found: list[Cell] = []
+        for point, varied in enumerate(_points(document)):
+            parameters = {each.target: each.value for each in varied}
+            for variant, content in document.variants.items() or ((None, {}),):
+                own = tuple(
+                    ParameterChange(path, value, ("variants", str(variant), path)) for path, value in content.items()
+                )
+                found.append(Cell(len(found), point, variant, parameters, (*shared, *varied, *own)))
+        return tuple(found)
+
+    @cached_property
+    def points(self) -> int:
+        """How many combinations of parameters there are."""
+        return len(self.cells) // max(1, len(self.document.variants))
+
+    @property
+    def count(self) -> int:
+        """How many runs there are."""
+        return self.document.runs * len(self.cells)
+
+    def cell(self, index: int) -> Cell:
+        """Return the cell of a run."""
+        return self.cells[index % len(self.cells)]
+
+    def replicate(self, index: int) -> int:
+        """Return the number of a run within its cell."""
+        return index // len(self.cells)
+
+    def seed_key(self, index: int) -> int:
+        """Return the number from which the seed of a run is derived; paired variants share it."""
+        if self.document.paired:
+            return self.replicate(index) * self.points + self.cell(index).point
+        return index
+
+    def seed(self, index: int) -> int:
+        """Return the seed of a run."""
+        return seed_of(self.document.seed, self.seed_key(index))
+
+
+def cell_count(document: SweepDocument) -> int:
+    """Return how many cells there are, without making them."""
+    count = max(1, len(document.variants))
+    for values in document.over.values():
+        count *= len(values)
+    for lists in document.together:
+        count *= len(next(iter(lists.values()), [None]))
+    return count
+
+
+def _points(document: SweepDocument) -> Iterator[tuple[ParameterChange, ...]]:
+    """Yield every combination of what varies; the last parameter varies fastest."""
+    axes: list[list[tuple[ParameterChange, ...]]] = [
+        [(ParameterChange(path, value, ("over", path, k)),) for k, value in enumerate(values)]
+        for path, values in document.over.items()
+    ]
+    for number, lists in enumerate(document.together):
+        steps = zip(*(enumerate(values) for values in lists.values()), strict=True)
+        axes.append(
+            [
+                tuple(
+                    ParameterChange(path, value, ("together", number, path, k))
+                    for path, (k, value) in zip(lists, step, strict=True)
+                )
+                for step in steps
+            ]
+        )
+    for combination in product(*axes):
+        yield tuple(change for changes in combination for change in changes)

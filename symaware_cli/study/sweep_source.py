@@ -1,0 +1,186 @@
+"""From a file or options to a plan whose every cell is sound: all problems are found before the first run."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path as FilePath
+from typing import Any
+
+from symaware_cli.scenario.build import Built, build
+from symaware_cli.scenario.catalogue import Catalogue
+from symaware_cli.scenario.compose import Composition
+from symaware_cli.scenario.overrides import Override
+from symaware_cli.scenario.problem import MAX_PROBLEMS, Problem, ScenarioError, quoted
+from symaware_cli.scenario.resolved import dumped
+from symaware_cli.scenario.source import MappingEntry, Path, Scalar, Source, SourceNode, decode
+from symaware_cli.scenario.source_parser import read
+from symaware_cli.scenario.validation import validate
+from symaware_cli.study.request import SweepRequest, merged
+from symaware_cli.study.sweep_document import FORMAT, MOST_CELLS, MOST_RUNS, SweepDocument
+from symaware_cli.study.sweep_plan import Cell, ParameterChange, SweepPlan, cell_count
+
+#: The key by which a file of a sweep is known.
+MARK = "symaware-sweep"
+
+
+@dataclass(frozen=True, slots=True)
+class SweepSource:
+    """A plan that was read, with where it says what.
+
+    Attributes:
+        plan: The plan.
+        scenario: The scenario file.
+        written: The file of the sweep as written; None where options alone say what to run.
+    """
+
+    plan: SweepPlan
+    scenario: FilePath
+    written: bytes | None
+    _root: SourceNode
+    _sources: dict[str, Source]
+
+    def overrides(self, cell: Cell) -> list[Override]:
+        """Return the changes of a cell, such that problems with them are located where the sweep says them."""
+        # What is wrong with one cell is reported with that alone.
+        sources = {name: Source(name, each.raw, each.text) for name, each in self._sources.items()}
+        return [self._override(change, sources) for change in cell.changes]
+
+    def _override(self, change: ParameterChange, sources: dict[str, Source]) -> Override:
+        key = change.place[: change.place.index(change.target) + 1]
+        span = self._root.nearest_span(key, key=True)
+        node = _node_at(self._root, change.place)
+        if node is None or node.plain() != change.value:
+            node = SourceNode(change.value, self._root.nearest_span(change.place))
+        return Override.of(sources[span.file], change.target, span, node)
+
+
+def read_sweep(target: FilePath, request: SweepRequest | None = None) -> SweepSource:
+    """Read what to run, and check it but for the scenario.
+
+    Args:
+        target: A scenario, or the file of a sweep.
+        request: What is asked for beside.
+
+    Raises:
+        ScenarioError: With every problem found.
+    """
+    source = read(target, str(target))
+    root = source.root
+    is_sweep = root is not None and isinstance(root.value, dict) and MARK in root.value
+    if is_sweep and root is not None:
+        written: bytes | None = source.raw
+    else:
+        written, root, source = None, *_implied(target)
+    sources = {source.name: source}
+    for own, overlay in (request or SweepRequest()).overlays():
+        sources[own.name] = own
+        if overlay is not None:
+            root = merged(root, overlay)
+    problems = [problem for each in sources.values() for problem in each.problems]
+    if problems:
+        raise ScenarioError(problems)
+    composition = Composition(source.name, root, {}, sources)
+    document = validate(SweepDocument, composition.data, composition, ())
+    if isinstance(document, list):
+        raise ScenarioError(document)
+    problems = list(_faults(document, composition))
+    if problems:
+        raise ScenarioError(problems)
+    return SweepSource(SweepPlan(document), target.parent / document.scenario, written, root, sources)
+
+
+def _implied(scenario: FilePath) -> tuple[SourceNode, Source]:
+    """Return the document of a sweep about a scenario that nothing more is said about."""
+    source = decode("symaware sweep", scenario.name.encode())
+    span = source.at(0)
+    content: dict[str, Scalar] = {MARK: FORMAT, "scenario": scenario.name}
+    return SourceNode(
+        {key: MappingEntry(span, SourceNode(value, span)) for key, value in content.items()}, span
+    ), source
+
+
+def _faults(document: SweepDocument, composition: Composition) -> Iterator[Problem]:
+    """Yield what is wrong with a document beyond its types."""
+    seen: dict[str, Path] = {}
+    places: list[Path] = [("over", path) for path in document.over]
+    places += [("together", number, path) for number, lists in enumerate(document.together) for path in lists]
+    for place in places:
+        target = str(place[-1])
+        if target in seen:
+            message = f"{quoted(target)} varies twice"
+            yield composition.problem("duplicate-key", message, place, key=True, expected="each value to vary once")
+        seen[target] = place
+        if target == "seed":
+            message = "the seed of each run is derived from the sweep's `seed`"
+            yield composition.problem("invalid-value", message, place, key=True, expected="`runs` for several seeds")
+    for number, lists in enumerate(document.together):
+        lengths = {path: len(values) for path, values in lists.items()}
+        for path, length in lengths.items():
+            first, wanted = next(iter(lengths.items()))
+            if length != wanted:
+                message = f"{quoted(path)} has {length} values, and {quoted(first)} has {wanted}"
+                yield composition.problem("wrong-length", message, ("together", number, path), expected="as many")
+    if document.paired and len(document.variants) < 2:
+        message = "there is nothing to pair"
+        yield composition.problem("invalid-value", message, ("paired",), key=True, expected="at least two `variants`")
+    cells = cell_count(document)
+    if cells > MOST_CELLS or cells * document.runs > MOST_RUNS:
+        message = f"the sweep has {cells:,} combinations and {cells * document.runs:,} runs"
+        expected = f"at most {MOST_CELLS:,} combinations and {MOST_RUNS:,} runs"
+        yield composition.problem("too-large", message, ("over",), key=True, expected=expected)
+
+
+def build_cells(source: SweepSource, catalogue: Catalogue) -> Iterator[Built]:
+    """Build every cell of a plan once, with the seed of its first run.
+
+    Raises:
+        ScenarioError: With the problems of all cells, each once.
+    """
+    problems: dict[Problem, None] = {}
+    for cell in source.plan.cells:
+        try:
+            built = build(source.scenario, source.overrides(cell), source.plan.seed(cell.number), catalogue)
+        except ScenarioError as error:
+            problems.update(dict.fromkeys(error.problems))
+            if len(problems) >= MAX_PROBLEMS:
+                break
+            continue
+        if not problems:
+            yield built
+    if problems:
+        raise ScenarioError(problems)
+
+
+def texts_of(changes: Sequence[ParameterChange]) -> list[str]:
+    """Return changes as ``--set`` takes them."""
+    return [f"{each.target}={json.dumps(each.value, ensure_ascii=False)}" for each in changes]
+
+
+def written_again(document: SweepDocument, scenario: str, runs: int | None = None) -> bytes:
+    """Write a document as a file of a sweep.
+
+    Args:
+        document: What to write.
+        scenario: The scenario file, as the file is to name it.
+        runs: How many runs of each cell, if not those of the document.
+    """
+    said = document.model_dump(by_alias=True, mode="json", exclude_defaults=True)
+    said = {MARK: FORMAT, **said, "scenario": scenario}
+    if runs is not None:
+        said["runs"] = runs
+    return dumped(said)
+
+
+def _node_at(root: SourceNode, path: Path) -> SourceNode | None:
+    node: SourceNode = root
+    for part in path:
+        value: Any = node.value
+        if isinstance(value, dict) and part in value:
+            node = value[part].node
+        elif isinstance(value, list) and isinstance(part, int) and part < len(value):
+            node = value[part]
+        else:
+            return None
+    return node

@@ -1,0 +1,196 @@
+"""Runs in worker processes, which are started once and take blocks; one that dies or hangs costs the run it was at."""
+
+from __future__ import annotations
+
+import json
+import os
+import selectors
+import signal
+import subprocess
+import sys
+import time
+from collections import deque
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+
+from symaware_cli import processor
+from symaware_cli.study.executor import Block, Blocks
+from symaware_cli.study.row import Row
+
+#: Wall time beyond its time-out after which a run that does not heed it is ended with its worker [s].
+_GRACE = 2.0
+
+#: How many workers may die one after the other before they are ready.
+_PATIENCE = 3
+
+
+class WorkerPoolError(Exception):
+    """No worker process can be started."""
+
+
+class WorkerPool:
+    """An `Executor` of worker processes."""
+
+    def __init__(self, folder: Path, count: int, timeout: float | None) -> None:
+        """Prepare; workers are started when there is something to do.
+
+        Args:
+            folder: The folder of the sweep.
+            count: How many workers, at most.
+            timeout: Wall time after which a run is given up [s]; None for never.
+        """
+        self._folder = folder
+        self._count = count
+        self._timeout = timeout
+        self._workers: list[_Worker] = []
+        self._selector = selectors.DefaultSelector()
+        self._stillborn = 0
+
+    def rows(self, blocks: Blocks) -> Iterator[Row]:
+        """See `Executor`.
+
+        Raises:
+            WorkerPoolError: No worker can be started.
+        """
+        while True:
+            self._employ(blocks)
+            if not any(worker.tasks for worker in self._workers):
+                return
+            for worker in self._awaited():
+                rows, alive = worker.read()
+                for row in rows:
+                    blocks.learn(row.wall_time)
+                    yield row
+                if not alive:
+                    yield from self._buried(worker, blocks, worker.end())
+            now = time.monotonic()
+            for worker in [each for each in self._workers if each.deadline is not None and each.deadline < now]:
+                worker.kill()
+                yield from self._buried(worker, blocks, f"it did not end within {self._timeout:g} s")
+
+    def close(self) -> None:
+        """End all workers, whatever they do."""
+        for worker in self._workers:
+            worker.kill()
+            self._selector.unregister(worker.answers)
+            worker.end()
+        self._workers.clear()
+
+    def _employ(self, blocks: Blocks) -> None:
+        """Give every idle worker something to do, and start workers where there is more."""
+        for worker in self._workers:
+            if not worker.tasks:
+                block = blocks.take(self._count)
+                if block is None:
+                    return
+                worker.give(block)
+        while len(self._workers) < self._count:
+            block = blocks.take(self._count)
+            if block is None:
+                return
+            worker = _Worker(self._folder, self._timeout)
+            self._workers.append(worker)
+            self._selector.register(worker.answers, selectors.EVENT_READ, worker)
+            worker.give(block)
+
+    def _awaited(self) -> list[_Worker]:
+        """Wait for answers, or for the first deadline."""
+        deadlines = [each.deadline for each in self._workers if each.deadline is not None]
+        patience = max(0.0, min(deadlines) - time.monotonic()) + 0.01 if deadlines else None
+        return [key.data for key, _ in self._selector.select(patience)]
+
+    def _buried(self, worker: _Worker, blocks: Blocks, why: str) -> Iterator[Row]:
+        """Go on without a worker: what it was at is lost, the rest of its block is for others."""
+        self._workers.remove(worker)
+        self._selector.unregister(worker.answers)
+        worker.end()
+        tasks = list(worker.tasks)
+        if worker.is_ready:
+            self._stillborn = 0
+            if tasks:
+                yield Row(tasks.pop(0), "lost", error=why)
+        else:
+            self._stillborn += 1
+            if self._stillborn >= _PATIENCE:
+                raise WorkerPoolError(f"no worker process can be started: {why}")
+        blocks.give_back(tasks)
+
+
+class _Worker:
+    """One worker process.
+
+    Attributes:
+        tasks: The runs that it still has to make, the one it is at first.
+        is_ready: Whether it has started.
+        deadline: When the run it is at is given up, on the monotonic clock [s]; None for never.
+    """
+
+    def __init__(self, folder: Path, timeout: float | None) -> None:
+        self.tasks: deque[int] = deque()
+        self.is_ready = False
+        self.deadline: float | None = None
+        self._timeout = timeout
+        self._rest = b""
+        self._process = subprocess.Popen(
+            [sys.executable, "-P", "-c", "from symaware_cli.study.sweep_worker import main; main()"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            # Ctrl-C is for the driver alone, which ends its workers.
+            start_new_session=True,
+            env=processor.environment(),
+        )
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        self._requests, self.answers = self._process.stdin, self._process.stdout
+        self._send({"parent": os.getpid(), "path": sys.path, "folder": str(folder)})
+
+    def give(self, block: Block) -> None:
+        """Tell it what to do next."""
+        self.tasks.extend(block.indices)
+        self._send({"indices": block.indices, "is_recorded": block.is_recorded})
+        self._start_clock()
+
+    def read(self) -> tuple[list[Row], bool]:
+        """Return the rows that it has told, and whether there may be more."""
+        data = os.read(self.answers.fileno(), 1 << 20)
+        *lines, self._rest = (self._rest + data).split(b"\n")
+        rows = []
+        for line in lines:
+            content = json.loads(line)
+            if content is None:
+                self.is_ready = True
+            else:
+                self.tasks.popleft()
+                rows.append(Row(**content))
+        if lines:
+            self._start_clock()
+        return rows, bool(data)
+
+    def kill(self) -> None:
+        """End it, whatever it does."""
+        self._process.kill()
+
+    def end(self) -> str:
+        """Wait for its end, and say how it came."""
+        with suppress(BrokenPipeError):
+            self._requests.close()
+        self.answers.close()
+        status = self._process.wait()
+        if status >= 0:
+            return f"the worker process ended with status {status}"
+        try:
+            return f"the worker process was ended by {signal.Signals(-status).name}"
+        except ValueError:
+            return f"the worker process was ended by signal {-status}"
+
+    def _start_clock(self) -> None:
+        if self._timeout is not None:
+            running = self.tasks and self.is_ready
+            self.deadline = time.monotonic() + self._timeout + _GRACE if running else None
+
+    def _send(self, content: object) -> None:
+        # If it is gone, that is seen where its answers are read.
+        with suppress(BrokenPipeError):
+            self._requests.write(json.dumps(content).encode() + b"\n")
+            self._requests.flush()

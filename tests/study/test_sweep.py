@@ -1,0 +1,130 @@
+"""Sweeps as a person makes them: with the command, in processes of their own."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+from pathlib import Path
+
+import pytest
+from sweeping import rows, symaware, table_digest, tiny
+
+import symaware_cli
+from symaware_cli.scenario.problem import ScenarioError
+
+
+def test_a_sweep_has_a_row_for_each_run_of_each_combination(tmp_path: Path) -> None:
+    scenario = tiny(tmp_path)
+    symaware("sweep", scenario, "-o", tmp_path / "out", "--over", "agents.robot.count=1,2", "--runs", 3, "--jobs", 0)
+    found = rows(tmp_path / "out")
+    assert [row["index"] for row in found] == [*range(6)]
+    assert [row["agents.robot.count"] for row in found] == [1, 2] * 3
+    assert {row["state"] for row in found} == {"done"}
+    assert {row["verdict.near"] for row in found} == {"satisfied", "violated"}
+
+
+def test_this_process_one_worker_and_two_workers_make_the_same_table(tmp_path: Path) -> None:
+    scenario = tiny(tmp_path)
+    for jobs in (0, 1, 2):
+        symaware("sweep", scenario, "-o", tmp_path / f"{jobs}", "--runs", 20, "--jobs", jobs)
+    assert len({table_digest(tmp_path / f"{jobs}") for jobs in (0, 1, 2)}) == 1
+
+
+def test_a_row_says_what_the_run_alone_says(tmp_path: Path) -> None:
+    scenario = tiny(tmp_path)
+    symaware("sweep", scenario, "-o", tmp_path / "out", "--over", "agents.robot.count=2,3", "--runs", 3, "--jobs", 0)
+    for row in rows(tmp_path / "out"):
+        count, seed = row["agents.robot.count"], row["seed"]
+        alone = symaware_cli.load(scenario, {"agents.robot.count": count}, seed=seed).run(record=False).summary
+        assert alone.minimum_separation is not None
+        assert row["closest"] == alone.minimum_separation.value
+        assert row["goals_reached"] == len(alone.goals_reached)
+        assert row["contacts"] == alone.contacts
+        assert (row["verdict.near"], row["robustness.near"]) == (
+            alone.specifications[0].verdict,
+            alone.specifications[0].robustness,
+        )
+
+
+def test_bad_input_is_located_and_creates_nothing(tmp_path: Path) -> None:
+    scenario = tiny(tmp_path)
+    before = sorted(tmp_path.iterdir())
+    said = symaware("sweep", scenario, "-o", tmp_path / "out", "--over", "agents.robot.cont=1,2", status=2)
+    assert "--over agents.robot.cont=1,2:1:1: unknown key `cont`" in said
+    assert "did you mean `count`?" in said
+    said = symaware("sweep", scenario, "-o", tmp_path / "out", "--over", "run.duration=1,-2", "--json", status=2)
+    assert json.loads(said)["problems"][0]["span"]["column"] == 16
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_a_dry_run_shows_the_plan_and_creates_nothing(tmp_path: Path) -> None:
+    scenario = tiny(tmp_path)
+    before = sorted(tmp_path.iterdir())
+    said = symaware("sweep", scenario, "--over", "agents.robot.count=1,2", "--runs", 5, "--dry-run")
+    assert said.splitlines()[0] == "sound; 10 runs: 5 of each of 2"
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_a_sweep_that_is_asked_for_again_is_resumed_and_another_one_is_refused(tmp_path: Path) -> None:
+    scenario = tiny(tmp_path)
+    out = tmp_path / "out"
+    symaware("sweep", scenario, "-o", out, "--runs", 3, "--jobs", 0)
+    again = json.loads(symaware("sweep", scenario, "-o", out, "--runs", 3, "--jobs", 0, "--json"))
+    assert (again["done"], again["made_now"]) == (3, 0)
+    said = symaware("sweep", scenario, "-o", out, "--runs", 4, status=2)
+    assert "runs: 3 there, 4 now" in said
+    scenario.write_text(scenario.read_text().replace("max_speed: 1.0", "max_speed: 2.0"))
+    said = symaware("sweep", scenario, "-o", out, "--runs", 3, status=2)
+    assert "the file tiny.yaml is another one" in said
+
+
+def test_a_sweep_does_not_go_on_with_other_files_or_versions(tmp_path: Path) -> None:
+    scenario = tiny(tmp_path)
+    out = tmp_path / "out"
+    symaware("sweep", scenario, "-o", out, "--runs", 1, "--jobs", 0)
+    identity = json.loads((out / "identity.json").read_text())
+    old = identity["versions"]["numpy"]
+    identity["versions"]["numpy"] = "1.0"
+    (out / "identity.json").write_text(json.dumps(identity))
+    assert f"numpy: 1.0 then, {old} now" in symaware("sweep", out, status=2)
+    identity["versions"]["numpy"] = old
+    (out / "identity.json").write_text(json.dumps(identity))
+    kept = out / "scenario" / "tiny.yaml"
+    kept.write_text(kept.read_text().replace("max_speed: 1.0", "max_speed: 2.0"))
+    said = symaware("sweep", out, status=2)
+    assert "max_speed: 1.0" in said
+    assert "max_speed: 2.0" in said
+
+
+def test_runs_are_added_and_those_before_stay(tmp_path: Path) -> None:
+    scenario = tiny(tmp_path)
+    out = tmp_path / "out"
+    symaware("sweep", scenario, "-o", out, "--runs", 2, "--over", "agents.robot.count=1,2", "--jobs", 0)
+    before = rows(out)
+    symaware("sweep", out, "--add-runs", 2, "--jobs", 0)
+    assert rows(out)[:4] == before
+    symaware("sweep", scenario, "-o", tmp_path / "all", "--runs", 4, "--over", "agents.robot.count=1,2", "--jobs", 0)
+    assert table_digest(out) == table_digest(tmp_path / "all")
+
+
+def test_the_logs_of_the_worst_runs_are_kept_under_the_digest_of_what_they_say(tmp_path: Path) -> None:
+    scenario = tiny(tmp_path)
+    out = tmp_path / "out"
+    symaware("sweep", scenario, "-o", out, "--runs", 8, "--keep", "worst:2", "--jobs", 0)
+    worst = sorted(rows(out), key=lambda row: row["robustness.near"])[:2]
+    with sqlite3.connect(out / "journal.sqlite") as journal:
+        kept = dict(journal.execute('SELECT "index", log FROM runs WHERE log IS NOT NULL').fetchall())
+    assert {*kept} == {row["index"] for row in worst}
+    for row in worst:
+        log = symaware_cli.open_log(out / "logs" / kept[row["index"]])
+        assert json.loads(log.attachments["manifest.json"])["seed"] == row["seed"]
+    assert len(list((out / "logs").iterdir())) == 2
+
+
+def test_python_gets_the_table_of_the_same_engine(tmp_path: Path) -> None:
+    scenario = tiny(tmp_path)
+    table = symaware_cli.sweep(scenario, over={"agents.robot.count": [1, 2]}, runs=2, seed=5)
+    symaware("sweep", scenario, "-o", tmp_path / "out", "--over", "agents.robot.count=1,2", "--runs", 2, "--seed", 5)
+    assert table.to_pylist() == rows(tmp_path / "out")
+    with pytest.raises(ScenarioError, match="unknown key"):
+        symaware_cli.sweep(scenario, over={"agents.robot.cont": "1..3"})
