@@ -47,12 +47,12 @@ class Automaton:
     """A deterministic automaton over sets of propositions.
 
     Attributes:
-            transitions: The next state for each state and letter, shape (states, letters). A letter is the sum of 2**i
-                over the propositions i that hold.
-            accepting: Whether the formula holds if the run ends in a state; shape (states,).
-            verdicts: 1 where the formula holds however the run continues, -1 where it can no longer hold, else 0; shape
-                (states,).
-            propositions: Number of propositions.
+        transitions: The next state for each state and letter, shape (states, letters). A letter is the sum of 2**i over
+            the propositions i that hold.
+        accepting: Whether the formula holds if the run ends in a state; shape (states,).
+        verdicts: 1 where the formula holds however the run continues, -1 where it can no longer hold, else 0; shape
+            (states,).
+        propositions: Number of propositions.
     """
 
     #: The state before the first instant.

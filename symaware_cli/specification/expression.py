@@ -92,7 +92,7 @@ class Expression:
             lookup: Returns the value of a name.
 
         Raises:
-                EvaluationError: The expression has no value, for example because of a division by zero.
+            EvaluationError: The expression has no value, for example because of a division by zero.
         """
         try:
             with np.errstate(all="ignore"):
@@ -107,7 +107,7 @@ class Expression:
         """Evaluate a condition.
 
         Raises:
-                EvaluationError: The expression has no value, or one that is neither true nor false.
+            EvaluationError: The expression has no value, or one that is neither true nor false.
         """
         value = self.value(lookup)
         try:

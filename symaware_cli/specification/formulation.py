@@ -23,9 +23,9 @@ class Atom:
     """A predicate of a formula.
 
     Attributes:
-            node: Its syntax tree.
-            text: Its text, for messages.
-            robustness: Evaluates it for all rows.
+        node: Its syntax tree.
+        text: Its text, for messages.
+        robustness: Evaluates it for all rows.
     """
 
     node: Node

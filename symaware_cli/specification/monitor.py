@@ -28,15 +28,15 @@ class Monitor:
     Attributes:
         formula: The formula.
         rows: The number of rows.
-            interval: Whether bounds of the robustness at the first instant are kept.
-            horizon: Number of steps after which the exact robustness is known; None if only at the end of the run.
-            instants: Number of instants processed.
-            ended: Whether the declared run has ended.
-            verdict: Whether the formula holds at the first instant, for each row: 1 true, -1 false, 0 undecided.
-            lower: Least possible robustness at the first instant, whatever follows (only with `interval`).
-            upper: Greatest possible robustness at the first instant.
-            complete: Whether all samples were kept that the exact robustness at the end of the run requires, if it is
-                not known before. At most `KEPT` are.
+        interval: Whether bounds of the robustness at the first instant are kept.
+        horizon: Number of steps after which the exact robustness is known; None if only at the end of the run.
+        instants: Number of instants processed.
+        ended: Whether the declared run has ended.
+        verdict: Whether the formula holds at the first instant, for each row: 1 true, -1 false, 0 undecided.
+        lower: Least possible robustness at the first instant, whatever follows (only with `interval`).
+        upper: Greatest possible robustness at the first instant.
+        complete: Whether all samples were kept that the exact robustness at the end of the run requires, if it is not
+            known before. At most `KEPT` are.
     """
 
     def __init__(self, formula: Formula, rows: int, *, interval: bool = True) -> None:

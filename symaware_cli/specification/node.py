@@ -22,7 +22,7 @@ class Node:
     """A part of an expression.
 
     Attributes:
-            span: Its position in the text. It is ignored when nodes are compared.
+        span: Its position in the text. It is ignored when nodes are compared.
     """
 
     span: Span = field(compare=False)

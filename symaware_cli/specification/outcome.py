@@ -22,14 +22,14 @@ class Decision:
 
     Attributes:
         specification: The specification's name.
-            agents: The agents it concerns; empty if it concerns the world.
-            satisfied: The verdict.
-            predicate: The predicate that decided it; empty if none did.
-            formula: The smallest temporal formula that contains the predicate.
-            instant: The instant whose value decided it, in nanoseconds; None if there was none.
-            robustness: The robustness of the predicate at that instant, positive where it holds; infinite for Boolean
-                values.
-            holds: Whether the predicate holds at that instant.
+        agents: The agents it concerns; empty if it concerns the world.
+        satisfied: The verdict.
+        predicate: The predicate that decided it; empty if none did.
+        formula: The smallest temporal formula that contains the predicate.
+        instant: The instant whose value decided it, in nanoseconds; None if there was none.
+        robustness: The robustness of the predicate at that instant, positive where it holds; infinite for Boolean
+            values.
+        holds: Whether the predicate holds at that instant.
     """
 
     specification: str

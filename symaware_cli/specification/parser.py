@@ -73,14 +73,14 @@ def parse(
     """Parse an expression.
 
     Args:
-            text: The expression.
-            names: The names it may refer to.
-            functions: The functions it may call, each with its number of arguments; None for any number but 0.
-            definitions: Syntax trees by name; a name in the text is replaced by its tree.
-            longest: Maximum length in characters.
+        text: The expression.
+        names: The names it may refer to.
+        functions: The functions it may call, each with its number of arguments; None for any number but 0.
+        definitions: Syntax trees by name; a name in the text is replaced by its tree.
+        longest: Maximum length in characters.
 
     Raises:
-            ExpressionError: The expression is not valid; the error has the position.
+        ExpressionError: The expression is not valid; the error has the position.
     """
     if len(text) > longest:
         raise ExpressionError(f"an expression has at most {longest} characters, not {len(text)}", (0, len(text)))

@@ -30,11 +30,11 @@ class Reason:
     """The critical sample of a formula.
 
     Attributes:
-            predicate: The index of its predicate.
-            instant: The number of its instant.
-            robustness: The robustness of the predicate at that instant.
-            path: The operand positions that lead from the formula to the predicate.
-            instants: The instant of each formula on that path, from the formula itself to the predicate.
+        predicate: The index of its predicate.
+        instant: The number of its instant.
+        robustness: The robustness of the predicate at that instant.
+        path: The operand positions that lead from the formula to the predicate.
+        instants: The instant of each formula on that path, from the formula itself to the predicate.
     """
 
     predicate: int

@@ -18,7 +18,7 @@ class RegionError(ValueError):
 
     Attributes:
         region: The region's name.
-            name: The invalid name in it.
+        name: The invalid name in it.
     """
 
     def __init__(self, message: str, region: str, name: str) -> None:

@@ -60,8 +60,8 @@ class History:
     """Arrays of successive instants, the oldest of which can be dropped.
 
     Attributes:
-            first: The instant of the first array kept.
-            end: The instant after the last one.
+        first: The instant of the first array kept.
+        end: The instant after the last one.
     """
 
     def __init__(self, *shape: int, dtype: type = float, first: int = 0) -> None:
@@ -104,8 +104,8 @@ class Recent:
     """Values of the latest instants, each an array [rows] or the number of a single row.
 
     Attributes:
-            first: The instant of the first value kept.
-            end: The instant after the last one.
+        first: The instant of the first value kept.
+        end: The instant after the last one.
     """
 
     def __init__(self) -> None:

@@ -29,10 +29,10 @@ class Clock:
 
     Attributes:
         rows: Number of rows.
-            boolean: Whether streams hold truth values instead of robustness.
-            single: Whether values are pushed as numbers of a single row instead of arrays [rows].
-            now: The last instant that was pushed.
-            ended: Whether the declared run ends with `now`.
+        boolean: Whether streams hold truth values instead of robustness.
+        single: Whether values are pushed as numbers of a single row instead of arrays [rows].
+        now: The last instant that was pushed.
+        ended: Whether the declared run ends with `now`.
     """
 
     def __init__(self, rows: int, boolean: bool) -> None:
@@ -65,11 +65,11 @@ class Stream:
 
     Attributes:
         clock: The common clock.
-            horizon: The number of steps after which exact values are known; None if only at the end of the run.
-            reach: The number of steps ahead of `now` beyond which bounds no longer change from one instant to the next.
-            soonest: The numbers of steps before which lower and upper bounds are trivial; infinite if they are until
-                the run ends.
-            exact: The last instant whose exact value was returned, or -1.
+        horizon: The number of steps after which exact values are known; None if only at the end of the run.
+        reach: The number of steps ahead of `now` beyond which bounds no longer change from one instant to the next.
+        soonest: The numbers of steps before which lower and upper bounds are trivial; infinite if they are until the
+            run ends.
+        exact: The last instant whose exact value was returned, or -1.
     """
 
     def __init__(

@@ -21,11 +21,11 @@ class ExpressionError(ValueError):
     """A text is not a valid expression.
 
     Attributes:
-            problem: What is wrong, in one sentence.
-            start: Start of the faulty part of the text, in characters.
-            end: Its end.
-            names: Valid names, if an unknown name is the problem.
-            name: The unknown name, if any.
+        problem: What is wrong, in one sentence.
+        start: Start of the faulty part of the text, in characters.
+        end: Its end.
+        names: Valid names, if an unknown name is the problem.
+        name: The unknown name, if any.
     """
 
     def __init__(self, problem: str, span: Span, name: str = "", names: Collection[str] = ()) -> None:
@@ -41,9 +41,9 @@ class Token:
     """A word, a number, a text in quotes or an operator.
 
     Attributes:
-            kind: "word", "number", "text", "operator", or "end" after the last token.
-            text: The characters of the token.
-            span: Its position in the text.
+        kind: "word", "number", "text", "operator", or "end" after the last token.
+        text: The characters of the token.
+        span: Its position in the text.
     """
 
     kind: str

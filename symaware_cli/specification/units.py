@@ -66,11 +66,11 @@ def check_units(tree: Node, units: Mapping[str, str]) -> None:
     """Check that compared and added values have the same unit.
 
     Args:
-            tree: The formula.
-            units: The unit of each name; "" where it is unknown.
+        tree: The formula.
+        units: The unit of each name; "" where it is unknown.
 
     Raises:
-            ExpressionError: Two units differ.
+        ExpressionError: Two units differ.
     """
     for node in walk(tree):
         if isinstance(node, Comparison | Arithmetic | Call):

@@ -35,8 +35,8 @@ class Bounds:
     """The bounds of a formula at all instants.
 
     Attributes:
-            values: Lower and upper bounds at the instants from 0 on [instants, 2, rows].
-            beyond: The bounds at every later instant [2, rows].
+        values: Lower and upper bounds at the instants from 0 on [instants, 2, rows].
+        beyond: The bounds at every later instant [2, rows].
     """
 
     values: Array
