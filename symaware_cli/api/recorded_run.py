@@ -148,7 +148,7 @@ class RecordedRun:
     def _aware(self, group: AgentGroup, message: LogMessage) -> None:
         """Take over what agents know of where others are."""
         content: Any = message.decode()
-        if not content.tells_states:
+        if not content.has_states:
             return
         roster = self._environment.roster
         if content.world:

@@ -149,7 +149,7 @@ def lay_out_awareness(message: wire.Awareness, count: int, *, width: int, covari
     """
     columns = 1 + width + (width * width if covariances else 0)
     nobody = np.empty(0, np.int64)
-    if not message.tells_states:
+    if not message.has_states:
         return Piece(nobody, nobody, np.empty((0, columns)), nobody)
     if message.world:
         return Piece(_present(message.rows, count), nobody, np.empty((0, columns)), nobody)

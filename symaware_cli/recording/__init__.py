@@ -1,10 +1,9 @@
-"""The log of a run: one MCAP file of protobuf messages (docs/log-format.md).
+"""Logs of runs: MCAP files of protobuf messages (docs/log-format.md).
 
-Nothing is imported here, so that whoever needs one side pays for one side:
+Nothing is imported here, so that users of the reader do not pay for the writer, and vice versa:
 
-- `writer.LogWriter` writes a log, `wire` encodes its big messages,
-- `reader.open_log` reads one, `recovery` what is left of a broken one, `repair.recover` makes that sound,
-- `process_log` and `merging` make one log of those of several processes,
-- `entry_filter` finds what happened, `overview` sums a log up, `digest.digest` compares runs,
-- `output` writes files that appear whole or not at all.
+- `writer.LogWriter` writes a log, `wire` encodes its large messages,
+- `reader.open_log` reads one, `recovery` reads what is left of a damaged one, `repair.recover` writes a sound copy,
+- `entry_filter` selects events and messages, `overview` summarises a log, `digest.digest` compares runs,
+- `output` writes files atomically.
 """

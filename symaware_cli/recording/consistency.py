@@ -1,7 +1,7 @@
-"""Whether what a message says fits together, and fits those whom the log is about.
+"""Consistency checks of log messages: against themselves, and against the agents and groups of the log.
 
-It is asked once, where messages are decoded, so that nobody behind that has to expect an index that leads nowhere, or
-a count that asks for memory that no message needs.
+They run once, where messages are decoded, so that later code can rely on valid indices and on counts that do not make
+it allocate more memory than the message justifies.
 """
 
 from __future__ import annotations
@@ -17,21 +17,21 @@ from symaware_cli.recording.index import ChannelInfo
 from symaware_cli.recording.json_text import read_json
 
 _MOST_ROWS = 1 << 20
-"""Where it is not known how many rows there are."""
+"""Maximum number of rows where the size of the group is unknown."""
 
 _SPARE = 1 << 20
-"""So many numbers may be missing of what, laid out as a table, would be a matrix."""
+"""Maximum number of missing numbers in a message that is expanded to a matrix."""
 
 
 def require_consistent(message: Any, channel: ChannelInfo) -> None:
     """Check a message.
 
     Args:
-        message: What was decoded.
-        channel: Where it was found.
+        message: The decoded message.
+        channel: Its channel.
 
     Raises:
-        ValueError: It contradicts itself, or is about somebody whom the log does not know.
+        ValueError: It contradicts itself, or refers to agents or entities that the log does not have.
     """
     check = _CHECKS.get(channel.schema.removeprefix("symaware.v1."))
     if check is not None:
@@ -48,7 +48,7 @@ def _series(message: wire.SeriesRows, channel: ChannelInfo) -> None:
     if len(lengths) == 1:
         each = int(lengths[0])
         count = len(message.rows) if message.rows is not None else points // each if each else 0
-        # Of one row it makes no difference whether it shares its times.
+        # For a single row, shared and separate times are the same.
         if len(message.times) != each or each * count != points:
             raise ValueError(f"{points} points and {len(message.times)} times, where {each} were announced for each")
     else:
@@ -74,7 +74,7 @@ def _others_series(message: wire.OthersSeries, channel: ChannelInfo) -> None:
         raise ValueError(
             f"{len(message.entities)} others, where {known.sum()} were announced, with {len(points)} series"
         )
-    # As Python's whole numbers, which do not overflow.
+    # As Python integers, which do not overflow.
     numbers = sum(count * width for count, width in zip(points.tolist(), columns.tolist(), strict=True))
     if len(message.times) != points.sum() or len(message.values) != numbers:
         raise ValueError(f"{len(message.values)} numbers at {len(message.times)} times, where {numbers} were announced")
@@ -85,13 +85,13 @@ def _others_series(message: wire.OthersSeries, channel: ChannelInfo) -> None:
 def _awareness(message: wire.Awareness, channel: ChannelInfo) -> None:
     for part in message.series:
         _others_series(part, channel)
-    if message.world or (message.series and not message.tells_states):
+    if message.world or (message.series and not message.has_states):
         return
     lengths, sizes, known = message.lengths.astype(np.int64), message.columns.astype(np.int64), len(message.entities)
     if len(lengths) == 1:
         each = int(lengths[0])
-        everybody = channel.rows if channel.rows is not None else known // each if each else 0
-        count = everybody if message.rows is None else len(message.rows)
+        all_rows = channel.rows if channel.rows is not None else known // each if each else 0
+        count = all_rows if message.rows is None else len(message.rows)
         fits = each * count == known
     else:
         count, fits = len(lengths), int(lengths.sum()) == known
@@ -119,19 +119,19 @@ def _knowledge(message: Any, channel: ChannelInfo) -> None:
     _require_rows(_array(message.rows), len(message.values), channel)
     for value in message.values:
         if not isinstance(read_json(value), dict):
-            raise ValueError("knowledge without names")
+            raise ValueError("knowledge that is not a mapping")
 
 
 def _event(message: Any, channel: ChannelInfo) -> None:
     if message.data and not isinstance(read_json(message.data), dict):
-        raise ValueError("the data of an event without names")
+        raise ValueError("event data that are not a mapping")
 
 
 def _recurring(message: Any, channel: ChannelInfo) -> None:
     if len(message.name) != len(message.source):
-        raise ValueError(f"{len(message.name)} events at {len(message.source)} places")
+        raise ValueError(f"{len(message.name)} event names and {len(message.source)} sources")
     _require_below(message.name, len(message.names), "a name")
-    _require_below(message.source, len(message.sources), "a place")
+    _require_below(message.source, len(message.sources), "a source")
 
 
 def _message(message: Any, channel: ChannelInfo) -> None:
@@ -144,7 +144,7 @@ def _message_columns(message: Any, channel: ChannelInfo) -> None:
     optional = {len(message.reason), len(message.sizes), len(message.rows)}
     if len(counts) > 1 or not optional <= {0, len(message.senders)}:
         raise ValueError("columns of different lengths")
-    _require_below(message.rows, len(message.says), "what is said")
+    _require_below(message.rows, len(message.says), "a payload")
     _require_below(message.reason, len(message.reasons), "a reason")
     for places in (message.senders, message.receivers, message.says):
         _require_roster(_array(places), channel)
@@ -155,7 +155,7 @@ def _message_columns(message: Any, channel: ChannelInfo) -> None:
             for text in set(said.texts):
                 read_json(text)
             continue
-        # As Python's whole numbers, which do not overflow.
+        # As Python integers, which do not overflow.
         size = len(message.says)
         for extent in said.shape:
             size *= extent
@@ -166,7 +166,7 @@ def _message_columns(message: Any, channel: ChannelInfo) -> None:
 def _scan(message: Any, channel: ChannelInfo) -> None:
     count = len(message.poses) // 4
     if len(message.poses) != 4 * count or len(message.distances) != len(message.angles) * count:
-        raise ValueError(f"{len(message.distances)} distances of {len(message.angles)} rays at {count} places")
+        raise ValueError(f"{len(message.distances)} distances of {len(message.angles)} rays from {count} poses")
     if not len(message.rows) and channel.rows is not None and count != channel.rows:
         raise ValueError(f"scans of {count} of {channel.rows} agents")
     _require_rows(_array(message.rows), count, channel)
@@ -175,7 +175,7 @@ def _scan(message: Any, channel: ChannelInfo) -> None:
 def _image(message: Any, channel: ChannelInfo) -> None:
     _require_rows(np.array([message.row]), 1, channel)
     if len(message.position) not in (0, 3) or len(message.target) not in (0, 3):
-        raise ValueError("a camera that is nowhere")
+        raise ValueError("a camera without a position")
     png.size(message.data)
 
 
@@ -214,7 +214,7 @@ _CHECKS: dict[str, Callable[[Any, ChannelInfo], None]] = {
     "Image": _image,
     "Contact": _contact,
 }
-"""By message what it must fulfil."""
+"""The check of each message, by its name."""
 
 
 def _array(places: Sequence[int]) -> NDArray[np.uint32] | None:
@@ -227,7 +227,7 @@ def _require_width(values: NDArray[np.float64], channel: ChannelInfo) -> None:
 
 
 def _require_rows(rows: NDArray[Any] | None, count: int, channel: ChannelInfo) -> None:
-    """That there are as many values as rows, and that these ascend and are some of the group's."""
+    """Check that there are as many values as rows, and that the rows ascend and are within the group."""
     if rows is not None and len(rows) != count and count:
         raise ValueError(f"{count} values for {len(rows)} rows")
     if rows is not None and len(rows) > 1 and not (rows[1:] > rows[:-1]).all():
@@ -239,7 +239,7 @@ def _require_rows(rows: NDArray[Any] | None, count: int, channel: ChannelInfo) -
 
 def _require_roster(places: NDArray[np.uint32] | None, channel: ChannelInfo) -> None:
     if places is not None and len(places) and channel.roster is not None and int(places.max()) >= channel.roster:
-        raise ValueError(f"number {places.max()} of the {channel.roster} of the roster")
+        raise ValueError(f"index {places.max()} in a roster of {channel.roster}")
 
 
 def _require_below(places: Sequence[int], count: int, what: str) -> None:

@@ -1,6 +1,6 @@
-"""Digests of a log: what two equal runs have in common, whenever their chunks were cut.
+"""Digests of logs: hashes that are equal for equal runs, independent of how messages are divided into chunks.
 
-docs/log-format.md defines them for other languages.
+docs/log-format.md defines them for implementations in other languages.
 """
 
 import hashlib
@@ -16,12 +16,12 @@ _HEAD = struct.Struct("<QII")
 
 @dataclass(frozen=True, slots=True)
 class Digest:
-    """The SHA-256 of what is deterministic in a log, in hexadecimal.
+    """The SHA-256 of the deterministic content of a log, in hexadecimal.
 
     Attributes:
-        channels: By topic; every channel but /timing.
-        attachments: By name; the scenario as written, as resolved, and the manifest.
-        combined: Of all of them.
+        channels: By topic, for every channel but /timing.
+        attachments: By name, for the scenario as written, the resolved scenario and the manifest.
+        combined: Of all channels and attachments.
     """
 
     channels: dict[str, str]
@@ -29,19 +29,19 @@ class Digest:
     combined: str
 
     def differences(self, other: "Digest") -> list[str]:
-        """Name the topics and attachments that differ, or that only one of both has; sorted."""
+        """Return the topics and attachments that differ, or that only one of the two has; sorted."""
         mine, theirs = self.channels | self.attachments, other.channels | other.attachments
         return sorted(name for name in mine.keys() | theirs.keys() if mine.get(name) != theirs.get(name))
 
 
 def digest(log: Log) -> Digest:
-    """Digest a log in one pass.
+    """Compute the digest of a log in one pass.
 
     Args:
-        log: The log; of a damaged one, what can be read.
+        log: The log; for a damaged one, the digest of what can be read.
 
     Raises:
-        LogError: The file cannot be read any more.
+        LogError: The file can no longer be read.
     """
     hashes = {topic: hashlib.sha256() for topic in log.channels if topic != TIMING}
     for message in log.messages(hashes):

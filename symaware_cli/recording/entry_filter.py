@@ -1,4 +1,4 @@
-"""Which entries of a log are wanted: events, messages between agents, contacts."""
+"""Selects entries of a log: events, messages between agents, and contacts."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from symaware_cli.recording.logged_events import Communication, LoggedContact, L
 from symaware_cli.recording.reader import Log
 
 LEVELS = ("DEBUG", "INFO", "WARNING", "ERROR")
-"""The levels of events, the gravest last."""
+"""The levels of events, in ascending order of severity."""
 
 
 @dataclass(frozen=True, slots=True)
 class EntryFilter:
-    """What entries are asked for; what is left out does not matter. In patterns ``*`` stands for anything.
+    """Criteria for entries; those left out do not restrict. In patterns, ``*`` matches any text.
 
     Attributes:
-        agents: Whom they concern: patterns of agents, groups and entities.
-        name: What events are called, a pattern.
-        source: Where events happened, a pattern.
-        level: The least level of events, of `LEVELS`.
-        kind: What messages are about, a pattern.
+        agents: Patterns of the agents, groups and entities that entries concern.
+        name: Pattern of the names of events.
+        source: Pattern of the sources of events.
+        level: Minimum level of events, one of `LEVELS`.
+        kind: Pattern of the kinds of messages.
         stage: The stage of messages (`SENT`, ...) or of contacts (`BEGIN`, ...).
         start: The first simulated time, ns.
         end: The last simulated time, ns.
@@ -39,12 +39,12 @@ class EntryFilter:
     end: int | None = None
 
     def events(self, log: Log) -> Iterator[LoggedEvent]:
-        """Iterate over the events that are wanted.
+        """Iterate over the matching events.
 
-        An event concerns an agent if it happened in it or names it in its data.
+        An event concerns an agent if the agent is its source or is named in its data.
 
         Raises:
-            UnknownNameError: Nobody has such a name.
+            UnknownNameError: No agent, group or entity matches a pattern.
         """
         concerned = self._concerned(log)
         within = tuple(f"agents.{name}." for name in concerned or ())
@@ -54,16 +54,16 @@ class EntryFilter:
                 (concerned is None or f"{event.source}.".startswith(within) or _named(event, concerned))
                 and _matches(event.name, self.name)
                 and _matches(event.source, self.source)
-                # Of a later version there may be others.
+                # Later versions may add levels.
                 and (event.level in grave or event.level not in LEVELS)
             ):
                 yield event
 
     def communications(self, log: Log) -> Iterator[Communication]:
-        """Iterate over the stages of messages that are wanted: those that one of the agents sent or is to receive.
+        """Iterate over the matching stages of messages whose sender or receiver is one of the agents.
 
         Raises:
-            UnknownNameError: Nobody has such a name.
+            UnknownNameError: No agent, group or entity matches a pattern.
         """
         concerned = self._concerned(log)
         for entry in log.communications(self.start, self._stop):
@@ -75,10 +75,10 @@ class EntryFilter:
                 yield entry
 
     def contacts(self, log: Log) -> Iterator[LoggedContact]:
-        """Iterate over the beginnings and ends of contacts that are wanted.
+        """Iterate over the matching beginnings and ends of contacts.
 
         Raises:
-            UnknownNameError: Nobody has such a name.
+            UnknownNameError: No agent, group or entity matches a pattern.
         """
         concerned = self._concerned(log)
         for entry in log.contacts(self.start, self._stop):
@@ -93,7 +93,7 @@ class EntryFilter:
         return None if self.end is None else self.end + 1
 
     def _concerned(self, log: Log) -> Collection[str] | None:
-        """The names that the patterns stand for; of groups, their agents' too. None for everybody."""
+        """Return the names that match the patterns, including the agents of matching groups; None for all."""
         if not self.agents:
             return None
         members: dict[str, tuple[str, ...]] = {id: (id,) for agents in log.agents.values() for id in agents}
@@ -103,7 +103,7 @@ class EntryFilter:
         for pattern in self.agents:
             found = [name for name in members if fnmatchcase(name, pattern)]
             if not found:
-                raise UnknownNameError(f"{log.path} knows no {pattern!r}", pattern, members)
+                raise UnknownNameError(f"{log.path} has no agent, group or entity {pattern!r}", pattern, members)
             concerned |= dict.fromkeys(name for each in found for name in members[each])
         return concerned.keys()
 

@@ -1,23 +1,23 @@
-"""What goes wrong with a log."""
+"""Errors of reading and writing logs."""
 
 import errno
 from collections.abc import Iterable
 
 
 class LogError(Exception):
-    """A log cannot be written or read. The text is a sentence for people that names the file."""
+    """A log cannot be written or read. The message is a sentence for users that names the file."""
 
 
 class OutputError(LogError):
-    """A log or what is made of it cannot be written: the disk is full, the folder is missing, permission is denied."""
+    """A log or a file made from one cannot be written: disk full, folder missing, permission denied."""
 
 
 class UnknownNameError(LogError):
-    """Something is asked for that a log does not have.
+    """A requested name does not exist in a log.
 
     Attributes:
-        name: What was asked for.
-        known: What there is.
+        name: The requested name.
+        known: The existing names.
     """
 
     def __init__(self, message: str, name: str, known: Iterable[str]) -> None:
@@ -43,5 +43,5 @@ _REASONS = {
 
 
 def reason(error: OSError) -> str:
-    """Say in plain words why the operating system refused."""
+    """Explain an error of the operating system in plain words."""
     return _REASONS.get(error.errno or 0) or (error.strerror or str(error)).lower()

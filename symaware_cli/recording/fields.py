@@ -1,4 +1,4 @@
-"""What a log says of the parts of awareness and of the signals of components, and how they are found in it again."""
+"""Metadata of the channels of parts of awareness and of signals: written by the recorder, parsed by the reader."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from symaware_cli.core import PARTS, Part, Quantity, Signal
 from symaware_cli.recording.index import ChannelInfo
 
 SIGNAL_MESSAGES: Mapping[Kind, str] = {"vector": "Rows", "series": "SeriesRows", "table": "TableRows"}
-"""The message on the channel of a part or a signal, by its kind."""
+"""The message type of the channel of a part or a signal, by its kind."""
 
 _BUILT_IN = {part.name: part for part in PARTS}
 
 
 def columns_metadata(quantities: Sequence[Quantity]) -> dict[str, str]:
-    """What a channel says of the columns of its messages."""
+    """Return the metadata that describe the columns of a channel."""
     return {
         "columns": ",".join(quantity.name for quantity in quantities),
         "units": ",".join(quantity.unit for quantity in quantities),
@@ -25,22 +25,22 @@ def columns_metadata(quantities: Sequence[Quantity]) -> dict[str, str]:
 
 
 def signal_metadata(signal: Signal) -> dict[str, str]:
-    """What the channel of a part or a signal says of it: enough to read and to draw it without the plugin."""
+    """Return the metadata of the channel of a part or a signal: enough to read and draw it without the plugin."""
     known = {signal.what: signal.kind, "drawn": signal.drawn or "", "description": signal.description}
     return (columns_metadata(signal.columns) if signal.columns else {}) | known
 
 
 def signal_topic(group: str, field: str, signal: Signal) -> str:
-    """The topic of a part, or of a signal by component and name, of a group."""
+    """Return the topic of a part, or of a signal by component and name, of a group."""
     if isinstance(signal, Part):
         return f"/agents/{group}/{field}"
     return f"/agents/{group}/{signal.name}/{field.removesuffix(f'.{signal.name}')}"
 
 
 def signal_of(info: ChannelInfo) -> tuple[str, Signal] | None:
-    """The part of awareness or the signal that a channel tells of, and its field; None if it tells of something else.
+    """Return the field and the part or signal that a channel holds; None if it holds something else.
 
-    Logs of former versions say nothing of the kind; they have the parts of every group, and what sensors measured.
+    Logs of earlier versions have no kind in the metadata; they hold the built-in parts and the measurements of sensors.
     """
     _, root, _, name, component, *further = f"{info.topic}////".split("/")
     if root != "agents" or any(further) or not name:
@@ -55,7 +55,7 @@ def signal_of(info: ChannelInfo) -> tuple[str, Signal] | None:
 
 
 def _announced(name: str, what: type[Signal], known: Signal | None, metadata: Mapping[str, str]) -> Signal | None:
-    """What the metadata of a channel say that it is; without that what is known of it, with its columns."""
+    """Parse the part or signal from the metadata of a channel; without a kind there, use the known one."""
     names, units = (metadata[key].split(",") if metadata.get(key) else [] for key in ("columns", "units"))
     columns = [Quantity(*each) for each in zip_longest(names, units[: len(names)], fillvalue="")]
     if len(set(names)) < len(names):
@@ -67,13 +67,13 @@ def _announced(name: str, what: type[Signal], known: Signal | None, metadata: Ma
     for how in (drawn, None):
         try:
             return what(name, kind, columns or None, how, metadata.get("description", ""), **merge)  # type: ignore[arg-type]
-        except ValueError:  # of a later version, or of somebody else
+        except ValueError:  # of a later version or another program
             continue
     return None if known is None else known.of(columns)
 
 
 def signals_of(channels: Mapping[str, ChannelInfo], group: str) -> dict[str, Signal]:
-    """The parts and signals of a group that a log has channels of, by field: first the parts of every group."""
+    """Return the parts and signals of a group that have channels in a log, by field: built-in parts first."""
     root = f"/agents/{group}/"
     found = dict(each for topic, info in channels.items() if topic.startswith(root) and (each := signal_of(info)))
     further = sorted(found.keys() - _BUILT_IN.keys(), key=lambda name: (not isinstance(found[name], Part), name))

@@ -1,4 +1,4 @@
-"""The geometry of a log: what bodies consist of and look like, each kind of body and each mesh once."""
+"""Geometry in a log: the links and visuals of bodies, with each kind of body and each mesh stored once."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ from symaware_cli.recording.json_text import read_json
 from symaware_cli.recording.log_schema import GEOMETRY
 from symaware_cli.recording.surface import MEDIA_TYPES, bounds, stl
 
-#: [bytes] No mesh is larger, nor all of them together; of others the log has the box around them.
+#: Maximum size of a mesh, and of all meshes together [bytes]; a mesh beyond is replaced by its bounding box.
 LARGEST = 16 << 20
 LARGEST_TOGETHER = 64 << 20
 
 
 @dataclass
 class Geometry:
-    """What the bodies of a world of space look like.
+    """The appearance of the bodies of a spatial world.
 
     Attributes:
         articulations: Each kind of body once; meshes are named by their attachments.
-        bodies: By group and entity its place in these.
-        heights: At which height [m] those stand, groups and entities, whose position is one in a plane.
-        ground: The height of the plane that carries what falls [m]; None where there is none.
+        bodies: Index in `articulations` by group or entity.
+        heights: Height [m] of groups and entities whose position is two-dimensional.
+        ground: Height of the ground plane [m]; None if there is none.
     """
 
     articulations: list[Articulation] = field(default_factory=list)
@@ -42,30 +42,30 @@ class Geometry:
     ground: float | None = None
 
     def of(self, name: str) -> Articulation | None:
-        """What a body of a group, or an entity, looks like; None if its shape says so."""
+        """Return the articulation of a group or an entity; None if its shape describes it."""
         return self.articulations[self.bodies[name]] if name in self.bodies else None
 
 
 class GeometryWriter:
-    """Puts the geometry of a world together for a log.
+    """Collects the geometry of a world for a log.
 
     Attributes:
-        attachments: Media type and content by name, in the order in which they are to be written.
-        notes: What was left out, in words.
+        attachments: Media type and content by name, in the order in which they are written.
+        notes: Descriptions of what was left out.
     """
 
     def __init__(self, environment: Environment, files: Mapping[str, bytes]) -> None:
-        """Collect it; nothing of worlds in a plane.
+        """Collect the geometry; it is empty for planar worlds.
 
         Args:
-            environment: The world, initialised.
-            files: What the log has of the scenario's folder anyway, by path relative to that.
+            environment: The initialised world.
+            files: The files of the scenario's folder that the log contains, by relative path.
         """
         self.attachments: dict[str, tuple[str, bytes]] = {}
         self.notes: list[str] = []
         self._files, self._folder = files, environment.folder
         self._total = 0
-        #: By path of a mesh its attachment, or how to do without.
+        #: For each path of a mesh: its attachment, or the box that replaces it.
         self._known: dict[str, Visual | str | None] = {}
         described = environment.articulations()
         if not described and environment.ground is None:
@@ -94,9 +94,9 @@ class GeometryWriter:
         return link.model_copy(update={"visuals": tuple(visual for visual in visuals if visual)})
 
     def _visual(self, visual: Visual) -> Visual | None:
-        """A mesh by the name of its attachment; the box around it if it has none, nothing if that is not known."""
+        """Refer to a mesh by its attachment; replace it by its bounding box if it has none, or drop it if unknown."""
         if visual.mesh not in self._known:
-            self._known[visual.mesh] = self._take(Path(visual.mesh))
+            self._known[visual.mesh] = self._attach_mesh(Path(visual.mesh))
         known = self._known[visual.mesh]
         if isinstance(known, str):
             return visual.model_copy(update={"mesh": known})
@@ -108,8 +108,8 @@ class GeometryWriter:
         changed: dict[str, Any] = {"kind": "box", "size": size, "mesh": "", "position": tuple(middle.tolist())}
         return visual.model_copy(update=changed)
 
-    def _take(self, path: Path) -> Visual | str | None:
-        """Attach a mesh."""
+    def _attach_mesh(self, path: Path) -> Visual | str | None:
+        """Attach a mesh; return its attachment, or the box that replaces it."""
         own = self._of_scenario(path)
         if own is None and not path.is_file():
             self.notes.append(f"the mesh {path.name} is left out: it is not there")
@@ -129,7 +129,7 @@ class GeometryWriter:
             why = f"it has {len(data) / (1 << 20):.1f} MiB"
         else:
             self._total += len(data)
-            return self._attach(path.stem, path.suffix if suffix == path.suffix.lower() else suffix, data)
+            return self._add_attachment(path.stem, path.suffix if suffix == path.suffix.lower() else suffix, data)
         box = bounds(data, suffix)
         stands = "is left out" if box is None else "is drawn as the box around it"
         self.notes.append(f"the mesh {path.name} {stands}: {why}")
@@ -138,7 +138,7 @@ class GeometryWriter:
         low, high = box
         return Visual(kind="box", size=tuple((high - low).tolist()), position=tuple((0.5 * (low + high)).tolist()))
 
-    def _attach(self, stem: str, suffix: str, data: bytes) -> str:
+    def _add_attachment(self, stem: str, suffix: str, data: bytes) -> str:
         name, number = f"geometry/{stem}{suffix}", 1
         while name in self.attachments:
             number += 1
@@ -147,7 +147,7 @@ class GeometryWriter:
         return name
 
     def _of_scenario(self, path: Path) -> str | None:
-        """The path of a file relative to the scenario's folder, if the log has it from there."""
+        """Return the path of a file relative to the scenario's folder, if the log contains it from there."""
         for folder in (self._folder, self._folder.resolve()):
             if path.is_relative_to(folder) and (inner := str(PurePosixPath(path.relative_to(folder)))) in self._files:
                 return inner
@@ -155,14 +155,14 @@ class GeometryWriter:
 
 
 def geometry_of(attachments: Mapping[str, bytes], where: object = "the log") -> Geometry:
-    """Read the geometry out of the attachments of a log.
+    """Read the geometry from the attachments of a log.
 
     Args:
-        attachments: Them.
-        where: The log, for what is said of it.
+        attachments: Content by name.
+        where: The log, for error messages.
 
     Raises:
-        LogError: It is damaged.
+        LogError: The geometry is damaged.
     """
     if GEOMETRY not in attachments:
         return Geometry()

@@ -1,4 +1,4 @@
-"""Channels: what of a group, or of an obstacle, goes into the log at an instant, row by row that changed."""
+"""Records groups and obstacles: channels of states, awareness, control inputs and knowledge, with the changed rows."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ from symaware_cli.world.motion import motion_quantities
 
 
 class EntityChannels:
-    """The channels of the entities that move, each of which many share."""
+    """The shared channels of moving entities, each of which holds many entities."""
 
     def __init__(self, writer: LogWriter, environment: Environment) -> None:
-        """Open those that there is something to say on.
+        """Open the channels that are needed.
 
         Args:
             writer: The log.
-            environment: The world, initialised.
+            environment: The initialised world.
         """
         self._writer = writer
         self._environment = environment
-        #: Of each channel who shares it, and what was said last.
+        #: For each channel: the names of its entities, and the values last recorded.
         self._shared: dict[int, tuple[Sequence[str], NDArray[np.float64] | None]] = {}
         moving = [name for name in environment.obstacles if environment.moves(name)]
         width = {name: environment.entity_poses([name]).shape[1] for name in moving}
@@ -47,7 +47,7 @@ class EntityChannels:
                 self._shared[channel] = names, None
 
     def record(self, now: int) -> None:
-        """Record where those are that do not rest."""
+        """Record the poses of the entities that moved."""
         for channel, (names, last) in self._shared.items():
             values = self._environment.entity_poses(names)
             self._shared[channel] = names, values
@@ -55,18 +55,18 @@ class EntityChannels:
 
 
 class PostureChannels:
-    """The channels of what else is true of bodies in space: how they are turned, and how their joints stand."""
+    """The channels of the orientation and joint positions of bodies in a spatial world."""
 
     def __init__(
         self, writer: LogWriter, environment: Environment, name: str, rows: RecordedRows | None = None
     ) -> None:
-        """Open them, as far as there is something to say that `EntityChannels` does not.
+        """Open the channels for what `EntityChannels` does not record.
 
         Args:
             writer: The log.
-            environment: The world, initialised.
+            environment: The initialised world.
             name: The group or the obstacle.
-            rows: Which rows of a group are recorded; None for an obstacle.
+            rows: The recorded rows of a group; None for an obstacle.
         """
         self._writer = writer
         self._name = name
@@ -82,8 +82,8 @@ class PostureChannels:
             self._sources.append((channel, environment.joint_positions))
 
     @property
-    def says_something(self) -> bool:
-        """Whether there is any channel."""
+    def has_channels(self) -> bool:
+        """Whether any channel was opened."""
         return bool(self._sources)
 
     def record(self, now: int) -> None:
@@ -106,14 +106,14 @@ class GroupChannels:
         omit: Collection[str],
         own: Sequence[int] | None = None,
     ) -> None:
-        """Open them.
+        """Open the channels.
 
         Args:
             writer: The log.
-            environment: The world, initialised.
+            environment: The initialised world.
             group: The group.
-            omit: Which kinds to leave out; `applied` for the control inputs that the world applied.
-            own: The rows that are recorded, ascending; None for all. The others run in another process.
+            omit: Kinds to omit; `applied` for the control inputs applied by the world.
+            own: The rows to record, ascending; None for all. The other rows run in another process.
         """
         self._rows = RecordedRows(group, own)
         self._there = RecordedRows(group)
@@ -148,7 +148,7 @@ class GroupChannels:
             else None
         )
         self._sensors = SensorChannels(writer, group, self._rows) if "sensors" not in self._omit else None
-        #: The columns of state, intent, uncertainty, risk and further parts of awareness whose channel is open.
+        #: The columns of the parts of awareness whose channel is open.
         self._parts = [
             (self._channels[name], awareness.columns[name]) for name in awareness.parts if name in self._channels
         ]
@@ -164,11 +164,11 @@ class GroupChannels:
         ]
 
     def record(self, now: int, steps: int) -> int:
-        """Record the rows that changed and return how many there were, of all kinds but the world's.
+        """Record the rows that changed and return how many there were, not counting true states.
 
         Args:
             now: Simulated time in nanoseconds.
-            steps: How many steps the world has made.
+            steps: Number of steps completed.
         """
         channels, awareness = self._channels, self._group.awareness
         updates = 0
@@ -180,7 +180,7 @@ class GroupChannels:
                 if self._postures:
                     self._postures.record(now)
         if "applied" in channels and steps > self._told_steps:
-            # What moved everybody in the last step: the world alone knows.
+            # The inputs that were applied in the last step; only the world knows them.
             self._told_steps = steps
             self._record_all(now, channels["applied"], self._environment.applied_input(self._group))
         for channel, column in self._parts:
@@ -198,7 +198,7 @@ class GroupChannels:
         return updates
 
     def _record_all(self, now: int, channel: int, values: NDArray[np.float64]) -> None:
-        """Record the values of all who are in the world."""
+        """Record the values of all rows that are present."""
         rows = self._there.now
         if rows is None:
             self._writer.add(channel, now, wire.encode_rows(values))
@@ -213,7 +213,7 @@ class GroupChannels:
         return self._record_series(now, channel, column)
 
     def _changes(self, column: SignalColumn) -> Sequence[int] | None:
-        """The rows of a column that changed and are recorded; None for all of them."""
+        """Return the rows of a column that changed and are recorded; None for all."""
         rows, own = column.take_changes(), self._rows.now
         if own is None:
             return rows
@@ -283,7 +283,7 @@ def _record_changes(
     last: NDArray[np.float64] | None,
     own: Sequence[int] | None = None,
 ) -> None:
-    """Record the rows that are not as they were; where only some of them count, all of these."""
+    """Record the rows that changed; if only some rows are recorded, all of these."""
     if own is not None:
         if own:
             writer.add(channel, now, wire.encode_rows(values[list(own)], own))

@@ -1,6 +1,6 @@
-"""Where everything in a log file stands, and how to get at it.
+"""Index of an MCAP file: the positions of its records, and functions to read them.
 
-An `Index` comes from the summary at the end of a sound file, or, if there is none, from `recovery.scan`.
+An `Index` is read from the summary at the end of a sound file, or built by `recovery.scan` if there is none.
 """
 
 import io
@@ -30,23 +30,24 @@ from mcap.records import (
 from symaware_cli.recording.log_schema import CHUNK_SIZE, LARGEST_CHUNK, LIBRARY, MAGIC, PROFILE
 
 FRAME = struct.Struct("<BQ")
-"""What a record begins with: opcode and length."""
+"""The head of a record: opcode and length."""
 
 MESSAGE = struct.Struct("<BQHIQQ")
-"""What a message record begins with: opcode, length, channel, sequence, log time, publish time."""
+"""The head of a message record: opcode, length, channel, sequence, log time, publish time."""
 
 MANY = 32 << 20
-"""Bytes of an unpacked chunk of another writer; one that has more is taken for broken, unless it is one message."""
+"""Maximum size of an unpacked chunk of another writer [bytes]; a larger one, unless it holds a single message, is
+treated as damaged."""
 
 LAST_TIME = (1 << 63) - 1
-"""The greatest log time, ns; what is later, in the year 2262, is none."""
+"""The greatest valid log time, ns (year 2262)."""
 
 _CHUNK = struct.Struct("<QQQI")
 _FOOTER_SIZE = FRAME.size + 20 + len(MAGIC)
 
 
 class Unsound(Exception):  # noqa: N818 (never leaves this folder)
-    """A record is not what it should be."""
+    """A record is damaged or malformed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,14 +56,14 @@ class ChannelInfo:
 
     Attributes:
         topic: Such as `/agents/robot/state`.
-        schema: Full name of its message, such as `symaware.v1.Rows`; empty if it has none.
-        encoding: How messages are serialised; `protobuf` in our logs.
+        schema: Full name of its message type, such as `symaware.v1.Rows`; empty if it has none.
+        encoding: Serialisation of its messages; `protobuf` in SymAware logs.
         metadata: Such as `columns` and `units`.
-        count: Messages in the log.
-        rows: How many rows there are that its messages can be about; None where that is not known.
-        roster: How many there are whom its messages can name by their place in the roster; None likewise.
-        width: How many numbers a row has; None likewise.
-        message: What messages of ours there must be on the topic, by their name in log.proto; None likewise.
+        count: Number of messages in the log.
+        rows: Number of rows that its messages can refer to; None if unknown.
+        roster: Number of agents and entities that its messages can refer to by roster index; None if unknown.
+        width: Number of columns of a row; None if unknown.
+        message: The SymAware message type required on this topic, by its name in log.proto; None if unknown.
     """
 
     topic: str
@@ -76,20 +77,20 @@ class ChannelInfo:
     message: str | None = None
 
     def carries(self, message_name: str) -> bool:
-        """Whether its messages are ours, of that name in log.proto."""
+        """Whether its messages have a SymAware type, by its name in log.proto."""
         return self.encoding == "protobuf" and self.schema == f"symaware.v1.{message_name}"
 
 
 @dataclass(frozen=True, slots=True)
 class MessageRange:
-    """A part of the file that holds messages: a chunk record, or a run of records outside chunks.
+    """A range of the file that holds messages: a chunk record, or consecutive records outside chunks.
 
     Attributes:
-        offset: Where it starts.
-        length: Bytes.
-        start: The least log time in it, ns.
-        end: The greatest log time in it, ns.
-        channels: The numbers of the channels in it.
+        offset: Position in the file.
+        length: Length in bytes.
+        start: The earliest log time in it, ns.
+        end: The latest log time in it, ns.
+        channels: The ids of its channels.
         chunk: Whether it is a chunk.
     """
 
@@ -102,12 +103,12 @@ class MessageRange:
 
 
 class RecordLocation(NamedTuple):
-    """Where an attachment or a metadata record stands.
+    """The position of an attachment or a metadata record.
 
     Attributes:
         name: Its name.
-        offset: Where it starts.
-        length: Bytes.
+        offset: Position in the file.
+        length: Length in bytes.
     """
 
     name: str
@@ -117,16 +118,16 @@ class RecordLocation(NamedTuple):
 
 @dataclass(slots=True)
 class Index:
-    """What is where in a log file.
+    """The positions of all records of a log file.
 
     Attributes:
-        header: Who wrote it.
-        schemas: By number.
-        channels: By number.
-        counts: Messages by number of the channel.
-        spans: In the order of the file.
-        attachments: In the order of the file.
-        metadata: In the order of the file.
+        header: The header record, with profile and library of the writer.
+        schemas: Schemas by id.
+        channels: Channels by id.
+        counts: Number of messages by channel id.
+        spans: Ranges of messages, in file order.
+        attachments: Attachments, in file order.
+        metadata: Metadata records, in file order.
     """
 
     header: Header
@@ -140,7 +141,7 @@ class Index:
 
 @dataclass(frozen=True, slots=True)
 class RawMessage:
-    """A message as it stands in the file."""
+    """A message as stored in the file."""
 
     channel_id: int
     sequence: int
@@ -156,10 +157,10 @@ def from_summary(file: BinaryIO, size: int) -> Index | None:
         size: Its size in bytes.
 
     Returns:
-        The index, or None if the summary is missing, damaged or too poor to do without a scan.
+        The index, or None if the summary is missing, damaged or incomplete, so that a scan is needed.
 
     Raises:
-        Unsound: The file does not even begin like an MCAP.
+        Unsound: The file does not begin like an MCAP file.
     """
     index = Index(read_header(file))
     if size < len(MAGIC) + _FOOTER_SIZE:
@@ -180,7 +181,7 @@ def from_summary(file: BinaryIO, size: int) -> Index | None:
 
 
 def _fill(index: Index, section: bytes, limit: int) -> bool:
-    """Fill the index from the summary section, which begins at `limit`; false if it leaves out what is needed."""
+    """Fill the index from the summary section, which begins at `limit`; return False if it is incomplete."""
     statistics = None
     chunks: list[ChunkIndex] = []
     for opcode, start, end in frames(section):
@@ -204,7 +205,7 @@ def _fill(index: Index, section: bytes, limit: int) -> bool:
                 index.metadata.append(RecordLocation(metadata.name, metadata.offset, metadata.length))
     if statistics is None:
         return False
-    # A writer may leave the index of messages out: then anything may be in the chunk.
+    # A writer may omit the message index; the chunk may then contain any channel.
     anything = frozenset(index.channels)
     index.spans = [
         MessageRange(
@@ -220,7 +221,7 @@ def _fill(index: Index, section: bytes, limit: int) -> bool:
     index.attachments.sort(key=lambda place: place.offset)
     index.metadata.sort(key=lambda place: place.offset)
     return (
-        # What overlaps could be read again and again.
+        # Overlapping ranges would allow a small file to be read many times over.
         _apart([*index.spans, *index.attachments, *index.metadata], limit)
         and all(span.start <= span.end <= LAST_TIME for span in index.spans)
         and index.counts.keys() <= index.channels.keys()
@@ -233,7 +234,7 @@ def _fill(index: Index, section: bytes, limit: int) -> bool:
 
 
 def _apart(places: Iterable[MessageRange | RecordLocation], end: int) -> bool:
-    """Whether no two of some places overlap, and all lie before some offset."""
+    """Whether the given ranges do not overlap and all end before an offset."""
     position = len(MAGIC)
     for place in sorted(places, key=lambda place: place.offset):
         if place.offset < position or place.length < FRAME.size:
@@ -246,7 +247,7 @@ def read_header(file: BinaryIO) -> Header:
     """Read the magic and the header record.
 
     Raises:
-        Unsound: They are not there.
+        Unsound: They are missing.
     """
     file.seek(0)
     beginning = file.read(len(MAGIC) + FRAME.size)
@@ -274,10 +275,10 @@ def read_at(file: BinaryIO, offset: int, length: int) -> bytes:
 
 
 def frames(data: bytes) -> Iterator[tuple[int, int, int]]:
-    """Yield the opcode, start and end of the content of each record in a run of records.
+    """Yield opcode, start and end of the content of each of several consecutive records.
 
     Raises:
-        Unsound: A record is longer than the data.
+        Unsound: A record exceeds the data.
     """
     position, end = 0, len(data)
     while position < end:
@@ -298,7 +299,7 @@ def parse(kind: type[_Record], content: bytes) -> _Record:
     """Parse the content of a record.
 
     Raises:
-        Unsound: It is not one.
+        Unsound: The content is malformed.
     """
     try:
         record: _Record = kind.read(ReadDataStream(io.BytesIO(content)))  # type: ignore[attr-defined]
@@ -308,17 +309,17 @@ def parse(kind: type[_Record], content: bytes) -> _Record:
 
 
 def read_record(file: BinaryIO, offset: int, length: int, kind: type[_Record], opcode: Opcode) -> _Record:
-    """Read a record of one kind.
+    """Read a record of a known kind.
 
     Args:
         file: The log.
-        offset: Where the record stands.
-        length: Of all of it, bytes.
+        offset: Position of the record.
+        length: Length of the whole record, bytes.
         kind: Its class.
         opcode: Its opcode.
 
     Raises:
-        Unsound: There is something else, or its checksum is wrong.
+        Unsound: There is a different record, or its checksum is wrong.
     """
     if FRAME.unpack(read_at(file, offset, FRAME.size)) != (opcode, length - FRAME.size):
         raise Unsound(f"no {kind.__name__} record at {offset}")
@@ -331,15 +332,15 @@ def read_record(file: BinaryIO, offset: int, length: int, kind: type[_Record], o
 
 
 def read_span(file: BinaryIO, span: MessageRange, header: Header) -> bytes:
-    """Read the records of a span, unpacked and checked.
+    """Read the records of a range of messages, unpacked and checked.
 
     Args:
         file: The log.
-        span: Where they stand.
-        header: Who wrote them.
+        span: The range.
+        header: The header of the file.
 
     Raises:
-        Unsound: They are damaged.
+        Unsound: The records are damaged.
     """
     data = read_at(file, span.offset, span.length)
     if not span.chunk:
@@ -353,11 +354,11 @@ def unpack(content: bytes, header: Header) -> bytes:
     """Unpack and check the content of a chunk record.
 
     Args:
-        content: It.
-        header: Who wrote it: our chunks are small, but for those of one large message.
+        content: The content.
+        header: The header of the file; chunks of SymAware logs are small, unless they hold a single large message.
 
     Raises:
-        Unsound: It is damaged, or compressed in a way unknown here.
+        Unsound: The chunk is damaged, or its compression is unknown.
     """
     try:
         _, _, size, checksum = _CHUNK.unpack_from(content)
@@ -370,13 +371,13 @@ def unpack(content: bytes, header: Header) -> bytes:
         if len(packed) != length or size > LARGEST_CHUNK:
             raise Unsound("a chunk has an impossible size")
         if compression == b"zstd":
-            # Bounded by what the chunk claims, whatever the frame inside claims.
+            # Bounded by the size that the chunk declares, whatever the frame inside declares.
             claimed = zstandard.get_frame_parameters(packed).content_size if packed else 0
             if claimed not in (size, zstandard.CONTENTSIZE_UNKNOWN):
                 raise Unsound("a chunk has an impossible size")
             data = zstandard.ZstdDecompressor().decompress(packed, max_output_size=size) if packed else b""
         elif compression == b"lz4":
-            import lz4.frame  # only other people's logs need it
+            import lz4.frame  # only needed for logs of other writers
 
             data = lz4.frame.LZ4FrameDecompressor().decompress(packed, max_length=size)
         elif compression == b"":
@@ -394,13 +395,13 @@ def unpack(content: bytes, header: Header) -> bytes:
 
 
 def read_messages(data: bytes, wanted: Collection[int], start: int, end: int) -> list[RawMessage]:
-    """Collect messages from a run of records.
+    """Collect messages from consecutive records.
 
     Args:
         data: The records.
-        wanted: The numbers of the channels wanted.
-        start: The first log time wanted, ns.
-        end: The first log time not wanted any more, ns.
+        wanted: The ids of the channels to read.
+        start: The first log time to read, ns.
+        end: The log time at which to stop, exclusive, ns.
 
     Raises:
         Unsound: The records are damaged.
@@ -420,10 +421,10 @@ def read_messages(data: bytes, wanted: Collection[int], start: int, end: int) ->
 
 
 def message_positions(data: bytes) -> dict[int, list[int]]:
-    """Find the messages in a run of records.
+    """Locate the messages in consecutive records.
 
     Returns:
-        By number of the channel, log time [ns] and offset of each message, one after the other.
+        For each channel id a flat list with log time [ns] and offset of each message.
 
     Raises:
         Unsound: The records are damaged.

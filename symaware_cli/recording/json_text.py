@@ -1,7 +1,7 @@
-"""Text: values as JSON, as far as they have a form in it, and what a log has in JSON or YAML, read within bounds.
+"""Conversion of values to JSON, and safe parsing of the JSON and YAML in logs.
 
-Whatever comes from a log may have been written by anybody. What is read here is nested so little that nothing behind it
-runs out of stack, grows no larger than the text that it stands in, and holds no number that cannot be a float.
+A log may come from an untrusted source. Parsed values have bounded nesting, so that later code does not exhaust the
+stack, are no larger than their text, and contain no number beyond the range of a float.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 
 MAX_DEPTH = 64
-"""Levels of nesting; a scenario has 32."""
+"""Maximum nesting depth; that of a scenario is 32."""
 
 MAX_YAML = 4 << 20
-"""Bytes of a text in YAML, which takes a microsecond a byte to read."""
+"""Maximum size of a YAML text [bytes]; parsing takes about a microsecond per byte."""
 
 _MAX_DIGITS = 300
-"""Of a whole number, which then is below the greatest float."""
+"""Maximum number of digits of an integer; keeps it below the greatest float."""
 
 
 def as_json(value: Any) -> str:
@@ -28,10 +28,10 @@ def as_json(value: Any) -> str:
 
 
 def read_json(content: bytes | str) -> Any:
-    """Read JSON that stands in a log.
+    """Parse JSON from a log.
 
     Raises:
-        ValueError: It is none, or is nested deeper or has longer numbers than anybody writes.
+        ValueError: It is not JSON, or is nested too deeply or has too long numbers.
     """
     try:
         value = json.loads(content, parse_int=_whole)
@@ -41,34 +41,34 @@ def read_json(content: bytes | str) -> Any:
     if text.count("[") + text.count("{") > MAX_DEPTH:
         _require_shallow(value)
     if "\\ud" in text.lower():
-        # Half a character, which has no form in UTF-8, becomes a question mark.
+        # Unpaired surrogates, which UTF-8 cannot represent, become question marks.
         value = json.loads(json.dumps(value, ensure_ascii=False).encode(errors="replace"))
     return value
 
 
 def read_yaml(content: bytes) -> Any:
-    """Read YAML that stands in a log, as `scenario.resolved` writes it: without aliases.
+    """Parse YAML from a log, as `scenario.resolved` writes it: without aliases.
 
     Raises:
-        ValueError: It is none, or is larger, nested deeper or repeats more than what is written there.
+        ValueError: It is not YAML, or is too large, nested too deeply or contains aliases.
     """
     import yaml
 
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
     if len(content) > MAX_YAML:
-        raise ValueError("more text than is read")
+        raise ValueError("more text than is allowed")
     depth = 0
     try:
-        # Events come one by one; what is made of them is made by recursion.
+        # Parsing yields events one by one, whereas loading is recursive: check the depth first.
         for event in yaml.parse(content, loader):
             if isinstance(event, yaml.AliasEvent):
-                raise ValueError("values that are written once and used again")
+                raise ValueError("YAML aliases are not allowed")
             depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
             if depth > MAX_DEPTH:
                 raise ValueError(f"values nested more than {MAX_DEPTH} deep")
         return yaml.load(content, loader)
     except yaml.YAMLError as error:
-        raise ValueError("no YAML") from error
+        raise ValueError("not YAML") from error
 
 
 def _whole(digits: str) -> int:
@@ -91,7 +91,7 @@ def _require_shallow(value: Any) -> None:
 
 
 def plain(value: Any) -> Any:
-    """Turn a value into what JSON can hold; what it cannot becomes text."""
+    """Convert a value to plain data that JSON can represent; anything else becomes text."""
     if value is None or isinstance(value, str | bool | int):
         return value
     if isinstance(value, float):

@@ -1,4 +1,4 @@
-"""The file of a log: who takes part, which channels there are, and their messages."""
+"""Log files: agents and entities, channels and messages of a log."""
 
 from __future__ import annotations
 
@@ -39,53 +39,53 @@ _MESSAGES = {
     "/contacts": "Contact",
     TIMING: "Timing",
 }
-"""What message each topic has, but for parts and signals; groups, entities and sensors are left out of it."""
+"""The message type of each topic, except for parts and signals; names of groups, entities and sensors are omitted."""
 
 
 class LogFile(McapFile):
-    """The file of a log.
+    """A log file.
 
     Attributes:
-        foreign: Whether somebody else's software wrote it: it has no manifest, and its messages are not ours.
-        manifest: Who took part; empty if the log is foreign, or broke off before it, or it is damaged.
+        foreign: Whether another program wrote it; it then has no manifest and no SymAware messages.
+        manifest: The manifest; empty if the log is foreign, or if the manifest is missing or damaged.
     """
 
     def __init__(self, path: str | os.PathLike[str]):
         super().__init__(path)
-        #: Whether there is a manifest that cannot be believed.
+        #: Whether the manifest is damaged.
         self._bad_manifest = False
         self.manifest = self._read_manifest()
         self.foreign = not self.manifest and self.header.profile != PROFILE
         if self.manifest:
-            self._limit()
+            self._apply_manifest()
 
     @cached_property
     def agents(self) -> Mapping[str, tuple[str, ...]]:
-        """The ids of the agents in each group, in the order of rows."""
+        """The ids of the agents in each group, in row order."""
         return {name: tuple(group.get("agents", ())) for name, group in self.manifest.get("groups", {}).items()}
 
     @cached_property
     def outcome(self) -> dict[str, Any] | None:
-        """How the run ended; None if it did not come to its end, or the log broke off."""
+        """How the run ended; None if it did not end, or the log was cut off."""
         from symaware_cli.recording.manifest_schema import RunOutcome
 
         return self.json_metadata(OUTCOME, RunOutcome.model_validate)
 
     @cached_property
     def recovery(self) -> dict[str, Any] | None:
-        """What was lost before this log was recovered from a damaged one; None if it was not."""
+        """What was lost before this log was recovered from a damaged one; None if it was not recovered."""
         from symaware_cli.recording.manifest_schema import Recovered
 
         return self.json_metadata(RECOVERY, Recovered.model_validate)
 
     def verify(self) -> Damage | None:
-        """Read everything once, and return what is wrong with the file."""
+        """Read the whole file, and return its damage."""
         _ = self.outcome, self.recovery
         return super().verify()
 
     @cached_property
     def topics(self) -> Mapping[str, ChannelInfo]:
-        """The channels by topic, and what shared ones say of single entities, as if these had channels of their own."""
+        """The channels by topic, where shared channels appear as separate channels of their entities."""
         single = {topic: info for known in self._shared.values() for topic, info in known.channels.items()}
         return dict(sorted((single | self.channels).items()))
 
@@ -96,18 +96,18 @@ class LogFile(McapFile):
     def messages(
         self, topics: str | Iterable[str] | None = None, start: int | None = None, end: int | None = None
     ) -> Iterator[LogMessage]:
-        """Iterate over messages, in the order of time and then sequence.
+        """Iterate over messages, ordered by time and then sequence.
 
         Args:
-            topics: Which, of `topics`; None for those of all `channels`.
+            topics: Some of `topics`; None for those of all `channels`.
             start: The first simulated time, ns.
-            end: The first simulated time not wanted any more, ns.
+            end: The simulated time at which to stop, exclusive, ns.
 
         Raises:
-            LogError: The file cannot be read any more, or a message does not fit its channel.
+            LogError: The file can no longer be read, or a message does not fit its channel.
         """
         wanted = None if topics is None else {topics} if isinstance(topics, str) else set(topics)
-        # Who had a channel of its own, in logs of other writers, is not looked for in a shared one.
+        # Entities with separate channels, in logs of other writers, are not searched for in shared ones.
         single = () if wanted is None else wanted - self.channels.keys()
         asked = {topic for topic, known in self._shared.items() if not known.channels.keys().isdisjoint(single)}
         if wanted is None or not asked:
@@ -125,7 +125,7 @@ class LogFile(McapFile):
                 yield from known.split(message, single)
 
     @contextmanager
-    def _fitting(self, topic: str) -> Iterator[None]:
+    def _consistent(self, topic: str) -> Iterator[None]:
         try:
             yield
         except ValueError as error:
@@ -134,29 +134,30 @@ class LogFile(McapFile):
     def _channel(self, topic: str, what: str, *message_names: str, instead: Sequence[str] = ()) -> ChannelInfo:
         if topic not in self.topics:
             there = f"; there {'are' if len(instead) > 1 else 'is'} {', '.join(instead)}" if instead else ""
-            raise LogError(f"{self.path} has no {what} (no channel {topic}){there}{self._perhaps_lost}")
+            raise LogError(f"{self.path} has no {what} (no channel {topic}){there}{self._loss_note}")
         info = self.topics[topic]
         if not any(info.carries(name) for name in message_names):
             raise LogError(
-                f"{self.path} has no {what}: the messages on {topic} ({info.schema or 'no schema'}) are not ours"
+                f"{self.path} has no {what}: the messages on {topic} ({info.schema or 'no schema'}) are not "
+                "SymAware messages"
             )
         return info
 
     @property
-    def _perhaps_lost(self) -> str:
-        """Why something may be missing, as the end of a sentence."""
+    def _loss_note(self) -> str:
+        """Why something may be missing, to be appended to a sentence."""
         return f"; {self.damage}" if self.damage and self.damage.lost else ""
 
-    def _agent(self, name: str) -> tuple[str, int, int]:
-        """The group of an agent, the row in it, and the size of it."""
-        group, row, count = self._place(name)
+    def _locate_agent(self, name: str) -> tuple[str, int, int]:
+        """Return the group of an agent, its row, and the size of the group."""
+        group, row, count = self._locate(name)
         if row is None or group not in self.agents:
             what = "an entity" if group not in self.agents else f"a group of {count}: name one of its agents"
             raise LogError(f"{name!r} is {what}")
         return group, row, count
 
-    def _place(self, name: str) -> tuple[str, int | None, int]:
-        """The group, the row in it (None for the whole group) and the size of it that a name stands for."""
+    def _locate(self, name: str) -> tuple[str, int | None, int]:
+        """Return the group, the row (None for a whole group) and the size of the group that a name refers to."""
         entities = self.manifest.get("entities", {})
         for group, agents in self.agents.items():
             if name in agents:
@@ -169,22 +170,24 @@ class LogFile(McapFile):
             return name, None, 0
         there = ", ".join([*self.agents, *entities]) or "none"
         known = [*self.agents, *(id for agents in self.agents.values() for id in agents), *entities]
-        raise UnknownNameError(f"{self.path} knows no {name!r}; there are {there}{self._perhaps_lost}", name, known)
+        raise UnknownNameError(
+            f"{self.path} has no agent, group or entity {name!r}; there are {there}{self._loss_note}", name, known
+        )
 
     def require_manifest(self, advice: str = "") -> None:
-        """Insist on a manifest.
+        """Raise an error if there is no manifest.
 
         Args:
-            advice: What to do without one; added to the error.
+            advice: What to do without one; appended to the error message.
 
         Raises:
-            LogError: There is none, or it is damaged.
+            LogError: The manifest is missing or damaged.
         """
         if self.manifest:
             return
         if self._bad_manifest:
             raise LogError(f"the manifest in {self.path} is damaged{advice}")
-        why = "was not written by SymAware" if self.foreign else "broke off before it says who takes part"
+        why = "was not written by SymAware" if self.foreign else "was cut off before its manifest"
         raise LogError(f"{self.path} {why}{advice}")
 
     def _read_manifest(self) -> dict[str, Any]:
@@ -207,15 +210,15 @@ class LogFile(McapFile):
             )
         return manifest
 
-    def _limit(self) -> None:
-        """Let messages be about nobody but those of the manifest."""
+    def _apply_manifest(self) -> None:
+        """Restrict the messages of each channel to the agents and entities of the manifest."""
         rows = {name: len(agents) for name, agents in self.agents.items()}
         rows |= dict.fromkeys(self.manifest.get("entities", {}), 1)
         roster = len(self.manifest["roster"]) if "roster" in self.manifest else None
         self._set_channels(
             {
                 number: replace(
-                    self._believed(info),
+                    self._without_unknown_entities(info),
                     rows=rows.get(_owner(info.topic)),
                     roster=roster,
                     width=self._width(info),
@@ -225,8 +228,8 @@ class LogFile(McapFile):
             }
         )
 
-    def _believed(self, info: ChannelInfo) -> ChannelInfo:
-        """A channel as it is, but for one that many share and that tells of others than the manifest: it has nobody."""
+    def _without_unknown_entities(self, info: ChannelInfo) -> ChannelInfo:
+        """Return a channel unchanged, except that a shared one with entities unknown to the manifest loses them."""
         if info.topic not in SHARED:
             return info
         try:
@@ -237,7 +240,7 @@ class LogFile(McapFile):
         return info if sound else replace(info, metadata={**info.metadata, "entities": "[]"})
 
     def _width(self, info: ChannelInfo) -> int | None:
-        """How many numbers a row has on a channel: those of the model's state, if it is about that."""
+        """Return the number of columns of a channel; for states, that of the model."""
         group = self.manifest.get("groups", {}).get(_owner(info.topic), {})
         state = group.get("model", {}).get("state")
         if state and info.topic.endswith("/state"):
@@ -246,7 +249,7 @@ class LogFile(McapFile):
 
 
 def _expected(info: ChannelInfo) -> str | None:
-    """What message a channel must have; None where that is not known."""
+    """Return the message type that a channel must have; None if unknown."""
     if info.topic == logged_events.MESSAGES[0] and info.carries("Message"):
         return "Message"  # as earlier versions wrote them
     if known := _MESSAGES.get(_pattern(info.topic)):
@@ -256,17 +259,17 @@ def _expected(info: ChannelInfo) -> str | None:
 
 
 def _pattern(topic: str) -> str:
-    """The topic without the names in it: `/agents/robot/scan/ahead` becomes `/agents//scan/`."""
+    """Return a topic without its names: `/agents/robot/scan/ahead` becomes `/agents//scan/`."""
     parts = topic.split("/")
     return "/".join(["" if place in (2, 4) else part for place, part in enumerate(parts)]) if _owner(topic) else topic
 
 
 def _owner(topic: str) -> str:
-    """The group or entity that a topic is about; empty if it is about none."""
+    """Return the group or entity that a topic belongs to; empty if none."""
     _, root, name, *rest = f"{topic}///".split("/")
     return name if root in ("agents", "world") and rest[0] else ""
 
 
 def names_in(names: str) -> tuple[str, ...]:
-    """Names that metadata list."""
+    """Parse a list of names in metadata."""
     return tuple(names.split(",")) if names else ()

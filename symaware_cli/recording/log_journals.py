@@ -1,4 +1,4 @@
-"""What happened in a run, read from its log: events, messages, contacts, knowledge, scans and images."""
+"""Reads the entries of a log: events, messages, contacts, knowledge, scans and images."""
 
 from __future__ import annotations
 
@@ -26,17 +26,17 @@ from symaware_cli.recording.specifications import LoggedSpecification, logged, o
 from symaware_cli.specification.outcome import Outcome
 
 Sensed = TypeVar("Sensed", bound=LoggedReading)
-"""An entry of what a sensor measured."""
+"""An entry with the reading of a sensor."""
 
 
 class LogJournals(LogFile):
-    """The entries of a log, one after the other."""
+    """A log with iterators over its entries."""
 
     @cached_property
     def presence(self) -> Mapping[str, tuple[tuple[int, int | None], ...]]:
-        """From when until when each agent was in the world, ns, None for until the end; by id.
+        """Intervals of time in which each agent was present, by id: start and end, ns; None for the end of the run.
 
-        Whoever never entered has no such span; most are there all the time.
+        An agent that never entered has none; most agents are present throughout.
         """
         groups = self.manifest.get("groups", {})
         absent = {id for group in groups.values() for id in group.get("absent", ())}
@@ -59,7 +59,7 @@ class LogJournals(LogFile):
 
         Args:
             start: The first simulated time, ns.
-            end: The first simulated time not wanted any more, ns.
+            end: The simulated time at which to stop, exclusive, ns.
         """
         return self._journal("/events", "Event", logged_events.event, start, end)
 
@@ -77,17 +77,17 @@ class LogJournals(LogFile):
         """The specifications that were monitored, by name, in the scenario's order."""
         found = {}
         for name, info in specification_channels(self.channels).items():
-            with self._fitting(info.topic):
+            with self._consistent(info.topic):
                 found[name] = logged(name, info.metadata, self.messages(info.topic))
         return found
 
     @cached_property
     def outcomes(self) -> tuple[Outcome, ...]:
-        """What has become of the specifications that were monitored, in the scenario's order."""
+        """The outcomes of the specifications that were monitored, in the scenario's order."""
         if not self.specifications:
             return ()
         told = [event for event in self.events() if event.name in ("satisfied", "violated")]
-        with self._fitting("/events"):
+        with self._consistent("/events"):
             return tuple(outcome_in(each, told) for each in self.specifications.values())
 
     def contacts(self, start: int | None = None, end: int | None = None) -> Iterator[LoggedContact]:
@@ -98,19 +98,19 @@ class LogJournals(LogFile):
         """Iterate over the scans of lidars, one for each agent and turn.
 
         Args:
-            name: An agent, or a group; None for everybody.
+            name: An agent or a group; None for all.
             start: The first simulated time, ns.
-            end: The first simulated time not wanted any more, ns.
+            end: The simulated time at which to stop, exclusive, ns.
 
         Raises:
-            LogError: There is no such name.
+            LogError: The name does not exist.
         """
         return self._sensed(SCAN, "Scan", scans, name, start, end)
 
     def images(
         self, name: str | None = None, start: int | None = None, end: int | None = None
     ) -> Iterator[LoggedImage]:
-        """Iterate over the images of cameras: colours, depths and segments; see `scans`."""
+        """Iterate over the images of cameras: colour, depth and segmentation; see `scans`."""
         return self._sensed(IMAGE, "Image", images, name, start, end)
 
     def _sensed(
@@ -122,7 +122,7 @@ class LogJournals(LogFile):
         start: int | None,
         end: int | None,
     ) -> Iterator[Sensed]:
-        group, row, _ = (None, None, 0) if name is None else self._place(name)
+        group, row, _ = (None, None, 0) if name is None else self._locate(name)
         topics = {
             topic: (sensor, agents)
             for each, agents in self.agents.items()
@@ -145,18 +145,18 @@ class LogJournals(LogFile):
             yield from (entry for entry in made if agent in (None, entry.agent))
 
     def knowledge(self, name: str | None = None) -> Iterator[LoggedKnowledge]:
-        """Iterate over what agents know: an entry at the beginning, and one whenever it changed.
+        """Iterate over the knowledge of agents: an entry at the beginning, and one after each change.
 
         Args:
-            name: An agent, or a group; None for everybody.
+            name: An agent or a group; None for all.
 
         Raises:
-            LogError: There is no such name.
+            LogError: The name does not exist.
         """
         groups = {f"/agents/{group}/knowledge": agents for group, agents in self.agents.items()}
         wanted: str | None = None
         if name is not None:
-            group, row, _ = self._place(name)
+            group, row, _ = self._locate(name)
             topic = f"/agents/{group}/knowledge"
             wanted = None if row is None else name
             groups = {topic: groups.get(topic, ())}
@@ -167,7 +167,7 @@ class LogJournals(LogFile):
             topic = message.channel.topic
             if not message.channel.carries("Knowledge"):
                 continue
-            with self._fitting(topic):
+            with self._consistent(topic):
                 entries = logged_events.knowledge(message.time, message.decode(), groups[topic])
             yield from (entry for entry in entries if agent in (None, entry.agent))
 

@@ -1,4 +1,4 @@
-"""A message of a log."""
+"""Messages of a log, and their decoding."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -28,12 +28,12 @@ class LogMessage:
     """A message of a log.
 
     Attributes:
-        channel: Where it was found.
+        channel: Its channel.
         time: Simulated time, ns.
-        sequence: Its place among the messages of that time; /timing has a count of its own.
-        data: As serialised.
-        path: The log it is of, for what is said of it.
-        content: What it is decoded to, where that is known: in a message of one entity, taken from one of many.
+        sequence: Its number among the messages of that time; /timing is numbered separately.
+        data: The serialised message.
+        path: The log, for error messages.
+        content: The decoded message, if already known: for the message of one entity, split off a shared one.
     """
 
     channel: ChannelInfo
@@ -44,14 +44,14 @@ class LogMessage:
     content: Any = None
 
     def decode(self) -> Any:
-        """Decode it.
+        """Decode the message.
 
         Returns:
-            A `wire.Rows`, `wire.SeriesRows`, `wire.TableRows` or `wire.Awareness`; for other messages of ours the
-            generated class.
+            A `wire.Rows`, `wire.SeriesRows`, `wire.TableRows` or `wire.Awareness`; for other SymAware messages an
+            instance of the generated class.
 
         Raises:
-            LogError: It is not one of our messages, or it is damaged.
+            LogError: It is not a SymAware message, or it is damaged.
         """
         if self.content is not None:
             return self.content
@@ -63,12 +63,12 @@ class LogMessage:
             or not (expected is None or self.channel.carries(expected))
         ):
             kind = self.channel.schema or "no schema"
-            raise LogError(f"the messages on {self.channel.topic} ({kind}){self.origin} are not ours")
+            raise LogError(f"the messages on {self.channel.topic} ({kind}){self.origin} are not SymAware messages")
         try:
             content = decode(self.data)
         except (ValueError, DecodeError) as error:
             place = f"on {self.channel.topic} at {self.time} ns{self.origin}"
-            raise LogError(f"the message {place} is no {self.channel.schema}") from error
+            raise LogError(f"the message {place} is not a {self.channel.schema}") from error
         try:
             require_consistent(content, self.channel)
         except ValueError as error:
@@ -79,5 +79,5 @@ class LogMessage:
 
     @property
     def origin(self) -> str:
-        """The log it is of, as the end of a phrase."""
+        """The log that it belongs to, as the end of a phrase."""
         return f" in {self.path}" if self.path else ""

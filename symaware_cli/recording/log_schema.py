@@ -1,4 +1,4 @@
-"""The vocabulary of a log: its messages and the names that writer and reader share."""
+"""Constants of the log format: message types and names that writer and reader share."""
 
 import json
 from collections.abc import Mapping
@@ -10,43 +10,42 @@ from google.protobuf.message import Message
 from symaware_cli.recording import symaware_v1_pb2 as v1
 
 MAGIC = b"\x89MCAP0\r\n"
-"""What an MCAP file begins and ends with."""
+"""The first and last bytes of an MCAP file."""
 
 PROFILE = "symaware"
 """The profile in the header of the MCAP file."""
 
 LIBRARY = "symaware"
-"""The library in the header: whoever says this keeps the order of times and sequences in the file."""
+"""The library in the header; it guarantees that times and sequences ascend in the file."""
 
 FORMAT = 1
-"""The version of the format (`format` in the manifest). A reader refuses a higher one."""
+"""The version of the format (`format` in the manifest). A reader rejects a higher one."""
 
 CHUNK_SIZE = 256 * 1024
-"""Bytes of a chunk before compression, at most; only a message that is larger than that has a larger one to itself."""
+"""Maximum size of a chunk before compression [bytes]; a larger message has a chunk for itself."""
 
 LARGEST_CHUNK = 128 << 20
-"""Bytes of a chunk before compression; the writer refuses a message that does not fit, a reader what claims more."""
+"""Maximum size of any chunk before compression [bytes]; writers reject a larger message, readers a larger chunk."""
 
 TIMING = "/timing"
 """The only channel in which two equal runs may differ."""
 
 MANIFEST = "manifest.json"
-"""The attachment that says who took part."""
+"""The attachment that describes agents, entities and run."""
 
 GEOMETRY = "geometry.json"
-"""The attachment that says what bodies look like in a world of space; meshes that it names are attachments, too."""
+"""The attachment with the appearance of bodies in a spatial world; the meshes it names are attachments, too."""
 
 OUTCOME = "symaware.outcome"
-"""The metadata record that ends a run; its values are JSON."""
+"""The metadata record with the outcome of a run; its values are JSON."""
 
 RECOVERY = "symaware.recovery"
 """The metadata record of a log that was recovered from a damaged one; its values are JSON."""
 
 FORMER = {"symaware.v1.Control": "symaware.v1.Rows"}
-"""What is read as another message: it has the fields of that, and more that are ignored.
+"""Message types of earlier versions, each with the type that it is read as; additional fields are ignored.
 
-What earlier logs say of the control input that was applied was computed from the one that was requested; only the
-latter is read.
+In earlier logs, the applied control input was computed from the requested one; only the latter is read.
 """
 
 MESSAGES: dict[str, type[Message]] = {
@@ -72,12 +71,12 @@ MESSAGES: dict[str, type[Message]] = {
 
 
 def descriptor_set() -> bytes:
-    """Serialise log.proto, which imports nothing, as a FileDescriptorSet: what an MCAP schema record holds."""
+    """Serialise log.proto, which has no imports, as a FileDescriptorSet: the content of an MCAP schema record."""
     files = FileDescriptorSet()
     v1.DESCRIPTOR.CopyToProto(files.file.add())
     return files.SerializeToString(deterministic=True)
 
 
 def json_values(content: Mapping[str, Any]) -> dict[str, str]:
-    """Lay out the content of a metadata record whose values are JSON."""
+    """Convert values to JSON, for a metadata record."""
     return {key: json.dumps(value, sort_keys=True) for key, value in sorted(content.items())}

@@ -1,4 +1,4 @@
-"""Values over time, read from a log: states, inputs, parts of awareness, signals, and what is believed of others."""
+"""Reads time series from a log: states, control inputs, parts of awareness, signals, and beliefs about others."""
 
 from __future__ import annotations
 
@@ -23,38 +23,39 @@ from symaware_cli.recording.series import (
     cut,
     gaps,
     group_series,
-    place_of,
     present_values,
+    row_position,
     row_series,
 )
 
 
 class LogSeries(LogJournals):
-    """The series of a log, put together from its messages."""
+    """A log with methods that assemble series from its messages."""
 
     def series(self, name: str, field: str) -> Series:
-        """Put a series together.
+        """Assemble a series.
 
         Args:
-            name: A group, an agent, or an entity of the environment. The name of a group of one is its agent's.
-            field: `state` (what they believe), `world` (what is true), `pose` and `joints` (the rest of that, in worlds
-                of space); `control` (what the world applied in the step that ended then), `control_requested` (what
-                was asked for from then on); a part of awareness, such as `intent`, `uncertainty` and `risk`, of which
-                the first point is taken where it is a time series; or a signal, by its component and its name, such as
-                `radar.returns`, and a sensor that measures a few numbers by its name alone: from when they became
-                known, NaN where it missed them.
+            name: A group, an agent, or an entity of the environment. The name of a group of one is also that of its
+                agent.
+            field: `state` (believed), `world` (true), `pose` and `joints` (further true quantities in spatial worlds);
+                `control` (the input that the world applied in the step that ended at that time), `control_requested`
+                (the input requested from that time on); a part of awareness, such as `intent`, `uncertainty` and
+                `risk`, of which the first point is used if it is a time series; or a signal, by component and name,
+                such as `radar.returns`, or by component alone for a sensor that measures a vector: from the time it
+                became available, NaN where a measurement was missed.
 
         Returns:
-            For a group every instant at which any of its agents was recorded, (k, n, columns), where the others keep
-            their value (NaN before the first, and while they are not in the world); for an agent or an entity the
-            instants at which it was recorded, (k, columns), with NaN at the one at which it left the world. Of entities
-            only those that move were recorded. Of the table of an agent each entry by itself, at the same time as the
-            others of it (see `tables`).
+            For a group: every instant at which any of its agents was recorded, (k, n, columns); the other agents keep
+            their values (NaN before the first, and while absent). For an agent or an entity: the instants at which it
+            was recorded, (k, columns), with NaN when it left the world. Only moving entities are recorded. For the
+            table of an
+            agent: one row per entry; the entries of a table share their time (see `tables`).
 
         Raises:
-            LogError: There is no such name or field, or it is a table and the name that of a group.
+            LogError: The name or field does not exist, or the field is a table and the name is that of a group.
         """
-        group, row, count = self._place(name)
+        group, row, count = self._locate(name)
         topic, known = self.series_topic(group, field), self._fields(group)
         there = sorted(other for other in known if known[other] in self.topics)
         what = f"{field} of {name!r}"
@@ -62,7 +63,7 @@ class LogSeries(LogJournals):
         if info.carries("TableRows"):
             return self._entries(info, name)
         entries = ((message.time, *present_values(message.decode(), count)) for message in self.messages(info.topic))
-        with self._fitting(info.topic):
+        with self._consistent(info.topic):
             times, values = group_series(entries, count) if row is None else row_series(entries, row)
         columns, units = (names_in(info.metadata.get(key, "")) for key in ("columns", "units"))
         if not len(times):
@@ -73,10 +74,10 @@ class LogSeries(LogJournals):
         return Series(times, values, columns, units)
 
     def series_topic(self, owner: str, field: str) -> str:
-        """Return the topic of a field of `series`, of a group or an entity; nothing may have been recorded on it.
+        """Return the topic of a field of `series` for a group or an entity; it may have no messages.
 
         Raises:
-            UnknownNameError: There is no such field.
+            UnknownNameError: The field does not exist.
         """
         topics = self._fields(owner)
         if field not in topics:
@@ -85,30 +86,30 @@ class LogSeries(LogJournals):
         return topics[field]
 
     def _fields(self, owner: str) -> dict[str, str]:
-        """The topics of all fields of a group or an entity, whether or not the log has them."""
-        # A sensor that is called as a field is hidden by it.
+        """Return the topics of all possible fields of a group or an entity, whether or not the log has them."""
+        # A built-in field hides a sensor of the same name.
         fields = {name: template.format(owner) for name, template in TOPICS.items()}
         return {name: signal_topic(owner, name, each) for name, each in self.signals(owner).items()} | fields
 
     def signals(self, group: str) -> dict[str, Signal]:
-        """What there are channels of in a group: parts of awareness by name, then signals by component and name."""
+        """Return the parts and signals of a group that have channels: parts by name, signals by component and name."""
         return signals_of(self.channels, group)
 
     def parts(self, group: str) -> dict[str, Part]:
-        """The parts of awareness of a group that there are channels of, by name: first those of every group."""
+        """Return the parts of awareness of a group that have channels, by name: built-in parts first."""
         return {name: each for name, each in self.signals(group).items() if isinstance(each, Part)}
 
     def tables(self, agent: str, field: str) -> Iterator[LoggedTable]:
-        """Iterate over the tables that a component handed out of an agent, whole, at each instant at which it did.
+        """Iterate over the tables of a signal of an agent, each at the instant at which the component produced it.
 
         Args:
-            agent: Its id.
-            field: The signal, by its component and name, such as `radar.returns`.
+            agent: The id of the agent.
+            field: The signal, by component and name, such as `radar.returns`.
 
         Raises:
-            LogError: There is no such agent or field, or it is no table.
+            LogError: The agent or field does not exist, or the field is not a table.
         """
-        group, row, _ = self._agent(agent)
+        group, row, _ = self._locate_agent(agent)
         info = self._channel(self.series_topic(group, field), f"{field} of {agent!r}", "TableRows")
         columns, units = (names_in(info.metadata.get(key, "")) for key in ("columns", "units"))
         return self._tables(info.topic, row, columns, units)
@@ -116,14 +117,14 @@ class LogSeries(LogJournals):
     def _tables(self, topic: str, row: int, columns: tuple[str, ...], units: tuple[str, ...]) -> Iterator[LoggedTable]:
         for message in self.messages(topic):
             content = message.decode()
-            place = place_of(row, content.rows)
+            place = row_position(row, content.rows)
             if place is not None:
                 # A copy, so that one row does not keep the whole message in memory.
                 yield LoggedTable(message.time, content.at(place).copy(), columns, units)
 
     def _entries(self, info: ChannelInfo, name: str) -> Series:
-        """The entries of the tables of an agent, one after the other."""
-        _, row, _ = self._agent(name)
+        """Return the concatenated entries of the tables of an agent."""
+        _, row, _ = self._locate_agent(name)
         columns, units = (names_in(info.metadata.get(key, "")) for key in ("columns", "units"))
         tables = list(self._tables(info.topic, row, columns, units))
         times = np.repeat(np.array([table.time for table in tables], np.int64), [len(table.values) for table in tables])
@@ -131,17 +132,17 @@ class LogSeries(LogJournals):
         return Series(times, values, columns, units)
 
     def predictions(self, agent: str, field: str) -> Iterator[Prediction]:
-        """Iterate over what an agent expected: the whole of its time series at each instant at which it set one.
+        """Iterate over the predictions of an agent: the whole time series at each instant at which it was set.
 
         Args:
-            agent: Its id.
-            field: What is a time series: `intent`, `uncertainty`, `risk`, or a part or signal of a plugin.
-                `series` names the columns.
+            agent: The id of the agent.
+            field: A time series: `intent`, `uncertainty`, `risk`, or a part or signal of a plugin. `series` names the
+                columns.
 
         Raises:
-            LogError: There is no such agent or field.
+            LogError: The agent or field does not exist.
         """
-        group, row, _ = self._agent(agent)
+        group, row, _ = self._locate_agent(agent)
         signals: dict[str, Signal] = {part.name: part for part in PARTS} | self.signals(group)
         predicted = [name for name, signal in signals.items() if signal.kind == "series"]
         if field not in predicted:
@@ -153,31 +154,31 @@ class LogSeries(LogJournals):
     def _predictions(self, topic: str, row: int) -> Iterator[Prediction]:
         for message in self.messages(topic):
             content = message.decode()
-            place = place_of(row, content.rows)
+            place = row_position(row, content.rows)
             if place is not None:
                 times, values = content.at(place)
                 # Copies, so that one row does not keep the whole message in memory.
                 yield Prediction(message.time, times[: len(values)].copy(), values.copy())
 
     def beliefs(self, agent: str, other: str) -> LoggedBeliefs:
-        """Put together what an agent believed of another.
+        """Assemble the beliefs of an agent about another: position and velocity, whichever component perceived them.
 
-        That is its position and velocity, whoever perceived it. Whoever knows the whole world knows the truth of that
-        instant; a velocity that is no part of a true state is not in the log then, and NaN.
+        For an agent that knows the whole world, the belief is the truth at that instant; a velocity that is not part of
+        the true state is not in the log and is NaN.
 
         Args:
-            agent: Whose beliefs.
-            other: Whom they are about.
+            agent: The agent that believes.
+            other: The agent that the beliefs are about.
 
         Returns:
-            Every instant at which the agent's awareness was recorded, with covariances and ages, (k, columns); and what
-            it knew of the other's intent, uncertainty and risk.
+            Every instant at which the agent's awareness was recorded, with covariances and ages, (k, columns); and its
+            knowledge of the other's intent, uncertainty and risk.
 
         Raises:
-            LogError: There is no such agent, or nothing was recorded of its awareness.
+            LogError: An agent does not exist, or the awareness was not recorded.
         """
-        group, row, count = self._agent(agent)
-        other_group, _, _ = self._agent(other)
+        group, row, count = self._locate_agent(agent)
+        other_group, _, _ = self._locate_agent(other)
         roster = self.manifest.get("roster", [])
         if agent == other or other not in roster:
             raise LogError(f"{self.path} has no beliefs of {agent!r} about {other!r}")
@@ -191,7 +192,7 @@ class LogSeries(LogJournals):
             series, model = self.series(other, "world"), self.manifest["groups"][other_group].get("model", {})
             names = [name for name, _ in model.get("state", ())]
             columns = np.full((len(series.times), 2 * dimensions), np.nan)
-            columns[:, :dimensions] = 0.0  # who moves in the plane stands at height 0
+            columns[:, :dimensions] = 0.0  # agents in the plane are at height 0
             for axis, place in enumerate(model.get("position", (0, 1))):
                 columns[:, axis] = series.values[:, place]
                 if f"velocity_{names[place]}" in names:
@@ -202,7 +203,7 @@ class LogSeries(LogJournals):
             number = int(np.searchsorted(world().times, time, side="right"))
             return world().values[number - 1] if number else np.full(2 * dimensions, np.nan)
 
-        with self._fitting(topic):
+        with self._consistent(topic):
             return beliefs(
                 ((message.time, message.decode()) for message in self.messages(topic)),
                 row,

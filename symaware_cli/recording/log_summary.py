@@ -1,4 +1,4 @@
-"""The summary at the end of a log, gathered while the log is written."""
+"""Builds the summary section at the end of a log while the log is written."""
 
 import struct
 import zlib
@@ -28,17 +28,17 @@ _MESSAGE_INDEX = struct.Struct("<BQHI")
 
 @dataclass(slots=True)
 class LogSummary:
-    """What a log holds and where.
+    """The content of a log and the positions of its records.
 
     Attributes:
-        schemas: In the order of the file, by what their owner calls them.
-        channels: In the order of the file.
-        counts: Messages by number of the channel.
-        attachments: In the order of the file.
-        metadata: In the order of the file.
-        start_time: The least log time, ns; None before the first chunk.
-        end_time: The greatest log time, ns.
-        chunk_count: Chunks so far.
+        schemas: In file order, by message name.
+        channels: In file order.
+        counts: Number of messages by channel id.
+        attachments: In file order.
+        metadata: In file order.
+        start_time: The earliest log time, ns; None before the first chunk.
+        end_time: The latest log time, ns.
+        chunk_count: Number of chunks so far.
     """
 
     schemas: dict[str, Schema] = field(default_factory=dict)
@@ -52,7 +52,7 @@ class LogSummary:
     _chunks: bytearray = field(default_factory=bytearray)  # serialised, as there may be many
 
     def copied(self) -> "LogSummary":
-        """A summary that does not change with this one."""
+        """Return an independent copy."""
         return LogSummary(
             dict(self.schemas),
             list(self.channels),
@@ -66,12 +66,12 @@ class LogSummary:
         )
 
     def add_attachment(self, attachment: Attachment, offset: int, length: int) -> None:
-        """Enter an attachment.
+        """Add an attachment.
 
         Args:
-            attachment: It.
-            offset: Where it stands.
-            length: Bytes of its record.
+            attachment: The attachment.
+            offset: Position of its record.
+            length: Length of its record, bytes.
         """
         self.attachments.append(
             AttachmentIndex(
@@ -86,11 +86,11 @@ class LogSummary:
         )
 
     def add_chunk(self, chunk: ChunkIndex, counts: dict[int, int]) -> None:
-        """Enter a chunk.
+        """Add a chunk.
 
         Args:
-            chunk: Where it stands.
-            counts: Its messages by number of the channel.
+            chunk: Its index record.
+            counts: Number of its messages by channel id.
         """
         self._chunks += serialise(chunk)
         self.chunk_count += 1
@@ -104,7 +104,7 @@ class LogSummary:
         """Serialise the summary section, the footer and the closing magic.
 
         Args:
-            start: Where in the file it will stand.
+            start: Position of the summary section in the file.
         """
         section = bytearray()
         groups: list[SummaryOffset] = []
@@ -139,15 +139,15 @@ class LogSummary:
 
 
 def indexed(chunk: Chunk, offset: int, positions: Mapping[int, Sequence[int]]) -> tuple[bytearray, ChunkIndex]:
-    """Serialise a chunk with the index of its messages.
+    """Serialise a chunk with its message index.
 
     Args:
-        chunk: It.
-        offset: Where in the file it will stand.
-        positions: By number of the channel, time and offset of each message in the chunk, one after the other.
+        chunk: The chunk.
+        offset: Its position in the file.
+        positions: For each channel id a flat list with time and offset in the chunk of each message.
 
     Returns:
-        The records, and where they will stand.
+        The serialised records, and the index record of the chunk.
     """
     records = bytearray(serialise(chunk))
     length = len(records)
@@ -172,7 +172,7 @@ def indexed(chunk: Chunk, offset: int, positions: Mapping[int, Sequence[int]]) -
 
 
 def serialise(*records: McapRecord) -> bytes:
-    """Serialise records, one behind the other."""
+    """Serialise records, concatenated."""
     builder = RecordBuilder()
     for record in records:
         record.write(builder)

@@ -1,4 +1,4 @@
-"""What an agent believed of another, put together from the messages about its awareness."""
+"""Beliefs of one agent about another over time, assembled from the awareness messages of a log."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.recording import wire
-from symaware_cli.recording.series import Prediction, Series, place_of
+from symaware_cli.recording.series import Prediction, Series, row_position
 from symaware_cli.world.motion import motion_quantities
 
 Array = NDArray[np.float64]
@@ -16,12 +16,12 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoggedBeliefs(Series):
-    """What an agent believed of another over simulated time, (k, columns); NaN while it knew nothing of it.
+    """The beliefs of an agent about another over simulated time, (k, columns); NaN while it knew nothing of it.
 
     Attributes:
-        covariances: (k, columns, columns) of the values; NaN where nothing was said of how sure they are.
-        ages: (k,) time since the other was last seen, s; NaN while nothing was known of it.
-        series: By part, such as ``intent``, what was known of the other's, at each instant at which that was recorded.
+        covariances: (k, columns, columns) of the values; NaN where unknown.
+        ages: (k,) time since the other was last perceived, s; NaN while it knew nothing of it.
+        series: Beliefs about each time series of the other, such as ``intent``, at each instant of recording.
     """
 
     covariances: Array
@@ -30,7 +30,7 @@ class LoggedBeliefs(Series):
 
 
 class _Belief(NamedTuple):
-    """What is believed at one instant."""
+    """The belief at one instant."""
 
     values: Array
     covariance: Array | None
@@ -47,35 +47,36 @@ def beliefs(
     other: int,
     truth: Callable[[int], Array],
 ) -> LoggedBeliefs:
-    """Put together what one row believed of one other.
+    """Assemble the beliefs of one row about one other agent.
 
     Args:
         entries: Time in ns and message, in order.
-        row: Whose beliefs.
-        count: Rows of the group.
-        other: Whom they are about, as an index in the roster.
-        truth: Its true position and velocity at an instant in ns, which those know who know the world; (columns,).
+        row: The row of the agent that believes.
+        count: Number of rows of the group.
+        other: Roster index of the agent that the beliefs are about.
+        truth: Returns the true position and velocity of the other at an instant in ns, (columns,), for agents that know
+            the whole world.
 
     Raises:
-        ValueError: A message does not fit together.
+        ValueError: A message is inconsistent.
     """
     known: dict[int, _Belief] = {}
     series: dict[str, list[Prediction]] = {}
     for time, message in entries:
         for told in message.series:
-            place = place_of(row, told.rows)
+            place = row_position(row, told.rows)
             if place is not None:
                 found = [(times, values) for whose, who, times, values in told if (whose, who) == (place, other)]
                 times, values = found[-1] if found else (np.empty(0, np.int64), np.empty((0, 0)))
                 before = series.setdefault(told.part, [])
                 if found or (before and len(before[-1].times)):
                     before.append(Prediction(time, times.copy(), values.copy()))
-        if not message.tells_states:
+        if not message.has_states:
             continue
         if message.world:
             known[time] = _Belief(truth(time), None, 0.0)
             continue
-        place = place_of(row, message.rows)
+        place = row_position(row, message.rows)
         if place is not None:
             known[time] = _belief(message, place, count if message.rows is None else len(message.rows), other)
     columns = max((len(belief.values) for belief in known.values()), default=0)
@@ -94,7 +95,7 @@ def beliefs(
 
 
 def _belief(message: wire.Awareness, place: int, count: int, other: int) -> _Belief:
-    """What a message tells of one other, by the place of the row in the message."""
+    """Return the belief about one other agent in a message, given the position of the row in the message."""
     lengths = message.lengths.astype(np.int64)
     if len(lengths) == 1:
         lengths = np.repeat(lengths, count)
@@ -111,6 +112,6 @@ def _belief(message: wire.Awareness, place: int, count: int, other: int) -> _Bel
     covariance = None
     if len(message.covariances):
         covariance = message.covariances[square : square + size * size].reshape(size, size)
-        # Zeros stand for nothing where the message says something of others.
+        # All zeros mean that the covariance is unknown, if the message has covariances of others.
         covariance = covariance if covariance.any() else None
     return _Belief(values, covariance, float(message.ages[index]) if len(message.ages) else 0.0)

@@ -1,4 +1,4 @@
-"""What happened in a run, entry by entry: events, messages between agents, contacts."""
+"""Entries of a log: events, messages between agents, contacts and knowledge."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -9,21 +9,21 @@ import numpy as np
 from symaware_cli.recording.json_text import read_json
 
 #: The topics of messages between agents. Earlier versions wrote a `Message` for each on the first, and `MessageColumns`
-#: for those of groups on the second; now there is the first alone, with `MessageColumns`.
+#: for groups on the second; now all are `MessageColumns` on the first.
 MESSAGES = ("/messages", "/messages/columns")
 
 
 @dataclass(frozen=True, slots=True)
 class LoggedEvent:
-    """Something that happened.
+    """An event.
 
     Attributes:
         time: Simulated time, ns.
-        name: What, such as `failed`.
-        source: Where, as a dotted path such as `agents.robot.2.steer`.
+        name: Such as `failed`.
+        source: Dotted path of its origin, such as `agents.robot.2.steer`.
         level: `DEBUG`, `INFO`, `WARNING` or `ERROR`.
-        text: For people.
-        data: For programs.
+        text: Description for users.
+        data: Data for programs.
     """
 
     time: int
@@ -36,19 +36,19 @@ class LoggedEvent:
 
 @dataclass(frozen=True, slots=True)
 class Communication:
-    """One stage in the life of a message between agents.
+    """A stage in the life of a message between agents.
 
     Attributes:
         time: When the stage was reached, simulated ns.
-        id: The same in all stages of one message.
+        id: Identifies the message; equal in all its stages.
         sender: The agent that sent it.
-        receiver: The agent it is for.
-        kind: What it is about.
+        receiver: The agent it is addressed to.
+        kind: The kind of message.
         stage: `SENT`, `DELIVERED` or `DROPPED`.
         sent_time: When it was sent, simulated ns.
         reason: Why it was dropped.
-        payload: What it says; None if this stage does not repeat it.
-        size: On the simulated channel, bytes.
+        payload: Its content; None if this stage does not repeat it.
+        size: Its size on the simulated channel, bytes.
     """
 
     time: int
@@ -64,22 +64,22 @@ class Communication:
 
     @property
     def latency(self) -> int:
-        """How long after it was sent the stage was reached, simulated ns."""
+        """Time from sending to this stage, simulated ns."""
         return self.time - self.sent_time
 
 
 @dataclass(frozen=True, slots=True)
 class LoggedContact:
-    """Two entities touch, or cease to.
+    """The beginning or end of a contact between two bodies.
 
     Attributes:
         time: Simulated time, ns.
-        a: The one.
-        b: The other.
+        a: The first agent or entity.
+        b: The second agent or entity.
         stage: `BEGIN` or `END`.
-        point: Where, m; empty if unknown.
-        depth: How deep they overlap, m.
-        impulse: How hard they hit each other in the step in which the contact begins, N s; 0 in worlds without forces.
+        point: Point of contact, m; empty if unknown.
+        depth: Penetration depth, m.
+        impulse: Impulse in the step in which the contact begins, N s; 0 in worlds without forces.
     """
 
     time: int
@@ -93,12 +93,12 @@ class LoggedContact:
 
 @dataclass(frozen=True, slots=True)
 class LoggedKnowledge:
-    """What an agent knows from now on.
+    """The knowledge of an agent from a time on.
 
     Attributes:
         time: Simulated time, ns.
-        agent: Who.
-        values: The whole of its knowledge database, by name; arrays as lists.
+        agent: The id of the agent.
+        values: Its whole knowledge database, by name; arrays as lists.
     """
 
     time: int
@@ -107,7 +107,7 @@ class LoggedKnowledge:
 
 
 def event(time: int, message: Any) -> LoggedEvent:
-    """Make an entry of a generated `Event`.
+    """Create an entry from a generated `Event`.
 
     Raises:
         ValueError: Its data are not JSON.
@@ -117,8 +117,8 @@ def event(time: int, message: Any) -> LoggedEvent:
     return LoggedEvent(time, message.name, message.source, level, message.text, data)
 
 
-def _former(time: int, message: Any) -> Communication:
-    """Make an entry of a generated `Message`, as earlier versions wrote them."""
+def _legacy_message(time: int, message: Any) -> Communication:
+    """Create an entry from a generated `Message`, as earlier versions wrote them."""
     return Communication(
         time=time,
         id=message.id,
@@ -134,19 +134,19 @@ def _former(time: int, message: Any) -> Communication:
 
 
 def communications(time: int, message: Any, roster: Sequence[str]) -> list[Communication]:
-    """Make entries of a generated `MessageColumns`, or of a `Message`, as earlier versions wrote them.
+    """Create entries from a generated `MessageColumns`, or from a `Message` of an earlier version.
 
     Args:
-        time: When, simulated ns.
+        time: Simulated time, ns.
         message: One of the two.
         roster: The roster of the manifest.
 
     Raises:
-        ValueError: Its payload is not JSON, its columns do not fit together, or it names who is not in the roster.
+        ValueError: A payload is not JSON, the columns are inconsistent, or an index is not in the roster.
     """
     if not hasattr(message, "sequences"):
-        return [_former(time, message)]
-    count, stage, said = len(message.senders), _name(message, "stage"), _said(message)
+        return [_legacy_message(time, message)]
+    count, stage, said = len(message.senders), _name(message, "stage"), _payloads(message)
     reasons = [message.reasons[number] for number in message.reason] or [""] * count
     payloads: list[dict[str, Any] | None] = [None] * count
     if said:
@@ -176,8 +176,8 @@ def communications(time: int, message: Any, roster: Sequence[str]) -> list[Commu
         raise ValueError(f"messages between more agents than the {len(roster)} of the roster") from None
 
 
-def _said(message: Any) -> list[dict[str, Any]]:
-    """What each in `says` says in a generated `MessageColumns`."""
+def _payloads(message: Any) -> list[dict[str, Any]]:
+    """Return the payload of each sender in `says` of a generated `MessageColumns`."""
     said: list[dict[str, Any]] = [{} for _ in message.says]
     for column in message.said:
         if column.texts:
@@ -191,16 +191,16 @@ def _said(message: Any) -> list[dict[str, Any]]:
 
 
 def contact(time: int, message: Any) -> LoggedContact:
-    """Make an entry of a generated `Contact`."""
+    """Create an entry from a generated `Contact`."""
     stage = _name(message, "stage")
     return LoggedContact(time, message.a, message.b, stage, tuple(message.point), message.depth, message.impulse)
 
 
 def knowledge(time: int, message: Any, agents: Sequence[str]) -> list[LoggedKnowledge]:
-    """Make entries of a generated `Knowledge`.
+    """Create entries from a generated `Knowledge`.
 
     Raises:
-        ValueError: Its values are not JSON, or of an agent that the group does not have.
+        ValueError: Its values are not JSON, or refer to a row that the group does not have.
     """
     rows = list(message.rows) or range(len(message.values))
     if len(rows) != len(message.values) or max(rows, default=0) >= max(len(agents), 1):
@@ -211,7 +211,7 @@ def knowledge(time: int, message: Any, agents: Sequence[str]) -> list[LoggedKnow
 
 
 def _name(message: Any, field_name: str) -> str:
-    """The name of an enumeration's value; its number if a later version added it."""
+    """Return the name of an enumeration value; its number if a later version added it."""
     number = getattr(message, field_name)
     value = message.DESCRIPTOR.fields_by_name[field_name].enum_type.values_by_number.get(number)
     return value.name if value is not None else str(number)

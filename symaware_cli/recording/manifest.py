@@ -1,4 +1,4 @@
-"""The manifest of a log: who takes part in the run."""
+"""The manifest of a log: scenario, agents, groups and entities of the run."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ def read_manifest(content: bytes) -> dict[str, Any]:
     """Read a manifest.
 
     Args:
-        content: The attachment of that name.
+        content: The attachment.
 
     Returns:
-        What it says, each entry that this version knows of the type that it must have. One of a newer format is
-        returned as it is.
+        Its content; all entries that this version knows have been validated. A manifest of a newer format is returned
+        unchecked.
 
     Raises:
         ValueError: It is damaged.
@@ -30,7 +30,7 @@ def read_manifest(content: bytes) -> dict[str, Any]:
     if not isinstance(said, dict) or type(said.get("format")) is not int:
         raise ValueError("a manifest without a format")
     if said["format"] <= FORMAT:
-        # Imported for those who read: runs start without it.
+        # Imported here because only readers need it; writing a log does without.
         from symaware_cli.recording.manifest_schema import Manifest
 
         Manifest.model_validate_json(content)
@@ -49,19 +49,19 @@ def manifest(
     indexed: Mapping[str, bool],
     part: Mapping[str, Any] | None = None,
 ) -> bytes:
-    """Describe who takes part in a run, as the attachment of that name.
+    """Create the manifest of a run.
 
     Args:
         name: The scenario's name.
-        seed: The seed in force.
+        seed: The random seed in force.
         mode: ``synchronous`` or ``asynchronous``.
-        steps: How many steps are to be made.
-        environment: The world, initialised.
+        steps: Number of steps planned.
+        environment: The initialised world.
         groups: All groups.
         uses: For each group, the entry-point names of its ``model`` and ``components``.
         indexed: For each group, whether its agents are numbered.
-        part: Of a run that is spread over several processes, which one this is: its ``name``, whether it is the
-            ``host``, and the ``agents`` that it runs.
+        part: For a run in several processes, the part of this process: its ``name``, whether it is the ``host``, and
+            the ``agents`` that it runs.
     """
     content: dict[str, Any] = {
         "format": FORMAT,
@@ -99,13 +99,13 @@ def manifest(
 
 
 def _absent(group: AgentGroup) -> dict[str, list[str]]:
-    """Who is not in the world at the beginning, of a group whose agents enter or leave."""
+    """Return the agents that are absent at the beginning, for a group whose agents enter or leave."""
     present = group.present
     return {} if present is None else {"absent": [group.ids[row] for row in np.flatnonzero(~present).tolist()]}
 
 
 def _entity(environment: Environment, name: str) -> dict[str, Any]:
-    """Describe an obstacle, with the pose that it has at the beginning, and whether it ever leaves that."""
+    """Describe an obstacle, with its initial pose and whether it moves."""
     pose, described = environment.pose(name), environment.obstacles[name].model_dump(mode="json")
     position = list(pose.position)
     return {**described, "position": position, "heading": pose.heading, "moves": environment.moves(name)}

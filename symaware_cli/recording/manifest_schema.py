@@ -1,4 +1,4 @@
-"""What a manifest, an outcome and the rest that a log tells of itself must be like to be believed."""
+"""Validation of manifest, outcome and recovery records of a log."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Time = Annotated[int, Field(ge=0, lt=2**63)]
 
 
 class _Entry(BaseModel):
-    """A part of the manifest, as far as this version knows it: later ones may say more."""
+    """A part of the manifest, as known to this version; later versions may add entries."""
 
     model_config = ConfigDict(extra="allow", strict=True, allow_inf_nan=False)
 
@@ -69,7 +69,7 @@ class _Part(_Entry):
 
 
 class Manifest(_Entry):
-    """What a manifest must be like to be believed; what is missing may be, except for the format."""
+    """A valid manifest; every entry except the format may be missing."""
 
     format: Annotated[int, Field(ge=0)]
     name: str | None = None
@@ -87,16 +87,16 @@ class Manifest(_Entry):
     @model_validator(mode="after")
     def _names_each_once(self) -> Manifest:
         agents = [agent for group in self.groups.values() for agent in group.agents]
-        everybody = [*agents, *self.entities]
-        if len(set(everybody)) < len(everybody) or len(set(self.roster)) < len(self.roster):
-            raise ValueError("a name that stands for two")
-        if not set(self.roster) <= set(everybody):
-            raise ValueError("a name in the roster that is nobody's")
+        names = [*agents, *self.entities]
+        if len(set(names)) < len(names) or len(set(self.roster)) < len(self.roster):
+            raise ValueError("a name that is used twice")
+        if not set(self.roster) <= set(names):
+            raise ValueError("a name in the roster that no agent or entity has")
         return self
 
 
 class RunOutcome(_Entry):
-    """How a run ended; see `Manifest`."""
+    """The outcome of a run; see `Manifest`."""
 
     status: str | None = None
     steps: Time | None = None

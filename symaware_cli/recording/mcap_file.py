@@ -1,4 +1,4 @@
-"""A log as a file: any MCAP, as far as it can be read."""
+"""MCAP files: indexed reading of messages, attachments and metadata, tolerant of damage."""
 
 import itertools
 import os
@@ -32,30 +32,30 @@ from symaware_cli.recording.recovery import FOREVER, Damage, scan
 _Record = TypeVar("_Record", bound=McapRecord)
 
 MOST_HELD = 384 << 20
-"""Bytes of messages that are held because their chunks overlap in time, as they may in other people's logs."""
+"""Maximum size of messages held in memory because chunks overlap in time, as in logs of other writers [bytes]."""
 
 
 class McapFile:
-    """An MCAP, of ours or of others, sound or not.
+    """An MCAP file, written by SymAware or another program, sound or damaged.
 
-    The file is opened for each look at it and not held in between, so there is nothing to close.
+    The file is opened for each access and not held open in between, so there is nothing to close.
 
     Attributes:
         path: The file.
         size: Its size when it was opened, bytes.
-        header: `profile` and `library` of whoever wrote it.
-        index: Where everything stands in the file, but for what is known to be damaged.
-        channels: By topic, sorted.
+        header: `profile` and `library` of the writer.
+        index: The positions of all records, without those known to be damaged.
+        channels: The channels by topic, sorted.
     """
 
     def __init__(self, path: str | os.PathLike[str]):
-        """Find out what stands where.
+        """Read the index of the file.
 
         Args:
             path: The file.
 
         Raises:
-            LogError: There is nothing to read: no such file, no permission, or not an MCAP.
+            LogError: The file cannot be read: it is missing, not permitted, or not an MCAP file.
         """
         self.path = Path(path)
         with self.opened() as file:
@@ -67,7 +67,7 @@ class McapFile:
                 index = from_summary(file, self.size)
                 if index is None:
                     index, damage = scan(file, self.size)
-                    # Ours always have a summary; others may do without.
+                    # SymAware always writes a summary; other writers may omit it.
                     damage.summary_missing |= index.header.profile == PROFILE
             except Unsound as error:
                 raise LogError(f"{self.path} is not a log: {error}") from error
@@ -94,28 +94,28 @@ class McapFile:
 
     @property
     def start_time(self) -> int | None:
-        """Simulated time of the first message, ns; None without messages."""
+        """Simulated time of the first message, ns; None if there are no messages."""
         return min((span.start for span in self.index.spans), default=None)
 
     @property
     def end_time(self) -> int | None:
-        """Simulated time of the last message, ns; None without messages."""
+        """Simulated time of the last message, ns; None if there are no messages."""
         return max((span.end for span in self.index.spans), default=None)
 
     @property
     def message_count(self) -> int:
-        """Messages in the log."""
+        """Number of messages in the log."""
         return sum(self.index.counts.values())
 
     @property
     def damage(self) -> Damage | None:
-        """What is wrong with the file, as far as it is known by now; `verify` makes sure."""
+        """The damage of the file, as far as known; `verify` finds all of it."""
         if self._damage:
             self._damage.last_time = self.end_time
         return self._damage
 
     def verify(self) -> Damage | None:
-        """Read everything once, and return what is wrong with the file."""
+        """Read the whole file, and return its damage."""
         for _ in itertools.chain(self.attachment_records(), self.metadata_records()):
             pass
         with self.opened() as file:
@@ -127,12 +127,12 @@ class McapFile:
         """Open the file for reading.
 
         Raises:
-            LogError: It cannot be read any more.
+            LogError: It can no longer be read.
         """
         return _opened(self.path)
 
     def leave_out(self, span: MessageRange) -> None:
-        """Forget a chunk that turned out to be damaged, and note the damage."""
+        """Remove a damaged chunk from the index and count the damage."""
         if _removed(self.index.spans, span):
             damage = self._note_damage()
             damage.chunks_skipped += 1
@@ -140,38 +140,38 @@ class McapFile:
             damage.gaps.append((span.start, span.end))
 
     def attachment_records(self, name: str | None = None) -> Iterator[Attachment]:
-        """Read the attachments (of one name, if given) one by one; what is damaged is left out and noted."""
+        """Read the attachments, or those of one name, one by one; damaged ones are skipped and counted."""
         return self._records(self.index.attachments, name, Attachment, Opcode.ATTACHMENT)
 
     def metadata_records(self) -> Iterator[Metadata]:
-        """Read the metadata records one by one; what is damaged is left out and noted."""
+        """Read the metadata records one by one; damaged ones are skipped and counted."""
         return self._records(self.index.metadata, None, Metadata, Opcode.METADATA)
 
     @cached_property
     def attachments(self) -> Mapping[str, bytes]:
-        """The attachments, by name; of two with one name the later."""
+        """The attachments by name; of two with the same name, the later."""
         return {record.name: record.data for record in self.attachment_records()}
 
     @cached_property
     def metadata(self) -> Mapping[str, Mapping[str, str]]:
-        """The metadata records, by name; of two with one name the later."""
+        """The metadata records by name; of two with the same name, the later."""
         return {record.name: record.metadata for record in self.metadata_records()}
 
     def messages(
         self, topics: str | Iterable[str] | None = None, start: int | None = None, end: int | None = None
     ) -> Iterator[LogMessage]:
-        """Iterate over messages, in the order of time and then sequence.
+        """Iterate over messages, ordered by time and then sequence.
 
-        Chunks that are damaged are left out and counted in `damage`. A log of ours is read chunk by chunk; of others,
-        as many chunks are held in memory as overlap in time.
+        Damaged chunks are skipped and counted in `damage`. A SymAware log is read chunk by chunk; for other logs, all
+        chunks that overlap in time are held in memory together.
 
         Args:
-            topics: Which; None for all.
+            topics: The topics to read; None for all.
             start: The first simulated time, ns.
-            end: The first simulated time not wanted any more, ns.
+            end: The simulated time at which to stop, exclusive, ns.
 
         Raises:
-            LogError: The file cannot be read any more.
+            LogError: The file can no longer be read.
         """
         names = {topics} if isinstance(topics, str) else None if topics is None else set(topics)
         wanted = {number for number, info in self._channels.items() if names is None or info.topic in names}
@@ -188,10 +188,10 @@ class McapFile:
 
         Args:
             name: Its name.
-            check: Raises ValueError if it says what cannot be.
+            check: Validates the values; raises ValueError if they are invalid.
 
         Returns:
-            What it says; None if there is none, or it is damaged.
+            The values; None if the record is missing or damaged.
         """
         if name not in self.metadata:
             return None
@@ -200,14 +200,14 @@ class McapFile:
             check(said)
             return said
         except ValueError:
-            # Metadata have no checksum: that it is damaged shows only here.
+            # Metadata records have no checksum, so damage is only found here.
             for place in [place for place in self.index.metadata if place.name == name]:
                 self._leave_out(self.index.metadata, place)
             return None
 
     @cached_property
     def _in_order(self) -> bool:
-        """Whether the order of the file is the order of time and sequence, as our writer sees to it."""
+        """Whether times and sequences ascend in the file, as the SymAware writer guarantees."""
         spans = self.index.spans
         ours = (self.header.profile, self.header.library) == (PROFILE, LIBRARY)
         return ours and all(one.end <= other.start for one, other in itertools.pairwise(spans))
@@ -220,7 +220,7 @@ class McapFile:
     def _sorted(
         self, file: BinaryIO, spans: list[MessageRange], wanted: set[int], start: int, end: int
     ) -> Iterator[RawMessage]:
-        """Sort messages, holding those that a span not yet read might come before."""
+        """Yield messages in order, holding back those that may be preceded by messages of later chunks."""
         held: list[RawMessage] = []
         size = 0
         for span in sorted(spans, key=lambda span: (span.start, span.offset)):
@@ -239,7 +239,7 @@ class McapFile:
     def _read(
         self, file: BinaryIO, span: MessageRange, wanted: Iterable[int], start: int, end: int
     ) -> list[RawMessage]:
-        """Read the messages of a span; none, and a note of the damage, if it is damaged."""
+        """Read the messages of a range; if it is damaged, return none and count the damage."""
         try:
             return read_messages(read_span(file, span, self.header), frozenset(wanted), start, end)
         except Unsound:
@@ -249,7 +249,7 @@ class McapFile:
     def _records(
         self, places: list[RecordLocation], name: str | None, kind: type[_Record], opcode: Opcode
     ) -> Iterator[_Record]:
-        """Read attachments or metadata records (of one name, if given); forget damaged ones, and note the damage."""
+        """Read attachments or metadata records, or those of one name; damaged ones are skipped and counted."""
         with self.opened() as file:
             for place in [place for place in places if name in (None, place.name)]:
                 try:
@@ -272,7 +272,7 @@ class McapFile:
 
 
 def _removed(places: list[Any], place: MessageRange | RecordLocation) -> bool:
-    """Take something out of a list in the order of the file, and say whether it was there."""
+    """Remove an item from a list in file order, and return whether it was there."""
     number = bisect_left(places, place.offset, key=lambda each: each.offset)
     there = number < len(places) and places[number].offset == place.offset
     if there:
@@ -282,10 +282,10 @@ def _removed(places: list[Any], place: MessageRange | RecordLocation) -> bool:
 
 @contextmanager
 def _opened(path: Path) -> Iterator[BinaryIO]:
-    """Open a file for reading; whatever the operating system refuses becomes a LogError."""
+    """Open a file for reading; errors of the operating system become LogErrors."""
     try:
         if path.exists() and not path.is_file():
-            # Before opening it: a pipe would wait for ever.
+            # Checked before opening: opening a pipe would block forever.
             raise LogError(f"cannot read the log {path}: it is not a file")
         with open(path, "rb") as file:
             yield file
@@ -296,7 +296,7 @@ def _opened(path: Path) -> Iterator[BinaryIO]:
 
 
 def _size(raw: RawMessage) -> int:
-    """Memory that a message takes, roughly [bytes]."""
+    """Return the approximate memory size of a message [bytes]."""
     return len(raw.data) + 200
 
 

@@ -1,4 +1,4 @@
-"""Names that logs and tables give their content, beside further parts of awareness and signals of components."""
+"""Names of fields, kinds and tables in logs, apart from additional parts of awareness and signals."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ TOPICS = {
     "control": "/world/{}/control",
     "control_requested": "/agents/{}/control",
 } | {part.name: f"/agents/{{}}/{part.name}" for part in PARTS}
-"""The topic of each field of `Log.series` that every log may have."""
+"""The topic of each field of `Log.series` that any log may have."""
 
 FIELDS = tuple(TOPICS)
 """The fields of `Log.series`."""
 
 KINDS = ("control", "knowledge", "awareness", "sensors", "world")
-"""What `Recorder` can be told to leave out."""
+"""The kinds of records that `Recorder` can omit."""
 
 TABLES = (
     *(part.name for part in PARTS),
     *("world", "control", "awareness", "knowledge"),
     *("scan", "image", "measurement", "events", "recurring", "messages", "contacts", "timing"),
 )
-"""What there are tables of, beside those of who takes part."""
+"""The tables that can be exported, apart from those of the participants."""

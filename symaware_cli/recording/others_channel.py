@@ -1,4 +1,4 @@
-"""The channel of what the agents of a group believe of others."""
+"""Records the beliefs of the agents of a group about others."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from symaware_cli.recording.recorded_rows import RecordedRows
 from symaware_cli.recording.writer import LogWriter
 from symaware_cli.world.time import SECOND
 
-#: No row changed, and nothing is to be said.
+#: No row changed, and nothing is written.
 _NOTHING = (0, b"")
 
 
 class OthersChannel:
-    """`/agents/<group>/awareness`: of whom anything changed, all that it believes of a part."""
+    """The channel `/agents/<group>/awareness`: for each row that changed, all its beliefs of a part."""
 
     def __init__(self, writer: LogWriter, channel: int, group: AgentGroup, roster: Roster, rows: RecordedRows) -> None:
-        """Begin with nothing recorded.
+        """Initialise the channel; nothing has been recorded yet.
 
         Args:
             writer: The log.
-            channel: The channel, opened.
-            group: Whose beliefs.
-            roster: Who there is.
-            rows: Which rows are recorded.
+            channel: The number of the open channel.
+            group: The group whose beliefs are recorded.
+            roster: The roster of all agents.
+            rows: The recorded rows.
         """
         self._writer = writer
         self._channel = channel
@@ -37,25 +37,25 @@ class OthersChannel:
         self._roster = roster
         self._rows = rows
         self._last: Tracks | Snapshot | None = None
-        #: For each part, of which rows it was said last that they hold a series.
+        #: For each part: the rows whose last record holds a series.
         self._said: defaultdict[str, set[int]] = defaultdict(set)
 
     def record(self, now: int) -> int:
-        """Record what changed and return how many rows of the group that were."""
+        """Record the changes and return the number of rows of the group that changed."""
         own = self._rows.now
         if own is not None and not own:
             return 0
-        rows, content = self._states(now, own)
+        rows, content = self._changed_states(now, own)
         for part, changes in sorted(self._group.awareness.others_changed.items()):
             if changes:
-                changed, series = self._series(part, own)
+                changed, series = self._changed_series(part, own)
                 rows, content = rows + changed, content + series
         if content:
             self._writer.add(self._channel, now, content)
         return rows
 
-    def _states(self, now: int, own: list[int] | None) -> tuple[int, bytes]:
-        """Of how many rows something changed in where others are believed to be, and that, encoded."""
+    def _changed_states(self, now: int, own: list[int] | None) -> tuple[int, bytes]:
+        """Return how many rows have changed beliefs of others' states, and these beliefs, encoded."""
         awareness, count = self._group.awareness, len(self._group)
         tracks, world, changed = awareness.tracks, awareness.world, self._take_changes("state", own)
         shared = world if tracks is None else tracks
@@ -63,7 +63,7 @@ class OthersChannel:
         self._last = shared
         if not awareness.holders:
             if tracks is not None:
-                return self._of_tracks(now, tracks, own) if fresh else _NOTHING
+                return self._encode_tracks(now, tracks, own) if fresh else _NOTHING
             if world is not None and world.time == now:
                 return count, wire.WHOLE_WORLD
         rows = _recorded(range(count), own) if fresh else changed
@@ -74,32 +74,32 @@ class OthersChannel:
             each.world is not None and each.world.time == now and not each.others.places for each in databases
         ):
             return count, wire.WHOLE_WORLD
-        return self._of_rows(now, rows, databases)
+        return self._encode_rows(now, rows, databases)
 
     def _take_changes(self, part: str, own: list[int] | None) -> list[int]:
-        """The rows that hold something else by themselves than at the last record, ascending."""
+        """Return the rows whose own beliefs changed since the last record, ascending, and reset the changes."""
         changed = self._group.awareness.others_changed[part]
         rows = _recorded(sorted(changed), own)
         changed.clear()
         return rows
 
-    def _of_tracks(self, now: int, tracks: Tracks, own: list[int] | None) -> tuple[int, bytes]:
-        """What components of the group believe of others, for all agents at once."""
+    def _encode_tracks(self, now: int, tracks: Tracks, own: list[int] | None) -> tuple[int, bytes]:
+        """Encode the beliefs that group components hold, for all agents at once."""
         lengths = np.diff(tracks.pointers)
         if own is not None:
             lengths, tracks = lengths[own], tracks.select(np.isin(tracks.observers, own))
         return len(lengths), _encoded(lengths, tracks, tracks.ages + (now - tracks.time) / SECOND, own)
 
-    def _of_rows(self, now: int, rows: Sequence[int], databases: Sequence[AwarenessDatabase]) -> tuple[int, bytes]:
-        """What some agents believe, of whom some hold something by themselves."""
+    def _encode_rows(self, now: int, rows: Sequence[int], databases: Sequence[AwarenessDatabase]) -> tuple[int, bytes]:
+        """Encode the beliefs of some agents, including those that agents hold separately."""
         tracks = Tracks.joined(now, [databases[row].tracks(now) for row in rows])
         return len(rows), _encoded(np.diff(tracks.pointers), tracks, tracks.ages, rows)
 
-    def _series(self, part: str, own: list[int] | None) -> tuple[int, bytes]:
-        """Of how many rows a part that they hold of others changed, such as an intent, and all of theirs."""
+    def _changed_series(self, part: str, own: list[int] | None) -> tuple[int, bytes]:
+        """Return how many rows have changed beliefs of a part of others, such as intents, and all of these, encoded."""
         changed, said = self._take_changes(part, own), self._said[part]
         known = {row: self._group.agents[row].awareness_database.held_part(part) for row in changed}
-        # Nothing after nothing need not be said.
+        # An empty belief after an empty one is not recorded.
         rows = [row for row in changed if known[row] or row in said]
         if not rows:
             return _NOTHING

@@ -1,4 +1,4 @@
-"""Files that appear whole or not at all."""
+"""Atomic output: files and folders that appear complete or not at all."""
 
 import os
 import shutil
@@ -11,55 +11,55 @@ from symaware_cli.recording.error import LogError, OutputError, reason
 
 @contextmanager
 def whole_file(path: str | os.PathLike[str], *sources: Path) -> Iterator[Path]:
-    """Write a file that takes its place only when it is complete.
+    """Write a file that replaces the target only when it is complete.
 
     Args:
-        path: Where it is to be; a file that is there already stays as it is until then.
-        sources: What it is made of, which must not be overwritten.
+        path: The target; an existing file stays unchanged until then.
+        sources: The input files, which must not be overwritten.
 
     Yields:
         A path in the same folder, with the same suffix, to write to.
 
     Raises:
-        OutputError: It cannot be written (no such folder, no permission, disk full); nothing is left behind.
-        LogError: The path is that of a folder, of a device, or of a source.
+        OutputError: It cannot be written (folder missing, permission denied, disk full); nothing is left behind.
+        LogError: The path is a folder, a device, or an input file.
     """
     path = Path(path)
-    with _refusals_told(path):
+    with _os_errors_reported(path):
         if path.exists() and not path.is_file():
-            # A device above all: root may replace it by a file.
+            # Mainly for devices, which root could replace by a file.
             raise LogError(f"cannot write {path}: it is {'a folder' if path.is_dir() else 'not a file'}")
         if path.exists() and any(source.exists() and path.samefile(source) for source in sources):
-            raise LogError(f"cannot write {path}: it is what is read")
-        with _placed(path) as partial:
+            raise LogError(f"cannot write {path}: it is an input file")
+        with _replacing(path) as partial:
             yield partial
 
 
 @contextmanager
 def whole_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Write a folder that takes its place only when everything in it is complete.
+    """Write a folder that appears only when everything in it is complete.
 
     Args:
-        path: Where it is to be. It may exist if it is empty.
+        path: The target. It may exist if it is empty.
 
     Yields:
         An empty folder beside it to write to.
 
     Raises:
-        OutputError: It cannot be written (no such folder, no permission, disk full); nothing is left behind.
-        LogError: Something is there already.
+        OutputError: It cannot be written (folder missing, permission denied, disk full); nothing is left behind.
+        LogError: The target is not an empty folder.
     """
     path = Path(path)
-    with _refusals_told(path):
+    with _os_errors_reported(path):
         if path.exists() and (not path.is_dir() or any(path.iterdir())):
-            raise LogError(f"cannot write {path}: there is something already")
-        with _placed(path) as partial:
+            raise LogError(f"cannot write {path}: it is not an empty folder")
+        with _replacing(path) as partial:
             partial.mkdir()
             yield partial
 
 
 @contextmanager
-def _refusals_told(path: Path) -> Iterator[None]:
+def _os_errors_reported(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
@@ -67,9 +67,9 @@ def _refusals_told(path: Path) -> Iterator[None]:
 
 
 @contextmanager
-def _placed(path: Path) -> Iterator[Path]:
-    """Yield a path beside another; what is there afterwards takes the other's place, unless something was raised."""
-    # `.` and `..` have no name of their own, and are found only by resolving them.
+def _replacing(path: Path) -> Iterator[Path]:
+    """Yield a temporary path beside the target; on success, it replaces the target."""
+    # `.` and `..` are resolved first, since a suffix cannot be added to them.
     path = path if path.name.strip(".") else path.resolve()
     partial = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
     try:

@@ -1,4 +1,4 @@
-"""What is in a log, at a glance: for ``symaware inspect``."""
+"""Overview of a log: channels, rates, gaps, events and outcome, for ``symaware inspect``."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from symaware_cli.recording.json_text import read_json
 from symaware_cli.recording.reader import Log
 from symaware_cli.specification.outcome import Outcome
 
-#: An interval this much longer than the usual one of its channel is a gap.
+#: An interval longer than the median interval of its channel by this factor is a gap.
 _GAP = 1.5
 
 
 @dataclass(frozen=True, slots=True)
 class Gap:
-    """Simulated time in which a channel that is otherwise regular has nothing.
+    """An interval of simulated time in which an otherwise regular channel has no message.
 
     Attributes:
-        after: The last message before it [s].
-        until: The first message behind it [s].
+        after: Time of the last message before it [s].
+        until: Time of the first message after it [s].
     """
 
     after: float
@@ -33,18 +33,18 @@ class Gap:
 
 @dataclass(frozen=True, slots=True)
 class ChannelOverview:
-    """One channel.
+    """Overview of a channel.
 
     Attributes:
-        topic: Its name.
-        schema: The name of its messages.
-        columns: The names of the numbers in them, with their units.
-        messages: How many there are.
-        size: Their size before compression, in bytes.
-        start: Simulated time of the first one [s].
-        end: Simulated time of the last one [s].
-        rate: Messages for each second of simulated time between them [Hz].
-        gaps: Where messages are missing.
+        topic: Its topic.
+        schema: The type of its messages.
+        columns: Names and units of the columns of its messages.
+        messages: Number of messages.
+        size: Total size of the messages before compression, bytes.
+        start: Simulated time of the first message [s].
+        end: Simulated time of the last message [s].
+        rate: Messages per second of simulated time between these [Hz].
+        gaps: Intervals in which messages are missing.
     """
 
     topic: str
@@ -60,7 +60,7 @@ class ChannelOverview:
 
 @dataclass(frozen=True, slots=True)
 class Overview:
-    """A log.
+    """Overview of a log.
 
     Attributes:
         path: The file.
@@ -68,21 +68,21 @@ class Overview:
         foreign: Whether another program wrote it.
         name: The scenario's name.
         seed: The seed of the run.
-        mode: ``synchronous``.
-        status: ``finished``, ``failed``, ``interrupted``, or ``broken off`` where the end is missing.
-        agents: How many agents each group has.
+        mode: ``synchronous`` or ``asynchronous``.
+        status: ``finished``, ``failed``, ``interrupted``, or ``broken off`` if the end is missing.
+        agents: Number of agents of each group.
         entities: The other bodies in the world.
-        steps: How many steps were made; None where the end is missing.
+        steps: Number of steps completed; None if the end is missing.
         time_step: Simulated time between two steps [s].
         simulated_time: The last simulated time in the log [s].
-        wall_time: Wall time that the run took, as far as is known [s].
-        channels: Every channel.
-        events: How often each event occurred.
-        specifications: What has become of each specification.
+        wall_time: Wall time of the run, if known [s].
+        channels: All channels.
+        events: Number of occurrences of each event.
+        specifications: The outcome of each specification.
         scenario: The attachments that hold the scenario.
-        versions: What was installed.
-        recovered: What it was recovered from, and what was lost then, in words; None if it was not recovered.
-        damage: What is wrong with the file, in words.
+        versions: The versions of the installed packages.
+        recovered: The log it was recovered from and what was lost, as text; None if it was not recovered.
+        damage: A description of the damage of the file.
         lost: Whether recorded data cannot be read.
     """
 
@@ -114,10 +114,10 @@ class Overview:
 
 
 def overview(log: Log) -> Overview:
-    """Read a log once and sum it up.
+    """Read a log once and summarise it.
 
     Raises:
-        LogError: The file cannot be read any more.
+        LogError: The file can no longer be read.
     """
     times: dict[str, array[int]] = {topic: array("q") for topic in log.channels}
     sizes: Counter[str] = Counter()
@@ -179,7 +179,7 @@ def _channel(log: Log, topic: str, times: array[int], size: int) -> ChannelOverv
 
 
 def _is_regular(log: Log, topic: str) -> bool:
-    """Whether a channel has a message for each step: entities, unlike agents, are told of only as they change."""
+    """Whether a channel has a message for each step; entities, unlike agents, are recorded only when they change."""
     _, root, name, *_ = f"{topic}///".split("/")
     return root == "world" and name not in log.manifest.get("entities", {})
 
@@ -193,7 +193,7 @@ def _gaps(times: array[int]) -> tuple[Gap, ...]:
 
 
 def _origin(recovery: Mapping[str, Any]) -> str:
-    """What a log was recovered from, and before that."""
+    """Describe what a log was recovered from, including earlier recoveries."""
     earlier = recovery.get("earlier")
     told = f"from {recovery.get('log')}: {recovery.get('text')}"
     return f"{told}; that one {_origin(earlier)}" if isinstance(earlier, Mapping) else told

@@ -1,6 +1,6 @@
-"""Images as PNG (ISO/IEC 15948), written always in the same way, and read back.
+"""Deterministic PNG encoder (ISO/IEC 15948), and a decoder for its images.
 
-Of the ways to prepare rows for compression only "up" is used, the difference from the row above.
+The only filter used is "up", the difference from the row above.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _UP = 2
-#: Colour types: shades of grey, and red, green and blue.
+#: Colour types: greyscale, and RGB.
 _GREY, _COLOUR = 0, 2
 
 
@@ -25,10 +25,10 @@ def encode(image: NDArray[np.uint8] | NDArray[np.uint16]) -> bytes:
         image: (height, width, 3) of uint8, or (height, width) of uint16.
 
     Raises:
-        ValueError: It is something else.
+        ValueError: The array has a different shape or type.
     """
     if not image.size or (image.ndim, image.dtype.name) not in ((3, "uint8"), (2, "uint16")):
-        raise ValueError(f"no image: an array {image.shape} of {image.dtype}")
+        raise ValueError(f"not an image: an array {image.shape} of {image.dtype}")
     height, width = image.shape[:2]
     depth, kind = (8, _COLOUR) if image.ndim == 3 else (16, _GREY)
     rows = np.frombuffer(image.astype(image.dtype.newbyteorder(">")).tobytes(), np.uint8).reshape(height, -1)
@@ -39,33 +39,33 @@ def encode(image: NDArray[np.uint8] | NDArray[np.uint16]) -> bytes:
 
 
 def size(data: bytes) -> tuple[int, int]:
-    """Width and height of a PNG, whoever made it.
+    """Return width and height of any PNG.
 
     Raises:
-        ValueError: It is none.
+        ValueError: It is not a PNG.
     """
     if data[:8] != _SIGNATURE or len(data) < 24:
-        raise ValueError("no PNG")
+        raise ValueError("not a PNG")
     width, height = struct.unpack(">II", data[16:24])
     return width, height
 
 
 def decode(data: bytes) -> NDArray[Any]:
-    """Decode an image that `encode` made; other PNGs need other software.
+    """Decode an image that `encode` produced; other PNGs need another library.
 
     Raises:
-        ValueError: It is none.
+        ValueError: It is not such an image.
     """
     try:
         if data[:8] != _SIGNATURE:
-            raise ValueError("no PNG")
+            raise ValueError("not a PNG")
         width, height, depth, kind = struct.unpack(">IIBB", data[16:26])
         length = int.from_bytes(data[33:37], "big")
         lines = np.frombuffer(zlib.decompress(data[41 : 41 + length]), np.uint8).reshape(height, -1)
     except (struct.error, zlib.error) as error:
         raise ValueError("a damaged PNG") from error
     if (depth, kind) not in ((8, _COLOUR), (16, _GREY)) or (lines[:, 0] != _UP).any():
-        raise ValueError("a PNG that was not written here")
+        raise ValueError("a PNG of another program")
     rows = np.ascontiguousarray(np.cumsum(lines[:, 1:], axis=0, dtype=np.uint8))
     if kind == _COLOUR:
         return rows.reshape(height, width, 3)

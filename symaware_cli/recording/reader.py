@@ -1,4 +1,4 @@
-"""The reader of a log."""
+"""The log reader: `open_log` and `Log`."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ class Log(LogSeries):
     """A log, opened by `open_log`.
 
     Attributes:
-        foreign: Whether somebody else's software wrote it: it has no manifest, and its messages are not ours.
-        manifest: Who took part; empty if the log is foreign, or broke off before it, or it is damaged.
+        foreign: Whether another program wrote it; it then has no manifest and no SymAware messages.
+        manifest: The manifest; empty if the log is foreign, or if the manifest is missing or damaged.
     """
 
 
 def open_log(path: str | os.PathLike[str]) -> Log:
     """Open a log.
 
-    A log that was cut off or damaged is read as far as that is possible; `Log.damage` tells what is missing. The MCAP
-    of other software opens, too, with `Log.foreign` set: its channels and messages can be listed.
+    A log that was cut off or damaged is read as far as possible; `Log.damage` describes what is missing. MCAP files of
+    other programs can be opened as well, with `Log.foreign` set: their channels and messages can be listed.
 
     Args:
         path: The file.
@@ -33,6 +33,6 @@ def open_log(path: str | os.PathLike[str]) -> Log:
         The log.
 
     Raises:
-        LogError: There is nothing to read: no such file, no permission, not an MCAP, or of a newer format.
+        LogError: The file cannot be read: it is missing, not permitted, not an MCAP file, or of a newer format.
     """
     return Log(path)

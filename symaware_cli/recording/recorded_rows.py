@@ -1,4 +1,4 @@
-"""Which rows of a group are recorded at present."""
+"""Selects the rows of a group that are recorded at present."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from symaware_cli.core import AgentGroup
 
 
 class RecordedRows:
-    """The rows of agents that run in this process and are in the world."""
+    """The rows of the agents that run in this process and are present."""
 
     __slots__ = ("_group", "_now", "_own", "_present")
 
     def __init__(self, group: AgentGroup, own: Sequence[int] | None = None) -> None:
-        """Begin.
+        """Initialise the selection.
 
         Args:
             group: The group.
@@ -27,7 +27,7 @@ class RecordedRows:
 
     @property
     def now(self) -> list[int] | None:
-        """Those that are recorded now, ascending; None for all."""
+        """The rows recorded now, ascending; None for all."""
         present = self._group.present
         if present is not self._present:
             self._present = present

@@ -1,4 +1,4 @@
-"""The recorder: decides what of a run goes into the log, and when."""
+"""The recorder: writes the updates, events, messages and contacts of a run to its log."""
 
 from __future__ import annotations
 
@@ -39,20 +39,20 @@ _STAGES = {
     "dropped": v1.Message.DROPPED,
 }
 
-#: The last event of a run.
+#: The events that end a run.
 ENDINGS = frozenset({"failed", "finished", "interrupted"})
 
-#: Tell from when until when agents are in the world.
+#: The events of agents that enter or leave the world.
 MEMBERSHIP = frozenset({"added", "removed"})
 
 
 class Recorder:
-    """Writes every update of the situational awareness of every group into a log, row by row that changed.
+    """Writes every update of the situational awareness of every group to a log, limited to the rows that changed.
 
     Attributes:
         writer: The log.
-        updates: How many rows of awareness, control and knowledge were recorded so far.
-        pace: Tells how well the pace is kept, as `LogWriter.add_timing` takes it; None where none is asked for.
+        updates: Number of rows of awareness, control and knowledge recorded so far.
+        pace: Returns figures of how well the pace is kept, for `LogWriter.add_timing`; None without a pace.
     """
 
     uncaptured: ClassVar[Collection[str]] = ("pace", "_started", "_timing_due", "_cpu_started")
@@ -72,15 +72,15 @@ class Recorder:
         """Open a channel for each group and kind.
 
         Args:
-            writer: The log, whose attachments are written already.
-            environment: The world, initialised.
+            writer: The log; its attachments have been written.
+            environment: The initialised world.
             groups: All groups.
-            interval: Least simulated time between two records of the same group, in nanoseconds; 0 for every step.
-            omit: Which parts of awareness and which of `KINDS` to leave out; ``applied`` for the control inputs that
-                the world applied alone.
-            events: Which events to record: those that do not recur, all, or none but the last one.
-            messages: Which messages to record: all stages of all of them, those that are dropped, or none.
-            own: The ids of those whose awareness, control and knowledge are recorded; None for everybody.
+            interval: Minimum simulated time between two records of a group, in nanoseconds; 0 for every step.
+            omit: Parts of awareness and `KINDS` to omit; ``applied`` omits only the control inputs that the world
+                applied.
+            events: Events to record: ``notable`` for those that do not recur, ``all``, or ``none`` but the last one.
+            messages: Messages to record: all stages of all messages, only dropped messages, or none.
+            own: The ids of the agents whose awareness, control and knowledge are recorded; None for all.
         """
         self.writer = writer
         self.updates = 0
@@ -108,20 +108,20 @@ class Recorder:
             self._groups.append(GroupChannels(writer, environment, group, left_out, rows))
         self._entities = None if "world" in omit else EntityChannels(writer, environment)
         postures = [PostureChannels(writer, environment, name) for name in environment.obstacles if "world" not in omit]
-        self._postures = [posture for posture in postures if posture.says_something]
+        self._postures = [posture for posture in postures if posture.has_channels]
         writer.flush_in_background()
 
     @property
     def wants_recurring(self) -> bool:
-        """Whether events that recur with every step, turn or message are to be recorded."""
+        """Whether to record events that recur with every step, turn or message."""
         return self._recurring is not None
 
     def record(self, now: int, steps: int) -> None:
-        """Record what changed.
+        """Record the changes.
 
         Args:
             now: Simulated time in nanoseconds.
-            steps: How many steps were made.
+            steps: Number of steps completed.
         """
         self._write_recurring(now)
         if now >= self._due:
@@ -138,7 +138,7 @@ class Recorder:
             self._record_timing(now, steps, monotonic)
 
     def event(self, event: Event) -> None:
-        """Record an event that is wanted; who enters and leaves, and how a run ends, is told in any case."""
+        """Record an event if it is selected; events of membership and of the end of a run always are."""
         if self._kinds == "none" and event.name not in ENDINGS | MEMBERSHIP:
             return
         self._write_recurring(event.time)
@@ -147,13 +147,13 @@ class Recorder:
         self.writer.add(self._events, event.time, record.SerializeToString(deterministic=True))
 
     def recurring(self, event: Event) -> None:
-        """Take note of an event that recurs; those of one instant are recorded together."""
+        """Add an event that recurs; those of one instant are recorded together."""
         self._write_recurring(event.time)
         self._pending_time = event.time
         self._pending.append((event.name, event.source))
 
     def _write_recurring(self, now: int | None = None) -> None:
-        """Record the recurring events of an instant, once there is something to say about a later one."""
+        """Record the recurring events of an instant, once a later one is recorded."""
         if not self._pending or self._recurring is None or self._pending_time == now:
             return
         names, sources = (dict.fromkeys(column) for column in zip(*self._pending, strict=True))
@@ -168,7 +168,7 @@ class Recorder:
         self.writer.add(self._recurring, self._pending_time, record.SerializeToString(deterministic=True))
 
     def contact(self, contact: Contact, now: int) -> None:
-        """Record that two bodies touch, or cease to."""
+        """Record the beginning or end of a contact."""
         self._write_recurring(now)
         stage = v1.Contact.BEGIN if contact.begins else v1.Contact.END
         record = v1.Contact(
@@ -207,15 +207,15 @@ class Recorder:
             delivery.senders, delivery.receivers, delivery.sequences, reason, says, sizes, rows
         )
         self._write_recurring(now)
-        # Fields may stand in any order, and these are written without an object for each number.
+        # Protobuf fields may be in any order; the columns are encoded without a Python object per number.
         self.writer.add(self._messages, now, record.SerializeToString(deterministic=True) + columns)
 
     def specifications(self, monitors: Iterable[SpecificationMonitor]) -> SpecificationRecorder:
-        """Open channels for specifications, and return what writes on them."""
+        """Open channels for specifications, and return their recorder."""
         return SpecificationRecorder(self.writer, monitors)
 
     def finish(self, now: int, steps: int, outcome: Mapping[str, Any]) -> None:
-        """End the log."""
+        """Finish the log."""
         self._write_recurring()
         self._record_timing(now, steps, time.monotonic())
         self.writer.finish(outcome)
@@ -231,7 +231,7 @@ class Recorder:
 
 
 def _texts(values: NDArray[Any]) -> list[str]:
-    """Values as JSON; of what is told to many or by many, each is written once."""
+    """Convert values to JSON; equal texts and shared objects are converted once."""
     written: dict[object, str] = {}
     texts = []
     for value in values.tolist():

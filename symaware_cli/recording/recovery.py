@@ -1,6 +1,6 @@
-"""What can be read of a log whose end is missing or damaged.
+"""Recovery scan: reads a log whose end is missing or damaged.
 
-The writer hands over whole records in order, so everything up to the break is sound: the file is walked from its
+The writer outputs whole records in order, so everything before the break is intact: the file is scanned from the
 beginning, record by record, and every chunk is unpacked and checked.
 """
 
@@ -30,23 +30,23 @@ FOREVER = 1 << 64
 """Later than any log time, ns."""
 
 _RUN = 256 * 1024
-"""Bytes of records outside chunks that are read at once."""
+"""Size at which a range of records outside chunks is split [bytes]."""
 
 
 @dataclass(slots=True)
 class Damage:
-    """What is wrong with a log file; `str()` of it says so in a sentence.
+    """The damage of a log file; `str()` describes it in a sentence.
 
     Attributes:
-        end_missing: The file breaks off before the end of its data: an unknown amount was lost.
-        summary_missing: The summary at the end is missing or damaged. By itself this loses nothing.
-        unread_bytes: Bytes at the end of the file that are no sound record.
-        chunks_skipped: Chunks that were damaged and left out, found so far: for a file with a sound summary a chunk is
-            checked only when it is read.
-        attachments_skipped: Attachments and metadata records that were damaged and left out.
-        bytes_skipped: Bytes of what was left out.
-        gaps: Between which simulated times messages are missing for want of a chunk, ns; None where nothing sound
-            stands before or behind.
+        end_missing: The file ends before the end of its data: an unknown amount was lost.
+        summary_missing: The summary at the end is missing or damaged. By itself this loses no data.
+        unread_bytes: Number of bytes at the end of the file that form no intact record.
+        chunks_skipped: Number of damaged chunks found so far; in a file with an intact summary, a chunk is checked only
+            when it is read.
+        attachments_skipped: Number of damaged attachments and metadata records.
+        bytes_skipped: Total size of the skipped records, bytes.
+        gaps: Intervals of simulated time whose messages are missing because of a damaged chunk, ns; None where nothing
+            intact precedes or follows.
         last_time: The last simulated time that could be read, ns; None if there is no message.
     """
 
@@ -66,7 +66,7 @@ class Damage:
 
     @property
     def missing_from(self) -> int | None:
-        """The simulated time from which on messages are missing, ns; None if none are."""
+        """The simulated time from which on messages are missing, ns; None if none are missing."""
         starts = [start for start, _ in self.gaps] + ([self.last_time] if self.end_missing else [])
         return min((start or 0 for start in starts), default=None)
 
@@ -89,7 +89,7 @@ class Damage:
         return "; ".join(parts)
 
     def _within(self) -> str:
-        """Between which simulated times all the gaps lie."""
+        """Return the interval of simulated time that contains all gaps, as text."""
         known = [time for gap in self.gaps for time in gap if time is not None]
         if not known:
             return ""
@@ -111,7 +111,7 @@ def _count(number: int, noun: str) -> str:
 
 @dataclass(slots=True)
 class _Run:
-    """A run of records outside chunks, such as other people's writers leave."""
+    """Consecutive records outside chunks, as other writers may leave them."""
 
     offset: int = 0
     length: int = 0
@@ -120,26 +120,26 @@ class _Run:
 
 
 def scan(file: BinaryIO, size: int) -> tuple[Index, Damage]:
-    """Walk a log file from its beginning.
+    """Scan a log file from its beginning.
 
-    Memory does not grow with the file but for about 200 bytes a chunk.
+    Memory use is about 200 bytes per chunk.
 
     Args:
         file: The log.
         size: Its size in bytes.
 
     Returns:
-        Where everything sound stands, and what is wrong. A file without a summary that is complete otherwise (other
-        people's writers may leave it out) has no damage to tell of.
+        The index of all intact records, and the damage. A file that is complete except for its summary, which other
+        writers may omit, is not damaged.
 
     Raises:
-        Unsound: The file does not even begin like an MCAP.
+        Unsound: The file does not begin like an MCAP file.
     """
     index, damage, run = Index(read_header(file)), Damage(), _Run()
     _, length = FRAME.unpack(read_at(file, len(MAGIC), FRAME.size))
     position = len(MAGIC) + FRAME.size + length
     last = None
-    # Behind how many sound spans damaged chunks stand.
+    # For each damaged chunk, the number of intact ranges before it.
     broken: set[int] = set()
     while size - position >= FRAME.size:
         opcode, length = FRAME.unpack(read_at(file, position, FRAME.size))
@@ -150,7 +150,7 @@ def scan(file: BinaryIO, size: int) -> tuple[Index, Damage]:
             _close(run, index)
             content = read_at(file, position + FRAME.size, length)
             try:
-                times, channels = _note(unpack(content, index.header), index)
+                times, channels = _index_records(unpack(content, index.header), index)
             except Unsound:
                 damage.chunks_skipped += 1
                 damage.bytes_skipped += end - position
@@ -162,7 +162,7 @@ def scan(file: BinaryIO, size: int) -> tuple[Index, Damage]:
                     )
         elif opcode in (Opcode.MESSAGE, Opcode.SCHEMA, Opcode.CHANNEL):
             try:
-                times, channels = _note(read_at(file, position, end - position), index)
+                times, channels = _index_records(read_at(file, position, end - position), index)
             except Unsound:
                 break
             if not times or run.length > _RUN:
@@ -203,14 +203,14 @@ def scan(file: BinaryIO, size: int) -> tuple[Index, Damage]:
     return index, damage
 
 
-def _note(records: bytes, index: Index) -> tuple[list[int], set[int]]:
-    """Enter the schemas, channels and counts of a run of records in the index, all or none.
+def _index_records(records: bytes, index: Index) -> tuple[list[int], set[int]]:
+    """Add the schemas, channels and counts of consecutive records to the index: all of them, or none on an error.
 
     Returns:
-        The log times, ns, and the channels of its messages.
+        The log times, ns, and the channels of the messages.
 
     Raises:
-        Unsound: It is damaged.
+        Unsound: The records are damaged.
     """
     schemas, channels = [], []
     for opcode, start, end in frames(records):
@@ -218,7 +218,7 @@ def _note(records: bytes, index: Index) -> tuple[list[int], set[int]]:
             schemas.append(parse(Schema, records[start:end]))
         elif opcode == Opcode.CHANNEL:
             channels.append(parse(Channel, records[start:end]))
-    # Only what is new is looked at, as there may be as many runs of records as there are channels.
+    # Only new records are processed, as there may be as many ranges of records as channels.
     known_schemas = {0, *(schema.id for schema in schemas)}
     known = {channel.id for channel in channels}
     messages = read_messages(records, range(1 << 16), 0, FOREVER)
@@ -235,7 +235,7 @@ def _note(records: bytes, index: Index) -> tuple[list[int], set[int]]:
 
 
 def _close(run: _Run, index: Index) -> None:
-    """End a run of records outside chunks."""
+    """End a range of records outside chunks."""
     if run.times:
         channels = frozenset(run.channels)
         index.spans.append(MessageRange(run.offset, run.length, min(run.times), max(run.times), channels, chunk=False))

@@ -1,8 +1,8 @@
-"""A sound log out of what can be read of a damaged one.
+"""Repair: writes a sound log from what can be read of a damaged one.
 
-Chunks are copied as they are, unpacked only to check them and to index their messages; a chunk is taken whole or not at
-all. The beginning of one that was cut off could be unpacked, too, but its checksum is of the whole, so nothing would
-tell whether those messages are what was written.
+Chunks are copied unchanged, and unpacked only to check them and to index their messages; a chunk is copied as a whole
+or not at all. The beginning of a truncated chunk could be unpacked, too, but its checksum covers the whole chunk, so
+the integrity of those messages could not be verified.
 """
 
 import os
@@ -25,17 +25,17 @@ from symaware_cli.recording.recovery import Damage
 
 @dataclass(frozen=True, slots=True)
 class Recovery:
-    """What was recovered, and what was lost.
+    """The result of a recovery.
 
     Attributes:
         path: The new log.
         size: Its size, bytes.
-        messages: How many it holds.
-        chunks: How many it holds.
-        attachments: How many it holds.
-        start_time: Simulated time of the first message, ns; None without messages.
-        end_time: Simulated time of the last message, ns; None without messages.
-        damage: What was wrong with the old log; None if nothing was.
+        messages: Number of its messages.
+        chunks: Number of its chunks.
+        attachments: Number of its attachments.
+        start_time: Simulated time of the first message, ns; None if there are no messages.
+        end_time: Simulated time of the last message, ns; None if there are no messages.
+        damage: The damage of the old log; None if there was none.
     """
 
     path: Path
@@ -49,18 +49,18 @@ class Recovery:
 
 
 def recover(log: Log, path: str | os.PathLike[str]) -> Recovery:
-    """Write everything that can be read of a log into a new one, which is sound.
+    """Write everything that can be read of a log to a new, sound log.
 
-    Messages keep their order, channels their numbers, chunks their compression. Messages outside chunks, which other
-    people's writers leave, are put into chunks. If the log was damaged, the metadata record `symaware.recovery` of the
-    new one tells what was lost. Memory holds one chunk or attachment at a time, and some 200 bytes for each chunk.
+    Messages keep their order, channels their ids, chunks their compression. Messages outside chunks, as other writers
+    leave them, are put into chunks. If the log was damaged, the metadata record `symaware.recovery` of the new one
+    states what was lost. Memory use is one chunk or attachment, and about 200 bytes per chunk.
 
     Args:
-        log: The log, which is left as it is.
-        path: The new one; what is there is replaced once the new one is complete.
+        log: The log, which is not changed.
+        path: The new log; an existing file is replaced once the new one is complete.
 
     Raises:
-        LogError: The log cannot be read any more, or the new one cannot be written; then nothing is left behind.
+        LogError: The log can no longer be read, or the new one cannot be written; then nothing is left behind.
     """
     path = Path(path)
     with whole_file(path, log.path) as partial, open(partial, "wb") as file:
@@ -69,13 +69,13 @@ def recover(log: Log, path: str | os.PathLike[str]) -> Recovery:
             copy.attach(attachment)
         for chunk, positions in _chunks(log):
             copy.add(chunk, positions)
-        # First of all, as these may turn out to be damaged once their JSON is read.
+        # Read these first: parsing their JSON may reveal further damage.
         earlier, _ = log.recovery, log.outcome
         for record in log.metadata_records():
             if record.name != RECOVERY or not log.damage:
                 copy.metadata(record)
         if log.damage:
-            copy.metadata(Metadata(RECOVERY, _told(log, log.damage, earlier)))
+            copy.metadata(Metadata(RECOVERY, _recovery_record(log, log.damage, earlier)))
         copy.close()
     summary = copy.summary
     return Recovery(
@@ -90,14 +90,14 @@ def recover(log: Log, path: str | os.PathLike[str]) -> Recovery:
     )
 
 
-def _told(log: Log, damage: Damage, earlier: dict[str, Any] | None) -> dict[str, str]:
-    """What the new log says of its origin, each value as JSON."""
+def _recovery_record(log: Log, damage: Damage, earlier: dict[str, Any] | None) -> dict[str, str]:
+    """Return the recovery record of the new log, each value as JSON."""
     content = asdict(damage) | {"log": log.path.name, "lost": damage.lost, "text": str(damage), "earlier": earlier}
     return json_values(content)
 
 
 def _chunks(log: Log) -> Iterator[tuple[Chunk, dict[int, list[int]]]]:
-    """Read the chunks that are sound, each with the positions of its messages."""
+    """Read the intact chunks, each with the positions of its messages."""
     with log.opened() as source:
         for span in list(log.index.spans):
             try:
@@ -111,10 +111,10 @@ def _chunks(log: Log) -> Iterator[tuple[Chunk, dict[int, list[int]]]]:
 def _chunk(
     source: BinaryIO, span: MessageRange, channels: Set[int], header: Header
 ) -> tuple[Chunk, dict[int, list[int]]]:
-    """Read a span as a chunk.
+    """Read a range of messages as a chunk.
 
     Returns:
-        The chunk, and by number of the channel the time and offset of each message in it, one after the other.
+        The chunk, and for each channel id a flat list with time and offset of each message in it.
 
     Raises:
         Unsound: It is damaged.
@@ -128,14 +128,14 @@ def _chunk(
     if not positions.keys() <= channels:
         raise Unsound("a message is of a channel that is missing")
     times = [time for entries in positions.values() for time in entries[::2]]
-    # No checksum covers the times in the head of a chunk; the messages know better.
+    # No checksum covers the times in the head of a chunk, so they are computed from the messages.
     chunk.message_start_time, chunk.message_end_time = min(times, default=0), max(times, default=0)
     chunk.uncompressed_crc = zlib.crc32(records)
     return chunk, positions
 
 
 class _Copy:
-    """A sound log in the making."""
+    """Writes the new log."""
 
     def __init__(self, file: BinaryIO, log: Log) -> None:
         index = log.index
@@ -156,14 +156,14 @@ class _Copy:
         self.summary.metadata.append(MetadataIndex(self.size, self._write(serialise(record)), record.name))
 
     def add(self, chunk: Chunk, positions: Mapping[int, Sequence[int]]) -> None:
-        """Add a chunk, unless there is no message in it."""
+        """Add a chunk, unless it has no messages."""
         if positions:
             records, index = indexed(chunk, self.size, positions)
             self._write(records)
             self.summary.add_chunk(index, {number: len(entries) // 2 for number, entries in positions.items()})
 
     def close(self) -> None:
-        """Add what stands behind the messages."""
+        """Write the records that follow the messages."""
         self._write(serialise(DataEnd(data_section_crc=0)))
         self._write(self.summary.serialise(self.size))
 

@@ -1,4 +1,4 @@
-"""What lidars and cameras took, in the log, written and read."""
+"""Records the scans of lidars and the images of cameras, and reads them back."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from symaware_cli.recording.writer import LogWriter
 Array = NDArray[np.float64]
 
 NOTHING = 65535
-"""Where depth ends, and what stands for nothing [mm]."""
+"""Maximum recorded depth [mm], which also stands for no object."""
 
 SCAN, IMAGE = "scan", "image"
-"""What the topics of readings are called: ``/agents/<group>/scan/<sensor>``."""
+"""Names of the kinds of readings in topics: ``/agents/<group>/scan/<sensor>``."""
 
-#: What a topic of each kind of reading is called, and the message on it.
+#: For each kind of reading: its name in topics, and its message type.
 _TOPICS: dict[type, tuple[str, str]] = {
     Scan: (SCAN, "Scan"),
     Frame: (IMAGE, "Image"),
@@ -31,21 +31,21 @@ _TOPICS: dict[type, tuple[str, str]] = {
 
 
 def sensors(topics: Iterable[str], group: str, word: str) -> dict[str, str]:
-    """Find the topics of one kind of reading of a group, by the name of the sensor, in their order."""
+    """Return the topics of one kind of reading of a group, by the name of the sensor, in order."""
     root = f"/agents/{group}/{word}/"
     return {topic.removeprefix(root): topic for topic in topics if topic.startswith(root)}
 
 
 class SensorChannels:
-    """The channels of the sensors of a group, opened when there is something to write."""
+    """The channels of the sensors of a group, opened with the first reading."""
 
     def __init__(self, writer: LogWriter, group: AgentGroup, rows: RecordedRows) -> None:
-        """Begin with none.
+        """Initialise it without channels.
 
         Args:
             writer: The log.
             group: The group.
-            rows: Which rows are recorded.
+            rows: The recorded rows.
         """
         self._writer = writer
         self._group = group
@@ -54,7 +54,7 @@ class SensorChannels:
         self._last: dict[str, Reading] = {}
 
     def record(self, now: int) -> int:
-        """Record the readings that are new and return how many rows they have."""
+        """Record the new readings and return their number of rows."""
         updates, own = 0, self._rows.now
         if own is not None and not own:
             return 0
@@ -75,7 +75,7 @@ class SensorChannels:
 
 
 def _contents(reading: Reading, own: Sequence[int] | None) -> Iterator[bytes]:
-    """The messages that tell of a reading, of some rows or of all."""
+    """Yield the messages of a reading, for some rows or all."""
     chosen: Any = slice(None) if own is None else own
     match reading:
         case Scan():
@@ -117,13 +117,13 @@ def _images(frame: Frame, own: Sequence[int] | None) -> Iterator[bytes]:
 
 @dataclass(frozen=True, slots=True)
 class LoggedReading:
-    """What a sensor of one agent measured.
+    """The reading of a sensor of one agent.
 
     Attributes:
-        time: When it became known, simulated ns.
+        time: When it became available, simulated ns.
         measured: When it was measured, simulated ns.
-        agent: Whose.
-        sensor: The component that measured.
+        agent: The id of the agent.
+        sensor: The component that measured it.
     """
 
     time: int
@@ -134,13 +134,13 @@ class LoggedReading:
 
 @dataclass(frozen=True, slots=True)
 class LoggedScan(LoggedReading):
-    """A scan of one agent.
+    """The scan of a lidar of one agent.
 
     Attributes:
-        range: The greatest distance that is measured, m.
-        angles: Where the rays point, counter-clockwise from the heading, rad; shape (k,).
-        distances: m; infinite where nothing is within range, NaN where it was missed; shape (k,).
-        pose: Where the sensor truly was: x, y, z, m, and heading, rad; shape (4,).
+        range: The maximum range, m.
+        angles: The directions of the rays, counter-clockwise from the heading, rad; shape (k,).
+        distances: m; infinite where nothing is within range, NaN where the measurement was missed; shape (k,).
+        pose: The true pose of the sensor: x, y, z, m, and heading, rad; shape (4,).
     """
 
     range: float
@@ -150,20 +150,20 @@ class LoggedScan(LoggedReading):
 
     @property
     def points(self) -> Array:
-        """Where the rays ended that met something; shape (m, 3) [m]."""
+        """The points at which rays hit an object; shape (m, 3) [m]."""
         return hits(self.angles, self.distances, self.pose)
 
 
 @dataclass(frozen=True, slots=True)
 class LoggedImage(LoggedReading):
-    """An image of one camera.
+    """An image of a camera.
 
     Attributes:
         kind: `COLOUR`, `DEPTH` or `SEGMENTS`.
-        data: As PNG.
-        field_of_view: From the lower to the upper edge, rad.
-        position: Where the camera was [m].
-        target: A point in the middle of the image [m].
+        data: The image as PNG.
+        field_of_view: Vertical field of view, rad.
+        position: The position of the camera [m].
+        target: A point at the centre of the image [m].
     """
 
     kind: str
@@ -177,7 +177,7 @@ class LoggedImage(LoggedReading):
         """Width and height, in pixels.
 
         Raises:
-            ValueError: It is no PNG.
+            ValueError: It is not a PNG.
         """
         return png.size(self.data)
 
@@ -185,7 +185,7 @@ class LoggedImage(LoggedReading):
     def pixels(self) -> NDArray[Any]:
         """The image as an array.
 
-        Of colours (height, width, 3) of uint8; of depths (height, width) in m, infinite where there is nothing; of
+        Colours are (height, width, 3) of uint8; depths (height, width) in m, infinite where there is no object;
         segments (height, width) of uint16.
         """
         decoded = png.decode(self.data)
@@ -195,7 +195,7 @@ class LoggedImage(LoggedReading):
 
 
 def hits(angles: Array, distances: Array, pose: Array) -> Array:
-    """Where rays end that meet something.
+    """Return the points at which rays hit an object.
 
     Args:
         angles: (k,) [rad].
@@ -213,10 +213,10 @@ def hits(angles: Array, distances: Array, pose: Array) -> Array:
 
 
 def scans(time: int, message: Any, sensor: str, agents: Sequence[str]) -> Sequence[LoggedScan]:
-    """Make entries of a generated `Scan`, one for each row.
+    """Create the entries of a generated `Scan`, one for each row.
 
     Raises:
-        ValueError: Its columns do not fit together, or are of agents that the group does not have.
+        ValueError: Its columns are inconsistent, or refer to a row that the group does not have.
     """
     rows = list(message.rows) or list(range(len(agents)))
     if max(rows, default=0) >= len(agents):
@@ -231,10 +231,10 @@ def scans(time: int, message: Any, sensor: str, agents: Sequence[str]) -> Sequen
 
 
 def images(time: int, message: Any, sensor: str, agents: Sequence[str]) -> Sequence[LoggedImage]:
-    """Make the entry of a generated `Image`, which has one.
+    """Create the entry of a generated `Image`.
 
     Raises:
-        ValueError: It is of an agent that the group does not have.
+        ValueError: It refers to a row that the group does not have.
     """
     if message.row >= len(agents):
         raise ValueError(f"an image of row {message.row} of a group of {len(agents)}")

@@ -1,4 +1,4 @@
-"""Series of values over simulated time, put together from the messages of one channel."""
+"""Series of values over simulated time, assembled from the messages of a channel."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -16,10 +16,10 @@ class Series:
     """Values over simulated time.
 
     Attributes:
-        times: (k,) simulated time, ns; strictly ascending, but for the entries of a table, which share theirs.
+        times: (k,) simulated time, ns; strictly ascending, except that the entries of a table share their time.
         values: (k, n, columns) for a group of n, (k, columns) for one agent.
-        columns: Names of the columns; empty if the log does not tell.
-        units: Their units; empty if the log does not tell.
+        columns: Names of the columns; empty if the log does not name them.
+        units: Units of the columns; empty if the log does not state them.
     """
 
     times: NDArray[np.int64]
@@ -36,7 +36,7 @@ class Series:
         """The values of one column, (k, n) or (k,).
 
         Raises:
-            UnknownNameError: There is no such column.
+            UnknownNameError: The column does not exist.
         """
         if name not in self.columns:
             known = ", ".join(self.columns) or "none with a name"
@@ -47,11 +47,11 @@ class Series:
 
 @dataclass(frozen=True, slots=True)
 class Prediction:
-    """What an agent expected at one instant: its intent, uncertainty or risk over the time ahead.
+    """A prediction that an agent set at one instant: its intent, uncertainty or risk in the future.
 
     Attributes:
         time: When it was set, simulated ns.
-        times: (h,) the instants that it is about, ns; none if nothing is expected any more.
+        times: (h,) the predicted instants, ns; empty if the prediction was withdrawn.
         values: (h, columns).
     """
 
@@ -62,13 +62,13 @@ class Prediction:
 
 @dataclass(frozen=True, slots=True)
 class LoggedTable:
-    """What a component handed out of an agent at one instant, in rows.
+    """A table that a component produced for an agent at one instant.
 
     Attributes:
-        time: When, simulated ns.
+        time: Simulated time, ns.
         values: (m, columns).
         columns: Names of the columns.
-        units: Their units.
+        units: Units of the columns.
     """
 
     time: int
@@ -78,12 +78,12 @@ class LoggedTable:
 
 
 def present_values(message: Any, count: int) -> tuple[NDArray[np.uint32] | None, NDArray[np.float64]]:
-    """Reduce a message to one value a row.
+    """Reduce a message to one value per row.
 
     Args:
-        message: A `wire.Rows`; or a `wire.SeriesRows`, of which the first point of each row's series is taken, NaN if
-            it has none.
-        count: Rows of the group; 0 if that is not known.
+        message: A `wire.Rows`; or a `wire.SeriesRows`, of which the first point of each row's series is used, NaN if it
+            is empty.
+        count: Number of rows of the group; 0 if unknown.
 
     Returns:
         The rows, (m,) or None for all, and their values, (m, columns).
@@ -95,7 +95,7 @@ def present_values(message: Any, count: int) -> tuple[NDArray[np.uint32] | None,
             nothing = np.full(message.values.shape[1], np.nan)
             firsts = [values[0] if len(values) else nothing for _, values in message]
             if not firsts and len(message.lengths):
-                firsts = [nothing] * count  # everybody's series has no points
+                firsts = [nothing] * count  # all series are empty
             return message.rows, np.array(firsts).reshape(len(firsts), len(nothing))
         case _:
             raise ValueError(f"{type(message).__name__} has no value per row")
@@ -104,20 +104,20 @@ def present_values(message: Any, count: int) -> tuple[NDArray[np.uint32] | None,
 def group_series(
     entries: Iterable[tuple[int, NDArray[np.uint32] | None, NDArray[np.float64]]], count: int
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Put the series of a whole group together.
+    """Assemble the series of a whole group.
 
-    A row that an entry leaves out keeps its value; before its first value it is NaN. Entries at one instant make
-    one frame: the state of affairs after the last of them.
+    A row that an entry leaves out keeps its value; before its first value it is NaN. Entries at the same instant are
+    merged: the result is the state after the last of them.
 
     Args:
         entries: Time in ns, rows, and values (m, columns), in order.
-        count: Rows of the group; 0 if that is not known.
+        count: Number of rows of the group; 0 if unknown.
 
     Returns:
         The times (k,) in ns and the values (k, count, columns).
 
     Raises:
-        ValueError: An entry is about a row that the group does not have.
+        ValueError: An entry refers to a row that the group does not have.
     """
     known = count
     times: list[int] = []
@@ -145,7 +145,7 @@ def group_series(
 def row_series(
     entries: Iterable[tuple[int, NDArray[np.uint32] | None, NDArray[np.float64]]], row: int
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Put the series of one row together: the instants at which it was recorded, and no others.
+    """Assemble the series of one row: only the instants at which it was recorded.
 
     Args:
         entries: Time in ns, rows, and values (m, columns), in order.
@@ -157,7 +157,7 @@ def row_series(
     times: list[int] = []
     frames: list[NDArray[np.float64]] = []
     for time, rows, values in entries:
-        place = place_of(row, rows)
+        place = row_position(row, rows)
         if place is None or place >= len(values):
             continue
         if times and time == times[-1]:
@@ -177,15 +177,15 @@ Spans = Sequence[tuple[int, int | None]]
 def gaps(
     times: NDArray[np.int64], values: NDArray[np.float64], spans: Sequence[Spans]
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Leave nothing of rows while their agents were not in the world.
+    """Set the values of rows to NaN while their agents were absent.
 
     Args:
         times: (k,) ns.
         values: (k, n, columns).
-        spans: From when until when each was there, ns; None for until the end.
+        spans: For each row, the intervals of presence, ns; an end of None is the end of the run.
 
     Returns:
-        The times, and those at which somebody left, and the values, NaN where somebody was not there.
+        The times, including those at which an agent left, and the values, NaN where an agent was absent.
     """
     ends = [end for own in spans for _, end in own if end is not None and end >= times[0]]
     every = np.union1d(times, np.array(ends, np.int64))
@@ -201,13 +201,13 @@ def gaps(
 def cut(
     times: NDArray[np.int64], values: NDArray[np.float64], spans: Spans
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Let the series of a row, (k,) and (k, columns), end with NaN where its agent left the world; see `gaps`."""
+    """End the series of a row, (k,) and (k, columns), with NaN where its agent left the world; see `gaps`."""
     every, cut_off = gaps(times, values[:, None], [spans])
     return every, cut_off[:, 0]
 
 
-def place_of(row: int, rows: NDArray[np.uint32] | None) -> int | None:
-    """Find a row among those that a message is about, which ascend; None among them stands for all of the group."""
+def row_position(row: int, rows: NDArray[np.uint32] | None) -> int | None:
+    """Return the position of a row among the ascending rows of a message (None for all rows); None if it is absent."""
     if rows is None:
         return row
     place = int(np.searchsorted(rows, row))
@@ -215,7 +215,7 @@ def place_of(row: int, rows: NDArray[np.uint32] | None) -> int | None:
 
 
 def _widen(frame: NDArray[np.float64], count: int, columns: int) -> NDArray[np.float64]:
-    """The frame with at least that many rows and columns, NaN where it had none."""
+    """Extend a frame to the given number of rows and columns, filled with NaN."""
     if frame.shape == (count, columns):
         return frame
     wider = np.full((count, columns), np.nan)

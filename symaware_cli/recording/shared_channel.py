@@ -1,4 +1,4 @@
-"""Shared channels: those on which one message tells of many entities, and what each of them says of one."""
+"""Shared channels: one message holds the poses of many entities; split into separate channels for reading."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from symaware_cli.recording.json_text import read_json
 from symaware_cli.recording.log_message import LogMessage
 
 POSE = {"columns": "x,y,z,qx,qy,qz,qw", "units": "m,m,m,1,1,1,1"}
-"""The metadata of a channel that tells how bodies are in space."""
+"""The metadata of a channel of poses in space."""
 
 _UNITS = {"x": "m", "y": "m", "z": "m", "heading": "rad"}
 
@@ -23,20 +23,20 @@ SHARED: Mapping[str, Sequence[str]] = {
     "/world/space": ("x", "y", "z", "heading"),
     "/world/bodies": ("x", "y", "z", "heading", "qx", "qy", "qz", "qw"),
 }
-"""The columns of each shared channel. Their topics have a part less than those of single groups and entities."""
+"""The columns of each shared channel. Their topics have one part less than those of groups and entities."""
 
 
 def shared_metadata(names: Sequence[str], columns: Sequence[str]) -> dict[str, str]:
-    """The metadata of a shared channel: who it tells of, by row, and what."""
+    """Return the metadata of a shared channel: its entities, by row, and columns."""
     units = [_UNITS.get(column, "1") for column in columns]
     return {"columns": ",".join(columns), "units": ",".join(units), "entities": json.dumps(list(names))}
 
 
 def entities_of(info: ChannelInfo) -> list[str]:
-    """Who a shared channel tells of, by row.
+    """Return the entities of a shared channel, by row.
 
     Raises:
-        ValueError: It does not say so.
+        ValueError: The metadata do not list them.
     """
     names = read_json(info.metadata.get("entities", "[]"))
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
@@ -45,14 +45,14 @@ def entities_of(info: ChannelInfo) -> list[str]:
 
 
 class SharedChannel:
-    """What a shared channel says of each entity, as channels of their own.
+    """Splits a shared channel into separate channels of its entities.
 
     Attributes:
-        channels: These channels, by topic: `/world/<entity>/state`, and `/world/<entity>/pose` if it tells that.
+        channels: The separate channels by topic: `/world/<entity>/state`, and `/world/<entity>/pose` if recorded.
     """
 
     def __init__(self, info: ChannelInfo) -> None:
-        """Find out who is told of.
+        """Determine the entities of the channel.
 
         Args:
             info: The channel.
@@ -60,7 +60,7 @@ class SharedChannel:
         self._topic, columns = info.topic, SHARED[info.topic]
         state = [name for name in columns if name in _UNITS]
         metadata = {"state": {"columns": ",".join(state), "units": ",".join(_UNITS[name] for name in state)}}
-        #: Which columns each channel of one entity has.
+        #: The columns of each separate channel.
         self._columns: dict[str, slice | list[int]] = {"state": slice(len(state))}
         if len(columns) > len(state):
             metadata["pose"] = POSE
@@ -70,21 +70,21 @@ class SharedChannel:
         except ValueError:
             self._names = []
         self.channels: dict[str, ChannelInfo] = {}
-        #: The topics of each row, in the order of kinds.
+        #: The separate topics of each row, in the order of kinds.
         self._topics = [[(kind, f"/world/{name}/{kind}") for kind in metadata] for name in self._names]
         for row in self._topics:
             for kind, topic in row:
                 self.channels[topic] = replace(info, topic=topic, metadata=metadata[kind])
 
     def split(self, message: LogMessage, wanted: Collection[str] | None = None) -> Iterator[LogMessage]:
-        """Make messages of single entities of one that tells of many.
+        """Split a message into messages of single entities.
 
         Args:
-            message: One of this channel.
-            wanted: The topics that are; None for all.
+            message: A message of this channel.
+            wanted: The topics to yield; None for all.
 
         Raises:
-            LogError: It tells of entities that there are not.
+            LogError: It refers to entities that do not exist.
         """
         content: wire.Rows = message.decode()
         rows = range(len(content.values)) if content.rows is None else content.rows.tolist()
@@ -102,7 +102,7 @@ class SharedChannel:
 
 
 def shared(info: ChannelInfo) -> SharedChannel | None:
-    """What a channel says of each entity, if many share it."""
+    """Return the separate channels of a shared channel; None for any other channel."""
     if info.topic not in SHARED or not info.carries("Rows"):
         return None
     return _shared(info.topic, info.schema, info.encoding, info.count, tuple(sorted(info.metadata.items())))
@@ -114,11 +114,11 @@ def _shared(topic: str, schema: str, encoding: str, count: int, metadata: tuple[
 
 
 def single(message: LogMessage, wanted: Collection[str] | None = None) -> Iterator[LogMessage]:
-    """Make messages of single entities of one that tells of many; others stay as they are.
+    """Split a message of a shared channel into messages of single entities; yield any other unchanged.
 
     Args:
         message: Any message.
-        wanted: The topics of single entities that are; None for all.
+        wanted: The topics of single entities to yield; None for all.
     """
     known = shared(message.channel)
     if known is None:

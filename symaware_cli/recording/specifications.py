@@ -1,4 +1,4 @@
-"""Specifications in a log: written while a run goes on, and read back."""
+"""Records specifications during a run, and reads them back from a log."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ from symaware_cli.specification.specification import SpecificationMonitor
 #: The topic of a specification.
 TOPIC = "/specifications/{}"
 
-#: The most numbers of robustness in one message.
+#: Maximum number of robustness values in a message.
 _MOST = 8_192
 
-#: The codes of verdicts, and of undecided verdicts of linear temporal logic that are presumed to be so.
+#: The codes of verdicts, and of undecided verdicts of linear temporal logic with a presumption.
 _CODES = {0: 0, 1: 1, -1: 2}
 _PRESUMED_CODES = {1: 4, -1: 5}
 #: The code of a row that has not begun.
@@ -34,14 +34,14 @@ _DECODED = {0: (0, 0), 1: (1, 0), 2: (-1, 0), _NOT_BEGUN: (0, 0), 4: (0, 1), 5: 
 
 
 class SpecificationRecorder:
-    """Writes what becomes of specifications: verdicts and intervals that changed, and robustness that became known."""
+    """Records specifications: verdicts and intervals that changed, and robustness that became known."""
 
     def __init__(self, writer: LogWriter, monitors: Iterable[SpecificationMonitor]) -> None:
-        """Open a channel for each.
+        """Open a channel for each specification.
 
         Args:
             writer: The log.
-            monitors: What is written.
+            monitors: The monitors of the specifications.
         """
         self._writer = writer
         self._channels: dict[str, int] = {}
@@ -64,7 +64,7 @@ class SpecificationRecorder:
             self._channels[specification.name] = writer.channel(topic, "Specification", metadata)
 
     def record(self, monitor: SpecificationMonitor, now: int) -> None:
-        """Write what changed of a specification, at an instant in nanoseconds."""
+        """Record the changes of a specification at an instant, in nanoseconds."""
         name = monitor.specification.name
         channel, last = self._channels[name], self._last.get(name)
         state = _codes(monitor), monitor.lower, monitor.upper
@@ -109,16 +109,16 @@ def _field(number: int, values: ArrayLike | None, dtype: np.dtype[Any]) -> bytes
 
 
 def specification_rows(channels: Mapping[str, ChannelInfo]) -> dict[str, tuple[tuple[str, ...], ...]]:
-    """The ids of the agents that each row of the specifications of a log is about, by name.
+    """Return, for each specification of a log by name, the ids of the agents that each row is about.
 
     Raises:
-        ValueError: A channel does not say.
+        ValueError: The metadata of a channel are invalid.
     """
     return {name: _rows(info.metadata) for name, info in specification_channels(channels).items()}
 
 
 def specification_channels(channels: Mapping[str, ChannelInfo]) -> dict[str, ChannelInfo]:
-    """The channels of specifications by the names of these, in the scenario's order."""
+    """Return the channels of specifications by name, in the scenario's order."""
     found = [info for info in channels.values() if info.carries("Specification")]
     found.sort(key=lambda info: (len(number := info.metadata.get("number", "")), number, info.topic))
     return {info.topic.rpartition("/")[2]: info for info in found}
@@ -135,26 +135,26 @@ def _rows(metadata: Mapping[str, str]) -> tuple[tuple[str, ...], ...]:
 
 @dataclass(frozen=True, slots=True)
 class LoggedSpecification:
-    """A specification of a log.
+    """A specification in a log.
 
     Attributes:
         name: Its name.
-        formula: The formula.
-        of: ``truth`` or ``belief``.
-        each: The group of whose agents there is a verdict each; empty for pairs and the world.
+        formula: Its formula.
+        of: Its subject: ``truth`` or ``belief``.
+        each: The group whose agents each have a verdict; empty for pairs and the world.
         predicates: The predicates of the formula.
         rows: The ids of the agents that each row is about.
-        start: The instant that verdicts are about, ns; None for the end of the run.
+        start: The instant that verdicts are about, ns.
         end: The last instant that counts, ns; None for the end of the run.
-        times: When verdicts or intervals changed, ns; shape (k,).
+        times: The instants at which verdicts or intervals changed, ns; shape (k,).
         verdicts: 1 satisfied, -1 violated, 0 undecided; shape (k, rows).
-        presumptions: 1 or -1 for what an undecided verdict of linear temporal logic would be if the run ended then; 0
+        presumptions: 1 or -1, the verdict if the run ended then, for an undecided formula of linear temporal logic; 0
             for others; shape (k, rows).
-        begun: Which rows were ever there; shape (rows,).
-        lower: The least that the robustness can turn out to be; shape (k, rows), minus infinity where not computed.
-        upper: The greatest; shape (k, rows).
-        instants: At which exact robustness is known, ns, ascending; shape (m,).
-        robustness: That, NaN of rows of which it is not known; shape (m, rows).
+        begun: Which rows were ever present; shape (rows,).
+        lower: Lower bound of the robustness; shape (k, rows), minus infinity where not computed.
+        upper: Upper bound of the robustness; shape (k, rows).
+        instants: The instants whose exact robustness is known, ns, ascending; shape (m,).
+        robustness: The exact robustness, NaN for rows where it is unknown; shape (m, rows).
     """
 
     name: str
@@ -188,14 +188,14 @@ class _Message(Protocol):
 
 
 def outcome_in(logged: LoggedSpecification, events: Iterable[LoggedEvent]) -> Outcome:
-    """What has become of a specification, as its log has it.
+    """Return the outcome of a specification, as recorded.
 
     Args:
         logged: The specification.
-        events: Those of the log.
+        events: The events of the log.
 
     Raises:
-        ValueError: An event does not say what it should.
+        ValueError: The data of an event are invalid.
     """
     begun = np.flatnonzero(logged.begun)
     known = len(logged.verdicts) > 0
@@ -213,7 +213,7 @@ def outcome_in(logged: LoggedSpecification, events: Iterable[LoggedEvent]) -> Ou
 
 
 def _presumption(logged: LoggedSpecification, begun: NDArray[np.intp]) -> int | None:
-    """The worst verdict of some rows if the run ended with the log; None where that is not known."""
+    """Return the worst verdict of some rows if the run ended with the log; None where that is unknown."""
     if not len(logged.verdicts) or not len(begun) or not logged.presumptions[:, begun].any():
         return None
     verdicts = logged.verdicts[-1][begun]
@@ -221,15 +221,15 @@ def _presumption(logged: LoggedSpecification, begun: NDArray[np.intp]) -> int | 
 
 
 def logged(name: str, metadata: Mapping[str, str], messages: Iterable[_Message]) -> LoggedSpecification:
-    """Put a specification together from its messages.
+    """Assemble a specification from its messages.
 
     Args:
         name: Its name.
-        metadata: Of its channel.
-        messages: In their order.
+        metadata: The metadata of its channel.
+        messages: Its messages, in order.
 
     Raises:
-        ValueError: The metadata do not say what they should.
+        ValueError: The metadata are invalid.
     """
     missing = {"rows", "count", "formula", "of", "each", "predicates", "start", "end"} - metadata.keys()
     if missing:

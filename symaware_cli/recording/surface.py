@@ -1,4 +1,4 @@
-"""Surfaces: the meshes of files, and how far they reach."""
+"""Mesh files: reads the triangles of OBJ and STL files, computes bounding boxes, and writes STL."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-#: Files that are surfaces by themselves, for viewers; and what they are called.
+#: Mesh formats that viewers can read, and their media types.
 MEDIA_TYPES = {".obj": "model/obj", ".stl": "model/stl", ".glb": "model/gltf-binary"}
 
-#: A binary STL: its head, and a triangle of a normal, three corners and two bytes more.
+#: Binary STL: size of the head; a triangle consists of a normal, three corners and two attribute bytes.
 _STL_HEAD = 84
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
 
 def bounds(data: bytes, suffix: str) -> tuple[Array, Array] | None:
-    """Find the box around a surface.
+    """Compute the bounding box of a mesh.
 
     Args:
         data: The file.
-        suffix: The end of its name, such as ``.obj``.
+        suffix: The suffix of its name, such as ``.obj``.
 
     Returns:
-        Its lower and its upper corner, (3,) each, in units of the file; None if that cannot be told.
+        Its lower and its upper corner, (3,) each, in units of the file; None if the format is not supported.
     """
     vertices = _vertices(data, suffix)
     if vertices is None:
@@ -38,15 +38,15 @@ def bounds(data: bytes, suffix: str) -> tuple[Array, Array] | None:
 
 
 def triangles(data: bytes, suffix: str) -> tuple[Array, Indices] | None:
-    """Read a surface.
+    """Read the triangles of a mesh.
 
     Args:
         data: The file.
-        suffix: The end of its name, such as ``.obj``.
+        suffix: The suffix of its name, such as ``.obj``.
 
     Returns:
-        Its vertices (v, 3), in units of the file, and which three of them each triangle has (t, 3); None if that cannot
-        be told.
+        The vertices (v, 3), in units of the file, and the vertex indices of each triangle (t, 3); None if the format is
+        not supported.
     """
     vertices = _vertices(data, suffix)
     if vertices is None or not np.isfinite(vertices).all():
@@ -63,7 +63,7 @@ def triangles(data: bytes, suffix: str) -> tuple[Array, Indices] | None:
 
 
 def stl(corners: Array) -> bytes:
-    """Write a surface as a binary STL file; corners (t, 3, 3), counter-clockwise as seen from outside."""
+    """Write a mesh as a binary STL file; corners (t, 3, 3), counter-clockwise as seen from outside."""
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     records = np.zeros(len(corners), _TRIANGLE)
     records["normal"] = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
@@ -84,7 +84,7 @@ def _vertices(data: bytes, suffix: str) -> Array | None:
 
 
 def _fans(data: bytes, count: int) -> Iterator[tuple[int, int, int]]:
-    """The triangles of an OBJ file, of whose faces each is a fan; its indices begin at 1, or at the end with -1."""
+    """Yield the triangles of an OBJ file, whose faces are fans; its indices begin at 1, or at the end with -1."""
     for each in data.split(b"\n"):
         line = each.strip()
         if line.startswith(b"f "):
@@ -103,6 +103,6 @@ def _stl(data: bytes) -> Array:
 
 
 def _numbers(data: bytes, word: bytes) -> Array:
-    """The first three numbers of each line that begins with a word."""
+    """Return the first three numbers of each line that begins with a word."""
     lines = [line.split()[1:4] for each in data.split(b"\n") if (line := each.strip()).startswith(word)]
     return np.array(lines, float).reshape(-1, 3)

@@ -1,8 +1,8 @@
-"""The writer of a log.
+"""The log writer.
 
-It writes MCAP records itself, with the record classes of `mcap`, and not through `mcap.writer.Writer`: the chunks are
-ours to cut (a bound on their size, an end on demand, before a large message and not behind it), a message costs 1 us
-instead of 4, and every byte reaches the operating system in one place, where a failure can be dealt with.
+It writes MCAP records itself, with the record classes of `mcap` but without `mcap.writer.Writer`: this gives control
+over chunks (maximum size, flush on demand, a new chunk before a large message rather than after it), costs 1 us instead
+of 4 us per message, and outputs every byte in one place, where failures are handled.
 """
 
 import contextlib
@@ -39,16 +39,17 @@ _MESSAGE = struct.Struct("<BQHIQQ")  # opcode 5, length, channel, sequence, log 
 _MESSAGE_HEADER = _MESSAGE.size - 9
 
 PaceFigures = tuple[float, int, int, float]
-"""How well a pace was kept; `LogWriter.add_timing` says what the numbers are."""
+"""Figures of how well a pace was kept; see `LogWriter.add_timing`."""
 
 
 class LogWriter:
-    """Writes one log.
+    """Writes a log.
 
-    Messages gather in a chunk, which is compressed and handed to the operating system when it is full or flushed;
-    whatever has been handed over outlives the process. Attachments, metadata and channels are handed over at once.
+    Messages are collected in a chunk, which is compressed and handed to the operating system when it is full or
+    flushed; data that were handed over survive the process. Attachments, metadata and channels are handed over
+    immediately.
 
-    As a context manager it aborts the log on leaving, unless it was finished before.
+    As a context manager, it aborts the log on exit, unless the log was finished before.
 
     Args:
         path: The file, which is replaced.
@@ -59,8 +60,8 @@ class LogWriter:
 
     Attributes:
         path: The file.
-        size: Bytes handed to the operating system so far.
-        timing: The number of the channel /timing, which is there from the beginning.
+        size: Number of bytes handed to the operating system so far.
+        timing: The id of the channel /timing, which always exists.
     """
 
     uncaptured: ClassVar[Collection[str]] = "*"
@@ -77,11 +78,11 @@ class LogWriter:
         self._time = 0
         self._sequence = 0
         self._timing_sequence = 0
-        # By number of the channel: time and offset of each message in the chunk, one after the other.
+        # For each channel id a flat list with time and offset of each message in the chunk.
         self._positions: dict[int, list[int]] = {}
 
         self._summary = LogSummary()
-        #: What the log was where a state was taken, by its size and what it held: there it can go on again.
+        #: Snapshots of the summary where states were captured, by size and checksum: the log can be resumed there.
         self._marks: dict[tuple[int, int], tuple[LogSummary, int]] = {}
         self._checksum = 0
 
@@ -90,24 +91,24 @@ class LogWriter:
         except OSError as error:
             raise OutputError(f"cannot create the log {self.path}: {reason(error)}") from error
         self._open = True
-        # A flush may come from another thread (see `flush_in_background`) while a message is being added.
+        # `flush_in_background` may flush from another thread while a message is being added.
         self._lock = threading.RLock()
         self._closed = threading.Event()
-        # Without a version, so that equal runs make equal logs; versions have an attachment of their own.
+        # Without a version, so that equal runs write equal logs; versions are a separate attachment.
         self._write(MAGIC + serialise(Header(profile=PROFILE, library=LIBRARY)))
-        # First of all, so that its number does not depend on when somebody looked at the clock.
+        # Opened first, so that its id does not depend on when timing is first recorded.
         self.timing = self.channel(
             TIMING, "Timing", {"columns": "wall_time,cpu_time,steps", "units": "s,s,1", "deterministic": "false"}
         )
 
     @property
     def sequence(self) -> int:
-        """The sequence number that the next message gets, unless it is one of wall time."""
+        """The sequence number of the next message, except for timing messages."""
         return self._sequence
 
     @property
     def messages(self) -> int:
-        """Messages added so far."""
+        """Number of messages added so far."""
         return sum(self._summary.counts.values()) + sum(map(len, self._positions.values())) // 2
 
     def attach(self, name: str, media_type: str, data: bytes) -> None:
@@ -115,11 +116,11 @@ class LogWriter:
 
         Args:
             name: Its name in the log, such as `scenario/hello.yaml`.
-            media_type: What it is, such as `application/json`.
+            media_type: Its media type, such as `application/json`.
             data: Its content.
 
         Raises:
-            LogError: It cannot be written.
+            LogError: The log cannot be written.
         """
         offset = self.size
         attachment = Attachment(create_time=0, log_time=0, name=name, media_type=media_type, data=data)
@@ -130,10 +131,10 @@ class LogWriter:
 
         Args:
             name: Its name.
-            data: Its content, in the order in which it is to stand.
+            data: Its content, in the order in which it is written.
 
         Raises:
-            LogError: It cannot be written.
+            LogError: The log cannot be written.
         """
         offset = self.size
         length = self._write_record(Metadata(name=name, metadata=dict(data)))
@@ -143,16 +144,16 @@ class LogWriter:
         """Open a channel.
 
         Args:
-            topic: Where it is found, such as `/agents/robot/state`.
-            message_name: Its message in schemas/symaware/v1/log.proto, such as `Rows`.
-            metadata: What a reader should know of it, such as the columns and their units.
+            topic: The topic, such as `/agents/robot/state`.
+            message_name: Its message type in schemas/symaware/v1/log.proto, such as `Rows`.
+            metadata: Metadata for readers, such as the columns and their units.
 
         Returns:
-            Its number, for `add`.
+            The id of the channel, for `add`.
 
         Raises:
-            LogError: It cannot be written.
-            KeyError: There is no such message.
+            LogError: The log cannot be written.
+            KeyError: The message type does not exist.
         """
         schema = self._summary.schemas.get(message_name)
         if schema is None:
@@ -167,7 +168,7 @@ class LogWriter:
             metadata=dict(metadata or {}),
             schema_id=schema.id,
         )
-        # Beside the chunks and not in one, so that a damaged chunk costs its messages only.
+        # Written outside of chunks, so that a damaged chunk loses only its messages.
         self._write_record(channel)
         self._summary.channels.append(channel)
         self._positions[channel.id] = []
@@ -177,17 +178,17 @@ class LogWriter:
         """Add a message.
 
         Args:
-            channel_id: What `channel` returned.
-            time_ns: Simulated time in ns, never before that of the last message: logs are read in one pass.
+            channel_id: The id that `channel` returned.
+            time_ns: Simulated time in ns, not before that of the previous message: logs are read in one pass.
             data: The serialised message.
 
         Raises:
-            LogError: A chunk was full and could not be written, or the message is larger than any may be.
-            KeyError: There is no such channel.
-            ValueError: The time went back, is negative, or the log has its 2^32 messages.
+            LogError: A full chunk could not be written, or the message exceeds the maximum size.
+            KeyError: The channel does not exist.
+            ValueError: The time is negative or before that of the previous message, or the log has 2^32 messages.
         """
         if channel_id == self.timing:
-            # They have a sequence of their own, so that they do not shift the others'.
+            # Numbered separately, so that they do not shift the sequence numbers of other messages.
             self._add(channel_id, time_ns, data, self._timing_sequence)
             self._timing_sequence += 1
         else:
@@ -197,15 +198,15 @@ class LogWriter:
     def add_timing(
         self, time_ns: int, *, wall_time: float, cpu_time: float, steps: int, pace: PaceFigures = (0.0, 0, 0, 0.0)
     ) -> None:
-        """Add to /timing how fast the machine was.
+        """Add a message about wall time to /timing.
 
         Args:
             time_ns: Simulated time in ns.
-            wall_time: Since the run started, in s.
-            cpu_time: Used by the process, in s.
-            steps: Steps done.
-            pace: Simulated seconds for each second of wall time that were asked for, how many instants had to be kept,
-                how many of them began late, and by how much the latest, in s of wall time.
+            wall_time: Wall time since the start of the run, in s.
+            cpu_time: Processor time used by the process, in s.
+            steps: Number of steps completed.
+            pace: The requested simulated seconds per second of wall time, the number of paced instants, the number of
+                those that began late, and the greatest lateness, in s of wall time.
         """
         message = v1.Timing(wall_time=wall_time, cpu_time=cpu_time, steps=steps)
         message.pace, message.instants, message.late, message.worst_lateness = pace
@@ -239,10 +240,10 @@ class LogWriter:
             self._time = time_ns
 
     def flush(self) -> None:
-        """End the chunk and hand it to the operating system, from where it survives the death of this process.
+        """End the chunk and hand it to the operating system, so that it survives the process.
 
         Raises:
-            LogError: It cannot be written.
+            LogError: The log cannot be written.
         """
         with self._lock:
             if not self._open:
@@ -250,10 +251,10 @@ class LogWriter:
             self._end_chunk()
 
     def captured(self) -> dict[str, Any]:
-        """Where the log stands: what was written before goes to the operating system.
+        """Capture the position in the log, after flushing.
 
         Raises:
-            LogError: It cannot be written.
+            LogError: The log cannot be written.
         """
         with self._lock:
             self.flush()
@@ -269,10 +270,10 @@ class LogWriter:
             }
 
     def check_state(self, state: dict[str, Any]) -> None:
-        """See `restored`.
+        """Check that `restored` can resume from a state.
 
         Raises:
-            StateError: The log cannot go on from there.
+            StateError: The log cannot be resumed from it.
         """
         if tuple(state["position"]) not in self._marks and self._time > state["time"]:
             raise StateError(
@@ -281,10 +282,10 @@ class LogWriter:
             )
 
     def restored(self, state: dict[str, Any]) -> None:
-        """Go on where a log stood: in this one by forgetting what came after it, in another one behind what it has.
+        """Resume from a captured position: in the same log by discarding what follows, in another one by appending.
 
         Raises:
-            LogError: It cannot be written.
+            LogError: The log cannot be written.
         """
         with self._lock:
             position = tuple(state["position"])
@@ -295,7 +296,7 @@ class LogWriter:
             self._sequence = state["sequence"]
 
     def _go_back(self, size: int, checksum: int) -> None:
-        """Forget what was added after a mark."""
+        """Discard what was added after a captured position."""
         if not self._open:
             self._refuse()
         summary, self._time = self._marks[size, checksum]
@@ -313,14 +314,14 @@ class LogWriter:
     def flush_in_background(self) -> None:
         """Flush every `flush_interval` from now on, until the log is closed.
 
-        A thread does it, because nothing else comes by while a component takes a turn of many seconds; what was
-        added before such a turn must not die with it.
+        A thread does it, since the main thread may be busy with the turn of a component for many seconds; messages
+        added before that turn must not be lost with the process.
         """
         threading.Thread(target=self._keep_flushing, name="symaware-log", daemon=True).start()
 
     def _keep_flushing(self) -> None:
         while not self._closed.wait(self._flush_interval):
-            # An error is kept: the next message that is added tells it.
+            # An error is stored, and raised when the next message is added.
             with self._lock, contextlib.suppress(LogError):
                 if self._open:
                     self._end_chunk()
@@ -329,10 +330,10 @@ class LogWriter:
         """End the run: write its outcome and the summary, and close the file.
 
         Args:
-            outcome: How the run ended; values that JSON can hold.
+            outcome: How the run ended; values that JSON can represent.
 
         Raises:
-            LogError: It cannot be written.
+            LogError: The log cannot be written.
         """
         with self._lock:
             self.flush()
@@ -340,19 +341,19 @@ class LogWriter:
             self.close()
 
     def close(self) -> None:
-        """Close the log without an outcome, or with one that `metadata` was given.
+        """Close the log without an outcome, or with one that was written by `metadata`.
 
         Raises:
-            LogError: It cannot be written.
+            LogError: The log cannot be written.
         """
         with self._lock:
             self.flush()
             self._close()
 
     def abort(self) -> None:
-        """Close the log without an outcome, keeping all that was added if it can be kept.
+        """Close the log without an outcome, keeping all messages if possible.
 
-        Never raises: there is an error on its way already that must not be hidden.
+        Never raises: it is called while another error is propagating, which must not be hidden.
         """
         with self._lock:
             if self._open:
@@ -369,7 +370,7 @@ class LogWriter:
         self.abort()
 
     def _end_chunk(self) -> None:
-        """Write the chunk, if there is one, and the index of its messages."""
+        """Write the chunk, unless it is empty, and its message index."""
         if not self._chunk:
             return
         data = bytes(self._chunk)
@@ -392,14 +393,14 @@ class LogWriter:
         self._chunk.clear()
 
     def _close(self) -> None:
-        """Write what stands behind the messages and close the file."""
+        """Write the records that follow the messages, and close the file."""
         self._write_record(DataEnd(data_section_crc=0))
         self._write(self._summary.serialise(self.size))
         self._open = False
         self._closed.set()
         try:
             self._file.close()
-        except OSError as error:  # a network file system may say only now that it kept nothing
+        except OSError as error:  # a network file system may report a failed write only now
             self._error = OutputError(f"the log {self.path} may be incomplete: {reason(error)}")
             raise self._error from error
 
@@ -410,7 +411,7 @@ class LogWriter:
         return len(data)
 
     def _write(self, data: bytes | bytearray) -> None:
-        """Hand all of it to the operating system: the only place that does."""
+        """Hand all data to the operating system; the only place that does."""
         if not self._open:
             self._refuse()
         try:
@@ -422,17 +423,17 @@ class LogWriter:
         except OSError as error:
             self._fail(error)
         except BaseException:
-            # Interrupted half-way: as if it had not begun, so that abort() can do it again.
+            # Interrupted half-way: undo the partial write, so that abort() can repeat it.
             self._file.truncate(self.size)
             self._file.seek(self.size)
             raise
 
     def _fail(self, error: OSError) -> None:
-        """Give up after a failed write: leave whole records only, close the file, and say so once."""
+        """Handle a failed write: truncate to whole records, close the file, and raise the error once."""
         self._open = False
         self._closed.set()
         self._chunk.clear()
-        # If these fail as well, the first error is still the one to tell, and a reader copes with half a record.
+        # If these fail as well, the first error is still the relevant one, and readers handle a partial record.
         with contextlib.suppress(OSError):
             self._file.truncate(self.size)
         with contextlib.suppress(OSError):

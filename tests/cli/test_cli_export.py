@@ -91,8 +91,8 @@ def test_foxglove_gets_one_file(log, command, tmp_path):
         (("--format", "csv", "--from", "2", "--to", "1"), "--from 2 is later than --to 1"),
         (("--format", "csv", "--from", "nan"), "--from takes a time in seconds"),
         (("--format", "foxglove", "--agents", "robot.1"), "--agents goes with tables only"),
-        (("--format", "foxglove", "--output", "hello.mcap"), "it is what is read"),
-        (("--format", "csv", "--output", "."), "there is something already"),
+        (("--format", "foxglove", "--output", "hello.mcap"), "it is an input file"),
+        (("--format", "csv", "--output", "."), "it is not an empty folder"),
     ],
 )
 def test_wrong_options_are_told_in_a_sentence_and_leave_nothing(log, command, tmp_path, options, said):

@@ -165,7 +165,7 @@ def test_wrong_input_is_a_sentence_and_exit_status_2(parts, merge, tmp_path, arg
 @pytest.mark.parametrize(
     ("place", "status", "sentence"),
     [
-        ("left.mcap", 2, "it is what is read"),
+        ("left.mcap", 2, "it is an input file"),
         (".", 2, "it is a folder"),
         ("missing/whole.mcap", 1, "its folder does not exist"),
         ("host.mcap/whole.mcap", 1, "part of its path is not a folder"),

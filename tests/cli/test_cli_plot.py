@@ -78,7 +78,7 @@ def test_what_is_no_log_of_ours_is_wrong_input(command, tmp_path):
         "junk": "is not a log",
         "foreign": "was not written by SymAware",
         "newer": "was written by a newer SymAware",
-        "begun": "broke off before",
+        "begun": "was cut off before",
     }.items():
         done = command("plot", f"{name}.mcap", "-o", "a.png")
         assert (done.returncode, done.stdout) == (2, "")

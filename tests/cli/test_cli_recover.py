@@ -124,7 +124,7 @@ def test_a_recovered_log_is_as_good_as_any_for_other_verbs(broken, command, tmp_
 @pytest.mark.parametrize(
     ("place", "status", "sentence"),
     [
-        ("broken.mcap", 2, "it is what is read"),
+        ("broken.mcap", 2, "it is an input file"),
         (".", 2, "it is a folder"),
         ("missing/new.mcap", 1, "its folder does not exist"),
         ("broken.mcap/new.mcap", 1, "part of its path is not a folder"),

@@ -129,7 +129,7 @@ def test_a_log_is_not_overwritten_by_what_is_made_of_it(hello, command):
     Path("same.rrd").symlink_to(hello)
     done = command("replay", hello, "--save", "same.rrd")
     assert done.returncode == 2
-    assert "it is what is read" in done.stderr
+    assert "it is an input file" in done.stderr
     assert hello.read_bytes() == before
 
 

@@ -498,17 +498,17 @@ def test_what_is_no_log_of_ours_is_refused(parts, tmp_path):
         writer.finish()
     assert refused([*parts, foreign], tmp_path) == "foreign.mcap was not written by SymAware: leave it out"
     LogWriter(early).abort()
-    assert refused([*parts, early], tmp_path) == "early.mcap broke off before it says who takes part: leave it out"
+    assert refused([*parts, early], tmp_path) == "early.mcap was cut off before its manifest: leave it out"
     assert refused([*parts, tmp_path / "none.mcap"], tmp_path) == "there is no file none.mcap"
 
 
 def test_no_part_is_overwritten(parts, tmp_path):
     before = [path.read_bytes() for path in parts]
     for path in parts:
-        with pytest.raises(LogError, match="it is what is read"):
+        with pytest.raises(LogError, match="it is an input file"):
             merge(open_process_logs(parts), path)
     (tmp_path / "link.mcap").symlink_to(parts[1])
-    with pytest.raises(LogError, match="it is what is read"):
+    with pytest.raises(LogError, match="it is an input file"):
         merge(open_process_logs(parts), tmp_path / "link.mcap")
     assert [path.read_bytes() for path in parts] == before
 

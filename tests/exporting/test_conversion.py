@@ -384,7 +384,7 @@ def test_a_message_that_does_not_fit_is_told_with_its_topic(write, tmp_path, fie
     log = write(field, kind, [(0, content)], {"columns": "x", "units": "m"})
     with pytest.raises(
         LogError,
-        match=rf"the messages on /agents/robot/{field} .*(do not fit together|\(symaware.v1.Event\).* are not ours)",
+        match=rf"the messages on /agents/robot/{field} .*(do not fit together|\(symaware.v1.Event\).* are not SymAware)",
     ):
         export_tables(open_log(log), tmp_path / "tables", CSV)
     assert [path.name for path in tmp_path.iterdir()] == ["log.mcap"]
@@ -455,7 +455,7 @@ def test_the_log_of_another_program_is_refused(tmp_path):
 
 def test_a_folder_with_something_in_it_stays_as_it_is(noisy, tmp_path):
     (tmp_path / "mine").write_text("mine")
-    with pytest.raises(LogError, match="there is something already"):
+    with pytest.raises(LogError, match="it is not an empty folder"):
         export_tables(open_log(noisy), tmp_path, CSV)
     assert [path.name for path in tmp_path.iterdir()] == ["mine"]
 

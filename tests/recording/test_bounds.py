@@ -173,7 +173,7 @@ def test_every_altered_message_is_decoded_or_refused_in_a_sentence(sample, tmp_p
 def test_text_that_is_nested_deeper_than_anybody_writes_is_refused(depth, opening, closing, closed):
     text = opening * depth + ("1" + closing * depth) * closed
     for read in (read_json, read_yaml):
-        with pytest.raises(ValueError, match=r"nested|no YAML|Expecting|more text"):
+        with pytest.raises(ValueError, match=r"nested|not YAML|Expecting|more text"):
             read(text.encode())
 
 
@@ -195,7 +195,7 @@ def test_half_a_character_can_be_printed():
 
 
 def test_yaml_that_repeats_itself_is_refused():
-    with pytest.raises(ValueError, match="used again"):
+    with pytest.raises(ValueError, match="aliases"):
         read_yaml(b"a: &a [1]\nb: *a\n")
     with pytest.raises(ValueError, match="more text"):
         read_yaml(b"#" * (5 << 20))

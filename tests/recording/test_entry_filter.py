@@ -112,6 +112,8 @@ def test_contacts_are_those_that_meet_every_condition(log, wanted, times):
 @pytest.mark.parametrize("pattern", ["robot.11", "robto", "x*", ""])
 def test_an_agent_that_there_is_not_is_told(log, pattern):
     for find in (EntryFilter.events, EntryFilter.communications, EntryFilter.contacts):
-        with pytest.raises(UnknownNameError, match=f"knows no '{pattern.replace('*', '.')}") as caught:
+        with pytest.raises(
+            UnknownNameError, match=f"has no agent, group or entity '{pattern.replace('*', '.')}"
+        ) as caught:
             list(find(EntryFilter(agents=("car", pattern)), log))
         assert {"robot", "robot.10", "car", "wall"} <= set(caught.value.known)

@@ -119,7 +119,7 @@ def test_beliefs_in_a_run_are_those_that_the_components_had(tmp_path):
 @pytest.mark.parametrize(
     ("agent", "other", "sentence"),
     [
-        ("robto", "car", "knows no 'robto'; there are car, robot, wall"),
+        ("robto", "car", "has no agent, group or entity 'robto'; there are car, robot, wall"),
         ("robot", "car", "'robot' is a group of 3: name one of its agents"),
         ("wall", "car", "'wall' is an entity"),
         ("robot.0", "wall", "'wall' is an entity"),

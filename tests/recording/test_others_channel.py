@@ -90,5 +90,5 @@ def test_series_of_others_are_encoded_as_the_generated_classes_write_them():
         assert len(message.series) == 2
         found = [(place, other, t.tolist(), v.tolist()) for place, other, t, v in message.series[1]]
         assert found == [(0, 1, [5, 6], [[1.0, 2.0], [3.0, 4.0]]), (0, 4, [7], [[5.0]])]
-    assert not wire.decode_awareness(data).tells_states
+    assert not wire.decode_awareness(data).has_states
     assert np.array_equal(wire.decode_awareness(data).series[0].rows, [0, 3])

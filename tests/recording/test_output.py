@@ -138,7 +138,7 @@ def test_the_source_is_not_overwritten_under_whatever_name(tmp_path):
     (tmp_path / "link.mcap").symlink_to(source)
     (tmp_path / "same.mcap").hardlink_to(source)
     for path in (source, tmp_path / "link.mcap", tmp_path / "same.mcap", tmp_path / "." / "log.mcap"):
-        with pytest.raises(LogError, match="it is what is read") as caught, whole_file(path, source) as part:
+        with pytest.raises(LogError, match="it is an input file") as caught, whole_file(path, source) as part:
             part.write_bytes(b"other")
         assert not isinstance(caught.value, OutputError)
     assert source.read_bytes() == b"source"
@@ -164,7 +164,7 @@ def test_a_folder_with_something_in_it_is_not_replaced(tmp_path):
     (tmp_path / "full" / "kept").write_text("kept")
     (tmp_path / "file").write_text("kept")
     for name in ("full", "file"):
-        with pytest.raises(LogError, match="there is something already"), whole_folder(tmp_path / name) as part:
+        with pytest.raises(LogError, match="it is not an empty folder"), whole_folder(tmp_path / name) as part:
             (part / "x").write_text("x")
     assert listing(tmp_path) == ["file", "full", "kept"]
 

@@ -160,7 +160,7 @@ def test_predictions_are_the_whole_series_of_an_agent_at_each_instant(write):
     ("agent", "field", "sentence"),
     [
         ("robot", "intent", "'robot' is a group of 3: name one of its agents"),
-        ("robot.7", "intent", "knows no 'robot.7'"),
+        ("robot.7", "intent", "has no agent, group or entity 'robot.7'"),
         ("robot.0", "state", "no field 'state' of predictions; there are intent, uncertainty, risk"),
         ("robot.0", "risk", "has no risk of 'robot.0'"),
     ],
@@ -185,7 +185,7 @@ def test_knowledge_is_an_entry_whenever_it_changed(write):
     everybody = [(each.time, each.agent) for each in log.knowledge()]
     assert everybody == [(0, "robot.0"), (0, "robot.1"), (0, "robot.2"), (7, "robot.0"), (7, "robot.2")]
     assert list(log.knowledge("robot")) == list(log.knowledge())
-    with pytest.raises(LogError, match="knows no 'nobody'"):
+    with pytest.raises(LogError, match="has no agent, group or entity 'nobody'"):
         log.knowledge("nobody")
 
 
@@ -243,7 +243,7 @@ def test_the_name_of_a_group_of_one_is_its_agents(sample):
     ("name", "field", "sentence"),
     [
         ("robot", "staet", "no field 'staet'; there are control, control_requested, intent, joints, pose, risk, state"),
-        ("robto", "state", "knows no 'robto'; there are robot, car, wall"),
+        ("robto", "state", "has no agent, group or entity 'robto'; there are robot, car, wall"),
         ("car", "risk", r"has no risk of 'car' \(no channel /agents/car/risk\); there is state$"),
     ],
 )
@@ -260,7 +260,7 @@ def test_a_row_beyond_the_group_is_told(write):
 
 def test_data_that_are_no_message_are_told(write):
     log = open_log(write("state", "Rows", [(7, b"\x1a\xff")]))
-    with pytest.raises(LogError, match=r"the message on /agents/robot/state at 7 ns in .* is no symaware\.v1\.Rows"):
+    with pytest.raises(LogError, match=r"the message on /agents/robot/state at 7 ns in .* is not a symaware\.v1\.Rows"):
         log.series("robot", "state")
 
 
@@ -343,7 +343,7 @@ def test_a_foreign_log_out_of_order_is_listed_in_order(tmp_path, compression, ch
         "/thing": ("pkg/Thing", 266),
     }
     assert log.metadata == {"m": {"a": "b"}}
-    with pytest.raises(LogError, match="are not ours"):
+    with pytest.raises(LogError, match="are not SymAware messages"):
         next(log.messages()).decode()
     with pytest.raises(LogError, match="there are none"):
         log.series("thing", "state")

@@ -235,7 +235,7 @@ def test_the_old_log_is_not_overwritten_and_a_new_one_only_when_it_is_complete(t
     path, new = tmp_path / "log.mcap", tmp_path / "new.mcap"
     path.write_bytes(whole[:-1])
     new.write_bytes(b"kept")
-    with pytest.raises(LogError, match="it is what is read"):
+    with pytest.raises(LogError, match="it is an input file"):
         recover(open_log(path), path)
     with pytest.raises(OutputError, match="its folder does not exist"):
         recover(open_log(path), tmp_path / "missing" / "new.mcap")

@@ -98,7 +98,7 @@ def test_readings_are_those_of_whom_one_asks_for_and_when(path):
         own = [(agent, time) for agent, time in everybody if agent == "robot.1" and STEP <= time < 2 * STEP]
         assert own == [(each.agent, each.time) for each in read("robot.1", STEP, 2 * STEP)]
         assert own
-        with pytest.raises(UnknownNameError, match="knows no 'robott'"):
+        with pytest.raises(UnknownNameError, match="has no agent, group or entity 'robott'"):
             read("robott")
 
 

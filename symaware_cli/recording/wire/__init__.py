@@ -1,7 +1,7 @@
-"""The big messages of a log, encoded and decoded without a Python object per number.
+"""Encodes and decodes the large messages of a log without a Python object per number.
 
-What is written here is, byte for byte, what the generated classes write; a message that somebody else laid out
-differently is read with the generated class.
+The encoding equals that of the generated classes, byte for byte; a message with a different field layout is decoded
+with the generated class.
 
 Rows are indices in a group, ascending; `None` stands for every row in order.
 """

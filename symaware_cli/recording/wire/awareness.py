@@ -1,4 +1,4 @@
-"""What rows know of others."""
+"""Awareness messages: beliefs of rows about others."""
 
 from __future__ import annotations
 
@@ -26,15 +26,15 @@ from symaware_cli.recording.wire.packing import (
 
 @dataclass(frozen=True, slots=True)
 class OthersSeries:
-    """The intents, uncertainties or risks that rows hold of others: all of them, for each row that is there.
+    """The series, such as intents, that rows hold of others: for each row in the message, all series of a part.
 
     Attributes:
-        part: Which part of awareness.
+        part: The part of awareness.
         rows: (m,) indices, or None for all.
-        lengths: (m,) others of whom each row holds a series.
-        entities: (sum,) indices in the roster, one row's after another.
-        columns: (sum,) numbers per point of each series.
-        points: (sum,) points of each series.
+        lengths: (m,) number of series of each row.
+        entities: (sum,) roster indices of the others, row after row.
+        columns: (sum,) number of columns of each series.
+        points: (sum,) number of points of each series.
         times: ns; series after series.
         values: flat, series after series.
     """
@@ -49,7 +49,7 @@ class OthersSeries:
     values: NDArray[np.float64]
 
     def __iter__(self) -> Iterator[tuple[int, int, NDArray[np.int64], NDArray[np.float64]]]:
-        """Yield for each series the place of its row, whom it is about, its times (k,) and values (k, columns)."""
+        """Yield for each series: position of its row, roster index of the other, times (k,), values (k, columns)."""
         places = np.repeat(np.arange(len(self.lengths)), self.lengths).tolist()
         columns, points = self.columns.tolist(), self.points.tolist()
         point = number = 0
@@ -61,18 +61,18 @@ class OthersSeries:
 
 @dataclass(frozen=True, slots=True)
 class Awareness:
-    """What each row knows of others.
+    """The beliefs of each row about others.
 
     Attributes:
-        world: Everyone knows the whole world; the rest is empty then.
+        world: Whether all rows know the whole world; the other fields are then empty.
         rows: (m,) indices, or None for all.
-        lengths: (m,) others known per row, or (1,) for all.
-        entities: (sum,) indices in the roster, one row's after another.
-        columns: (sum,) numbers per entity, or (1,) for all.
+        lengths: (m,) number of others known to each row, or (1,) for all.
+        entities: (sum,) roster indices of the others, row after row.
+        columns: (sum,) number of values of each entity, or (1,) for all.
         values: flat, entity after entity.
         covariances: flat, a matrix of columns x columns for each entity, or empty.
-        ages: (sum,) s since each was last seen, or empty.
-        series: What they know of other parts of awareness than the state.
+        ages: (sum,) s since each was last perceived, or empty.
+        series: Beliefs about parts of awareness other than the state.
     """
 
     world: bool
@@ -86,13 +86,13 @@ class Awareness:
     series: tuple[OthersSeries, ...] = ()
 
     @property
-    def tells_states(self) -> bool:
-        """Whether it says anything of where others are."""
+    def has_states(self) -> bool:
+        """Whether it holds beliefs about the states of others."""
         return self.world or len(self.lengths) > 0
 
 
 WHOLE_WORLD = b"\x08\x01"
-"""The `Awareness` message of a group whose agents know the whole world as it is."""
+"""The `Awareness` message of a group whose agents know the whole world exactly."""
 
 
 def encode_awareness(
@@ -108,16 +108,16 @@ def encode_awareness(
     """Encode an `Awareness` message; see also `WHOLE_WORLD`.
 
     Args:
-        lengths: (m,) how many others each row knows.
-        entities: (sum of lengths,) who, as indices in the roster, one row's after another.
-        columns: Numbers per known entity: one for all of them, or (sum of lengths,).
-        values: Their believed states, entity after entity; any shape.
+        lengths: (m,) number of others known to each row.
+        entities: (sum of lengths,) roster indices of the others, row after row.
+        columns: Number of values of an entity: one for all, or (sum of lengths,).
+        values: The believed states, entity after entity; any shape.
         rows: (m,) indices, or None for all.
         covariances: Of those states, entity after entity; any shape, or empty.
-        ages: (sum of lengths,) s since each was last seen, or empty.
+        ages: (sum of lengths,) s since each was last perceived, or empty.
 
     Raises:
-        ValueError: The shapes do not fit.
+        ValueError: The shapes are inconsistent.
     """
     lengths, sizes, table = np.atleast_1d(lengths), np.atleast_1d(columns), np.asarray(values)
     known = len(np.atleast_1d(entities))
@@ -153,10 +153,10 @@ def encode_others_series(
     values: ArrayLike,
     rows: ArrayLike | None = None,
 ) -> bytes:
-    """Encode what an `Awareness` message says of a part that is a series, behind the rest of it; see `OthersSeries`.
+    """Encode the series part of an `Awareness` message, to be appended to its other fields; see `OthersSeries`.
 
     Raises:
-        ValueError: The shapes do not fit.
+        ValueError: The shapes are inconsistent.
     """
     known, sizes, counts = np.size(entities), np.asarray(columns, np.int64), np.asarray(points, np.int64)
     if np.sum(lengths) != known or len(sizes) != known or len(counts) != known:

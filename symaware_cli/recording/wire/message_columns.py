@@ -1,4 +1,4 @@
-"""The long columns of messages between agents."""
+"""Encodes the long columns of messages between agents."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ def encode_message_columns(
     sizes: ArrayLike | None = None,
     rows: ArrayLike | None = None,
 ) -> bytes:
-    """Encode the long columns of a `MessageColumns` message; the rest of it may stand before or behind them.
+    """Encode the long columns of a `MessageColumns` message; its other fields may precede or follow them.
 
     Args:
         senders: (m,) indices in the roster.
         receivers: (m,) indices in the roster.
-        sequences: (m,) the number of each among those of its sender.
+        sequences: (m,) the number of each message among those of its sender.
         reason: (m,) indices in the message's `reasons`; None if nothing was dropped.
-        says: (s,) who says something, as indices in the roster; None if that is not repeated.
+        says: (s,) roster indices of the senders of payloads; None if payloads are not repeated.
         sizes: (m,) bytes; None if all are the same.
-        rows: (m,) places in `says`; None if nobody says several things.
+        rows: (m,) indices in `says`; None if no sender has several payloads.
     """
     return b"".join(
         (

@@ -1,7 +1,7 @@
-"""The fields of a message as bytes: arrays are packed, and of fixed width.
+"""Protobuf fields as bytes: packed arrays of fixed width.
 
-A packed `repeated double` is the array's little-endian bytes behind a tag and a length, so an array is written with
-one copy and read with none.
+A packed `repeated double` is a tag, a length and the array's little-endian bytes, so an array is written with one copy
+and read with none.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ BYTES = 2
 
 
 def varint(number: int) -> bytes:
-    """A whole number, seven bits a byte."""
+    """Encode an integer as a varint, seven bits per byte."""
     if number < 0x80:
         return bytes((number,))
     out = bytearray()
@@ -31,24 +31,24 @@ def varint(number: int) -> bytes:
 
 
 def number_field(field: int, number: int) -> bytes:
-    """A varint field; absent if it is 0, as proto3 wants it."""
+    """Encode a varint field; empty if the number is 0, as in proto3."""
     return bytes((field << 3 | VARINT,)) + varint(number) if number else b""
 
 
 def text_field(field: int, text: str) -> bytes:
-    """A text field."""
+    """Encode a text field."""
     data = text.encode()
     return bytes((field << 3 | BYTES,)) + varint(len(data)) + data
 
 
 def packed(field: int, values: ArrayLike, dtype: np.dtype[Any]) -> bytes:
-    """A packed field of fixed width; absent if it is empty."""
+    """Encode a packed field of fixed width; empty if there are no values."""
     data = np.asarray(values, dtype).tobytes()
     return bytes((field << 3 | BYTES,)) + varint(len(data)) + data if data else b""
 
 
 def rows_field(field: int, rows: ArrayLike | None, count: int) -> bytes:
-    """The field of the rows that are present; absent for all of them."""
+    """Encode the field of the rows that are present; empty for all rows."""
     if rows is None:
         return b""
     if np.shape(rows) != (count,):
@@ -57,14 +57,15 @@ def rows_field(field: int, rows: ArrayLike | None, count: int) -> bytes:
 
 
 def fields_of(data: bytes | memoryview, first: int = VARINT, several: int = 0) -> dict[int, Any] | None:
-    """Split a message: field number -> integer, or a view of the bytes of a packed field.
+    """Split a message into its fields, by number: an integer, or a view of the bytes of a packed field.
 
     Args:
         data: The message.
-        first: How the first field is laid out; every other one is packed.
-        several: A field that may come several times, whose value is a list; 0 for none.
+        first: The wire type of the first field; every other field is packed.
+        several: A field that may occur several times, whose value is a list; 0 for none.
 
-    None if it is not laid out as above (a field comes twice, is not packed, or has a type unknown here).
+    Returns:
+        The fields; None if the layout differs (a field is repeated, not packed, or of an unknown type).
     """
     fields: dict[int, Any] = {}
     view = memoryview(data)
@@ -100,7 +101,7 @@ def fields_of(data: bytes | memoryview, first: int = VARINT, several: int = 0) -
 
 
 def array_of(fields: dict[int, Any], field: int, dtype: np.dtype[Any], columns: int | None = None) -> NDArray[Any]:
-    """The array in a field, flat, or (rows, columns) if it has columns."""
+    """Return the array in a field, flat, or (rows, columns) if it has columns."""
     content = fields.get(field, b"")
     flat = np.frombuffer(content, dtype) if isinstance(content, bytes | memoryview) else np.array(content, dtype)
     if columns is None:
@@ -111,13 +112,13 @@ def array_of(fields: dict[int, Any], field: int, dtype: np.dtype[Any], columns: 
 
 
 def indices_of(fields: dict[int, Any], field: int) -> NDArray[np.uint32] | None:
-    """The rows in a field; None for all of them."""
+    """Return the rows in a field; None for all."""
     rows = array_of(fields, field, INDEX)
     return rows if len(rows) else None
 
 
 def table_of(values: ArrayLike) -> NDArray[Any]:
-    """Values as an array (rows, columns)."""
+    """Check that values have the shape (rows, columns), and return them as an array."""
     table = np.asarray(values)
     if table.ndim != 2:
         raise ValueError(f"values must be (rows, columns); got {table.shape}")

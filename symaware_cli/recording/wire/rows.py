@@ -1,4 +1,4 @@
-"""What is said of rows: a value, a time series or a table of each."""
+"""Messages with a value, a time series or a table for each row."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class SeriesRows:
 
     Attributes:
         rows: (m,) indices, or None for all.
-        lengths: (m,) points per row, or (1,) for all.
+        lengths: (m,) number of points of each row, or (1,) for all.
         times: ns; (lengths[0],) if the rows share them, otherwise (sum of lengths,).
         values: (points, columns), one row's series after another.
     """
@@ -56,7 +56,7 @@ class SeriesRows:
         """Yield the times (k,) and values (k, columns) of each row."""
         if len(self.lengths) == 1:
             length = int(self.lengths[0])
-            # A series without points says nothing of how many rows share it, unless they are listed.
+            # An empty series does not determine how many rows share it, unless the rows are listed.
             count = len(self.values) // length if length else len(self.rows) if self.rows is not None else 0
             for row in range(count):
                 yield self.times, self.values[row * length : (row + 1) * length]
@@ -66,7 +66,7 @@ class SeriesRows:
             yield self.times[start:end], self.values[start:end]
 
     def at(self, place: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """The times (k,) and values (k, columns) of one row, by its place among those in the message."""
+        """Return the times (k,) and values (k, columns) of the row at a position in the message."""
         if len(self.lengths) == 1:
             length = int(self.lengths[0])
             return self.times, self.values[place * length : (place + 1) * length]
@@ -76,11 +76,12 @@ class SeriesRows:
 
 @dataclass(frozen=True, slots=True)
 class TableRows:
-    """Any number of entries for each row.
+    """A table for each row.
 
     Attributes:
         rows: (m,) indices, or None for all.
-        lengths: (m,) entries of each row.
+        lengths: (m,) number of entries of each row.
+        values: (entries, columns), one row's entries after another.
         values: (entries, columns), one row's entries after another.
     """
 
@@ -95,7 +96,7 @@ class TableRows:
             yield self.values[start:end]
 
     def at(self, place: int) -> NDArray[np.float64]:
-        """The entries (k, columns) of one row, by its place among those in the message."""
+        """Return the entries (k, columns) of the row at a position in the message."""
         start, end = (int(self.lengths[:count].sum(dtype=np.int64)) for count in (place, place + 1))
         return self.values[start:end]
 
@@ -108,7 +109,7 @@ def encode_rows(values: ArrayLike, rows: ArrayLike | None = None) -> bytes:
         rows: (m,) indices, or None for all.
 
     Raises:
-        ValueError: The shapes do not fit.
+        ValueError: The shapes are inconsistent.
     """
     table = table_of(values)
     return b"".join((number_field(1, table.shape[1]), rows_field(2, rows, len(table)), packed(3, table, FLOAT)))
@@ -121,12 +122,12 @@ def encode_series(
 
     Args:
         times: ns; (k,) shared by all rows, or (sum of lengths,) one row's after another.
-        values: (m, k, columns), or (sum of lengths, columns) if the rows have times of their own.
-        lengths: (m,) points of each row, or None if the rows share the times.
+        values: (m, k, columns), or (sum of lengths, columns) if the rows have separate times.
+        lengths: (m,) number of points of each row, or None if the rows share the times.
         rows: (m,) indices, or None for all.
 
     Raises:
-        ValueError: The shapes do not fit.
+        ValueError: The shapes are inconsistent.
     """
     table = np.asarray(values)
     points = np.shape(times)
@@ -155,11 +156,11 @@ def encode_tables(values: ArrayLike, lengths: ArrayLike, rows: ArrayLike | None 
 
     Args:
         values: (sum of lengths, columns), one row's entries after another.
-        lengths: (m,) entries of each row.
+        lengths: (m,) number of entries of each row.
         rows: (m,) indices, or None for all.
 
     Raises:
-        ValueError: The shapes do not fit.
+        ValueError: The shapes are inconsistent.
     """
     table = table_of(values)
     if np.sum(lengths) != len(table):
@@ -175,7 +176,7 @@ def encode_tables(values: ArrayLike, lengths: ArrayLike, rows: ArrayLike | None 
 
 
 def decode_rows(data: bytes) -> Rows:
-    """Decode a `Rows` message; its arrays are read-only views of the data where that is possible."""
+    """Decode a `Rows` message; its arrays are read-only views of the data where possible."""
     fields = fields_of(data)
     if fields is None:
         message = v1.Rows.FromString(data)

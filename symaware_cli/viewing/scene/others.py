@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.recording import wire
-from symaware_cli.recording.series import place_of
+from symaware_cli.recording.series import row_position
 from symaware_cli.viewing.beliefs import Beliefs, Reading
 from symaware_cli.viewing.chunk import Chunk
 from symaware_cli.viewing.detail import Detail
@@ -70,7 +70,7 @@ class Others(Drawing):
             for name in self._paths:
                 for agent, row in agents:
                     yield from self._ways(name, agent, row, entries)
-            states = [(time, each) for time, each in entries if each.tells_states]
+            states = [(time, each) for time, each in entries if each.has_states]
             if states:
                 beliefs = self._readings[group].read(states, len(group_view.agents), [row for _, row in agents])
                 for agent, row in agents:
@@ -99,7 +99,7 @@ class Others(Drawing):
         owners: list[int] = []
         for time, message in entries:
             for told in message.series:
-                place = place_of(row, told.rows)
+                place = row_position(row, told.rows)
                 if told.part != part or place is None:
                     continue
                 before = len(lines)
