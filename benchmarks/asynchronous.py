@@ -1,9 +1,9 @@
-"""Measures the asynchronous mode: ``python benchmarks/asynchronous.py`` prints a table.
+"""Benchmark of the asynchronous mode: ``python benchmarks/asynchronous.py`` prints a table.
 
-A turn of a component that does next to nothing, for 1,000 components at 100 Hz: all at the same instants, each at
-instants of its own, and as coroutines that sleep. Figures are CPU time of one process, of several rounds the best;
-beside them SimPy's timeout event in the same session (``python benchmarks/run.py`` installs the peers). Then how well a
-paced run keeps 100 agents at 100 Hz, in wall time, which means something on an otherwise idle machine only.
+It measures the turn of a trivial component, for 1,000 components at 100 Hz: all at the same instants, each at different
+instants, and as coroutines that sleep. Figures are the CPU time of one process, the best of several rounds, compared
+with SimPy's timeout event in the same session (``python benchmarks/run.py`` installs the peers). It then measures how
+well a paced run keeps 100 agents at 100 Hz, in wall time, which is meaningful only on an otherwise idle machine.
 """
 
 import argparse
@@ -45,7 +45,7 @@ class Trivial(Component):
 
 
 class Sleeper(Trivial):
-    """Sleeps from turn to turn, within one turn that lasts for the whole run."""
+    """Sleeps between activations, within one turn that lasts for the whole run."""
 
     async def _async_compute(self) -> NoReturn:
         await self.sleep(self.offset)
@@ -84,7 +84,7 @@ def counts(ready: Simulation) -> list[int]:
 def measured(
     kind: type[Trivial], count: int, timing: Timing, duration: float, time_step: float = 0.1, pace: float | None = None
 ) -> Measured:
-    """CPU time of a run, how many turns were taken, and how well the pace was kept."""
+    """Run a simulation; return its CPU time, the number of turns of each component, and the summary."""
     ready = simulation(kind, count, timing, time_step)
     started = time.process_time()
     summary = run(ready, round(duration / time_step), options=RunOptions(mode="asynchronous", pace=pace))
@@ -94,7 +94,7 @@ def measured(
 
 
 def cases(count: int, duration: float) -> Iterator[tuple[str, Callable[[], Measured]]]:
-    """Every case by name: CPU time and turns."""
+    """Yield every case by name, as a function that measures it."""
     together = Timing(period=10 * MILLISECOND)
     apart = Timing(period=10 * MILLISECOND, jitter=9 * MILLISECOND)
     yield "at the same instants", lambda: measured(Trivial, count, together, duration)
@@ -111,7 +111,7 @@ def synchronous(count: int, duration: float) -> Measured:
 
 
 def simpy(count: int, turns: int) -> Any:
-    """The same as SimPy does it; None where it is not installed."""
+    """Measure the same with SimPy; None if it is not installed."""
     if not SIMPY.exists():
         return None
     command = [str(SIMPY), str(HERE / "peers" / "simpy_timeout.py"), str(count), str(turns)]
@@ -130,7 +130,7 @@ def main() -> None:
         for name, case in cases(arguments.agents, arguments.duration):
             cpu, turns, _ = case()
             expected = round(arguments.duration * 100)
-            # What sleeps is at its last instant but one when the run ends, at the most.
+            # At the end of the run, a sleeping component may still be before its last instant.
             assert set(turns) <= {expected - 1, expected}, (name, min(turns), max(turns))
             best[name] = min(best.get(name, 1e9), 1e6 * cpu / sum(turns))
         peer = simpy(arguments.agents, round(arguments.duration * 100))

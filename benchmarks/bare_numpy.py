@@ -1,7 +1,7 @@
-"""The same mathematics as the case ``risk`` with nothing around it: what NumPy and SciPy alone can do.
+"""Baseline of the case ``risk``: the same mathematics with NumPy and SciPy alone.
 
-Unicycles that head for their goals, and for each the time until it touches a neighbour; the index is built anew each
-step, as one would write it.
+Unicycles steer to their goals, and for each the time to collision with its neighbours is computed; the spatial index is
+rebuilt at each step.
 """
 
 import math
@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 
 
 def run(agents: int, steps: int) -> float:
-    """Make the steps and return the CPU time they took [s]."""
+    """Perform the steps and return their CPU time [s]."""
     random = np.random.default_rng(1)
     side = math.sqrt(20.0 * agents)
     state = np.column_stack([random.uniform(0, side, (agents, 2)), random.uniform(-3.14, 3.14, agents)])

@@ -1,11 +1,11 @@
-"""Takes the state of shipped scenarios at random instants, and compares what follows with the unbroken run.
+"""Checks captured states of shipped scenarios at random instants: continuations must equal the uninterrupted run.
 
     python benchmarks/capture.py [--pairs 50] [--seed 1] [--further 10] [--table docs/capture.md]
 
-Each scenario has its turn, in an order that is drawn by the seed as the instants are. What must be equal are the
-messages of the log after the instant, sequence numbers included: of a run that went on, was put back and went on again,
-and of one in a fresh process that was given the bytes of the state. A component or a world that cannot be put away
-exactly has to say so.
+Scenarios are processed in random order, which, like the instants, is drawn with the seed. The messages of the log after
+the instant, including sequence numbers, must be equal: in a run that continued, was restored and continued again, and
+in a run in a new process that loaded the serialised state. Components and worlds that cannot be captured exactly must
+refuse.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ import symaware_cli as sa
 
 ROOT = Path(__file__).parents[1]
 
-#: Instants are drawn from the first steps of a scenario, as many as this at most.
+#: Instants are drawn from at most this number of first steps of a scenario.
 MOST_STEPS = 120
 
 BEGIN, END = "<!-- begin: benchmarks/capture.py -->\n", "<!-- end -->\n"
 
 
 def scenarios() -> dict[Path, int]:
-    """The number of steps of each shipped scenario whose plugins are installed, by its file."""
+    """Return the number of steps of each shipped scenario whose plugins are installed, by file."""
     files = [*ROOT.glob("scenarios/*.yaml"), *ROOT.glob("scenarios/*.toml"), *ROOT.glob("plugins/*/scenarios/*.yaml")]
     found = {}
     for path in sorted(files):
@@ -44,7 +44,7 @@ def scenarios() -> dict[Path, int]:
 
 
 def messages(path: Path, since: int) -> list[tuple[Any, ...]]:
-    """The messages of a log from a sequence number on, but those of wall time."""
+    """Return the messages of a log from a sequence number on, without those of /timing."""
     return [
         (each.sequence, each.time, each.channel.topic, each.data)
         for each in sa.open_log(path).messages()
@@ -53,7 +53,7 @@ def messages(path: Path, since: int) -> list[tuple[Any, ...]]:
 
 
 def unbroken(path: Path, instants: list[int], further: int, folder: Path) -> dict[int, Any]:
-    """Run a scenario with a state taken at each instant; what each comes to within this process, or why it does not."""
+    """Run a scenario and capture it at each instant; return sequence number and size of each state, or the refusal."""
     scenario, found = sa.load(path), {}
     with scenario.start(output=folder / "whole.mcap") as simulation:
         states, sequences = {}, {}
@@ -80,7 +80,7 @@ def unbroken(path: Path, instants: list[int], further: int, folder: Path) -> dic
 
 
 def fresh(path: Path, further: int, folder: Path) -> None:
-    """In a process of its own: go on from each state."""
+    """In a new process: continue from each state."""
     for file in sorted(folder.glob("*.state")):
         with sa.load(path).start(output=folder / f"{file.stem}.fresh.mcap") as simulation:
             simulation.restore(sa.SimulationState.from_bytes(file.read_bytes()))
@@ -88,7 +88,7 @@ def fresh(path: Path, further: int, folder: Path) -> None:
 
 
 def compared(path: Path, instants: list[int], further: int) -> list[str]:
-    """A row of the table for each instant."""
+    """Return a row of the table for each instant."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         found = unbroken(path, instants, further, folder)
@@ -104,7 +104,7 @@ def compared(path: Path, instants: list[int], further: int) -> list[str]:
             cells = []
             for kind in ("again", "fresh"):
                 log = messages(folder / f"{instant}.{kind}.mcap", each["sequence"])
-                # What ends a run between two steps comes last, and is no part of the unbroken one.
+                # The messages that end a run come last, and are not in the original run.
                 last = max(time for _, time, _, _ in log)
                 log = [message for message in log if message[1] < last]
                 equal = bool(log) and log == whole[: len(log)]
@@ -114,7 +114,7 @@ def compared(path: Path, instants: list[int], further: int) -> list[str]:
 
 
 def main() -> None:
-    """Draw pairs, compare, and print the table or write it into a document."""
+    """Draw pairs, compare, and print the table or write it to a document."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--pairs", type=int, default=50)
     parser.add_argument("--seed", type=int, default=1)

@@ -1,7 +1,7 @@
-"""Measures how many messages are delivered per second of CPU time: ``python communication.py [AGENTS] [--record]``.
+"""Benchmark of messages delivered per second of CPU time: ``python communication.py [AGENTS] [--record]``.
 
-Agents on a plane, about 20 of them within range of each, tell each other their state ten times a second, and keep
-tracks of what they are told. CPU time of the run alone is counted: building the scenario and importing are start-up.
+Agents in a plane, each with about 20 others within range, send their states ten times a second and track the states
+they receive. Only the CPU time of the run is counted, without imports and building the scenario.
 """
 
 import argparse
@@ -14,12 +14,12 @@ from pathlib import Path
 from symaware_cli.scenario.build import build
 from symaware_cli.scenario.execution import execute
 
-#: How many others are within range of an agent, on average.
+#: Average number of others within range of an agent.
 _NEIGHBOURS = 20
 
 
 def scenario(agents: int, duration: float, channel: str) -> str:
-    """A field of agents that move to and fro, as dense at any number."""
+    """Return a scenario of moving agents, with a density that does not depend on their number."""
     reach = 5.0
     side = math.sqrt(agents * math.pi * reach * reach / _NEIGHBOURS)
     place = f"[{{uniform: [0, {side}]}}, {{uniform: [0, {side}]}}]"
@@ -50,12 +50,12 @@ def main() -> None:
     parser.add_argument("agents", type=int, nargs="?", default=1000)
     parser.add_argument("--duration", type=float, default=10.0, help="simulated time [s]")
     parser.add_argument("--channel", default="{delay: 0.02, jitter: 0.01, loss: 0.05}")
-    parser.add_argument("--record", action="store_true", help="write a log, too")
+    parser.add_argument("--record", action="store_true", help="also write a log")
     parser.add_argument("--profile", action="store_true")
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         path, log = Path(folder) / "benchmark.yaml", Path(folder) / "benchmark.mcap"
-        # What is imported and looked up only once is start-up, too: a few steps take it out of the way.
+        # A short run first, so that imports and caches are not counted.
         path.write_text(scenario(100, 0.5, arguments.channel))
         execute(build(path), Path(folder) / "warm.mcap")
         path.write_text(scenario(arguments.agents, arguments.duration, arguments.channel))

@@ -1,7 +1,7 @@
-"""Measures how many messages of gossip are delivered per second of CPU time: ``python gossip.py [AGENTS] [--record]``.
+"""Benchmark of gossip messages delivered per second of CPU time: ``python gossip.py [AGENTS] [--record]``.
 
-Agents, of whom one knows a rumour at first, tell it to one other each at every step. CPU time of the run alone is
-counted, as in communication.py.
+One agent knows a rumour at first; each agent that knows it sends it to one other at every step. Only the CPU time of
+the run is counted, as in communication.py.
 """
 
 import argparse
@@ -15,7 +15,7 @@ from symaware_cli.scenario.execution import execute
 
 
 def scenario(agents: int, steps: int, channel: str) -> str:
-    """Agents that reach each other."""
+    """Return a scenario of agents that can all reach each other."""
     place = "[{uniform: [0, 1000]}, {uniform: [0, 1000]}]"
     topology = f"topology: {{use: complete, channel: {channel}}}" if channel else ""
     return f"""
@@ -44,12 +44,12 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("agents", type=int, nargs="?", default=1000)
     parser.add_argument("--steps", type=int, default=1000)
-    parser.add_argument("--channel", default="", help="such as '{delay: 0.02, loss: 0.05}'; none if left out")
-    parser.add_argument("--record", action="store_true", help="write a log, too")
+    parser.add_argument("--channel", default="", help="such as '{delay: 0.02, loss: 0.05}'; none by default")
+    parser.add_argument("--record", action="store_true", help="also write a log")
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         path, log = Path(folder) / "benchmark.yaml", Path(folder) / "benchmark.mcap"
-        # What is imported and looked up only once is start-up, too: a few steps take it out of the way.
+        # A short run first, so that imports and caches are not counted.
         path.write_text(scenario(10, 10, arguments.channel))
         execute(build(path), Path(folder) / "warm.mcap")
         path.write_text(scenario(arguments.agents - 1, arguments.steps, arguments.channel))

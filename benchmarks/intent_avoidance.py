@@ -1,12 +1,12 @@
-"""Times the scenario-tree MPC of case study I beside the same program in plain CasADi and IPOPT.
+"""Benchmark of the scenario-tree MPC of case study I, compared with the same program in plain CasADi and IPOPT.
 
     pip install --no-deps ./plugins/symaware-aircraft
     OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 python benchmarks/intent_avoidance.py
 
-Counted is the CPU time of whole turns of the controller, from the states that are perceived to the control input:
-rolling out 28 scenarios, solving, and for SymAware shifting the plan, risk and uncertainty, too. Every case flies its
-own 82 steps in closed loop. The cases take turns, round after round, and of each step the best round counts, since
-machines have moods. Then the whole run is timed, recording included, start-up aside.
+It measures the CPU time of whole turns of the controller, from the perceived states to the control input: rolling out
+28 scenarios, solving, and for SymAware also shifting the plan, risk and uncertainty. Every case flies its own 82 steps
+in closed loop. The cases alternate, round after round, and the best round of each step counts, to exclude disturbances
+by the machine. Finally, the whole run is timed, including recording, without start-up.
 """
 
 import argparse
@@ -33,7 +33,7 @@ Array = NDArray[np.float64]
 
 
 def plain_program(horizon: int, scenarios: int) -> Callable[..., dict[str, casadi.DM]]:
-    """The program as one writes it down: multiple shooting, all states, then all inputs; IPOPT as in published runs.
+    """Formulate the program directly: multiple shooting, all states, then all inputs; IPOPT as in published runs.
 
     Its parameters are the present state, then x and y of each scenario at the stages 0 to N.
     """
@@ -76,7 +76,7 @@ def plain_program(horizon: int, scenarios: int) -> Callable[..., dict[str, casad
 
 
 def plain(horizon: int) -> tuple[Array, float]:
-    """Fly the encounter with the plain program: CPU time of each turn [s], and the minimum separation [m]."""
+    """Fly the encounter with the plain program; return the CPU time of each turn [s] and the minimum separation [m]."""
     tree = ScenarioTree(horizon, 3, 0.07, "recorded")
     solve = plain_program(horizon, tree.count)
     own, intruder = np.zeros(3), np.array([-120.0, 90.0, 0.0])
@@ -99,7 +99,7 @@ def plain(horizon: int) -> tuple[Array, float]:
 
 
 def ours(horizon: int, solver: str) -> tuple[Array, float]:
-    """The same with SymAware."""
+    """Do the same with SymAware."""
     built = build(SCENARIO, [f"{CONTROLLER}.with.horizon={horizon}", f"{CONTROLLER}.with.solver={solver}"])
     events, taken = built.simulation.events, []
     begun = 0.0
@@ -118,7 +118,7 @@ def ours(horizon: int, solver: str) -> tuple[Array, float]:
 
 
 def whole_run(folder: str) -> float:
-    """CPU time of the scenario's run, recorded, without start-up [s]."""
+    """Return the CPU time of the recorded run, without start-up [s]."""
     built = build(SCENARIO)
     begun = time.process_time()
     execute(built, Path(folder) / "run.mcap")
@@ -126,7 +126,7 @@ def whole_run(folder: str) -> float:
 
 
 def main() -> None:
-    """Measure and print."""
+    """Measure and print the results."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--horizons", type=int, nargs="+", default=[10, 20, 30])

@@ -1,9 +1,9 @@
-"""Times model predictive control and prints the figures as JSON: ``python optimal_control.py CASE``.
+"""Benchmark of model predictive control: ``python optimal_control.py CASE`` prints the figures as JSON.
 
-One program, written twice: an aircraft flies to a target and keeps clear of another in 28 scenarios over 30 steps,
-again and again along its way. Once it is an `OptimalControlProblem` for ``fatrop`` or ``ipopt``; once it is written
-plainly, as the tutorials of CasADi do, with `Opti` and IPOPT (``plain``). What counts is the CPU time of each solution.
-The case ``scenario`` is all of scenarios/mpc.yaml, with six agents that plan 20 steps.
+One program is written in two ways: an aircraft flies to a target and avoids another in 28 scenarios over 30 steps,
+repeatedly along its way. The cases ``fatrop`` and ``ipopt`` are an `OptimalControlProblem`; the case ``plain`` uses
+`Opti` and IPOPT, as in the tutorials of CasADi. The CPU time of each solution is measured. The case ``scenario`` is the
+whole of scenarios/mpc.yaml, with six agents that plan 20 steps.
 """
 
 import argparse
@@ -30,12 +30,12 @@ TARGET = np.array([420.0, 560.0, np.pi / 2])
 SLOWEST, FASTEST, TURN = 6.0, 9.0, 0.1
 INTRUDER = np.array([-120.0, 90.0, 0.0])
 INTRUDER_SPEED, INTRUDER_TURN = 10.0, 0.07
-#: When the intruder turns left, flies straight, turns right and flies straight again: a Dubins path, sampled.
+#: Turn rates of the intruder, which turns left, flies straight, turns right and flies straight: a sampled Dubins path.
 TURNS = np.array([INTRUDER_TURN] * 7 + [0.24 * INTRUDER_TURN] + [0.0] * 66 + [-INTRUDER_TURN] * 8 + [0.0] * 40)
 
 
 def flown(pose: Array, turns: Array) -> Array:
-    """The poses of the intruder, (m, K + 1, 3), under turn rates (m, K)."""
+    """Return the poses of the intruder, (m, K + 1, 3), for turn rates (m, K)."""
     poses = np.empty((len(turns), turns.shape[1] + 1, 3))
     poses[:, 0] = pose
     for k in range(turns.shape[1]):
@@ -46,7 +46,7 @@ def flown(pose: Array, turns: Array) -> Array:
 
 
 def scenarios(pose: Array, step: int) -> Array:
-    """Where the intruder may be at each stage, (N + 1, 2, 28): every turn at first, then its intent; and its intent."""
+    """Return possible positions of the intruder, (N + 1, 2, 28): all initial turns, then its intent; and its intent."""
     intent = TURNS[step : step + HORIZON]
     turns = np.tile(intent, (BRANCHES**ROBUST + 1, 1))
     turns[:-1, :ROBUST] = list(itertools.product((INTRUDER_TURN, -INTRUDER_TURN, 0.0), repeat=ROBUST))
@@ -71,7 +71,7 @@ class Ours:
         self._plan: Plan | None = None
 
     def solve(self, state: Array, intruder: Array) -> tuple[Array, bool]:
-        """The control input to apply, and whether it is that of a solution."""
+        """Return the control input to apply, and whether the solver succeeded."""
         guess = self._plan.shifted() if self._plan else self._solver.rollout(state, [FASTEST, 0.0])
         solution = self._solver.solve(state, {"intruder": intruder}, guess=guess)
         self._plan = solution.plan
@@ -79,7 +79,7 @@ class Ours:
 
 
 class Plain:
-    """The program as `Opti` has it in tutorials."""
+    """The program with `Opti`, as in tutorials."""
 
     def __init__(self) -> None:
         opti = self._opti = casadi.Opti()
@@ -106,7 +106,7 @@ class Plain:
         self._plan: tuple[Array, Array] | None = None
 
     def solve(self, state: Array, intruder: Array) -> tuple[Array, bool]:
-        """The control input to apply, and whether it is that of a solution."""
+        """Return the control input to apply, and whether the solver succeeded."""
         opti = self._opti
         opti.set_value(self._start, state)
         for parameter, value in zip(self._intruder, intruder, strict=True):
@@ -126,7 +126,7 @@ class Plain:
 
 
 def fly(name: str) -> dict[str, float]:
-    """Fly the whole way: the CPU time of each step [s], and of building the solver."""
+    """Fly the whole way; return figures of the CPU time of each step and of building the solver [s]."""
     began = time.process_time()
     program = Plain() if name == "plain" else Ours(name)
     built = time.process_time() - began
@@ -152,7 +152,7 @@ def fly(name: str) -> dict[str, float]:
 
 
 def run_scenario() -> dict[str, float]:
-    """Run the scenario: CPU time of the run [s], and how many plans were made."""
+    """Run the scenario; return the CPU time of the run [s] and the number of plans."""
     built = build(Path(__file__).parents[1] / "scenarios" / "mpc.yaml")
     began = time.process_time()
     summary = execute(built, None)
@@ -161,7 +161,7 @@ def run_scenario() -> dict[str, float]:
 
 
 def main() -> None:
-    """Measure the case that the command line names."""
+    """Measure the case given on the command line."""
     parser = argparse.ArgumentParser()
     parser.add_argument("case", choices=["fatrop", "ipopt", "plain", "scenario"])
     case = parser.parse_args().case

@@ -1,6 +1,6 @@
 """Runs one case of SymAware and prints its figures as JSON: ``python ours.py CASE AGENTS STEPS [--record]``.
 
-CPU time of the run alone is counted: building the scenario and importing are start-up.
+Only the CPU time of the run is counted, without imports and building the scenario.
 """
 
 import argparse
@@ -16,15 +16,16 @@ from symaware_cli.scenario.build import Built, build
 from symaware_cli.scenario.execution import execute
 
 _COMPONENTS = {
-    # The comparison with frameworks that step each agent in Python.
+    # For comparison with frameworks that step each agent in Python.
     "python": "sense: {use: benchmark.perception}, steer: {use: benchmark.controller}",
-    # The original framework's way: each perception fills a dictionary of everybody, and each controller reads it.
+    # As in the original framework: each perception fills a dictionary of all agents, which each controller reads.
     "dictionary": "sense: {use: benchmark.dictionary-perception}, steer: {use: benchmark.aware-controller}",
     "own-dictionary": "sense: {use: benchmark.own-dictionary-perception}, steer: {use: benchmark.aware-controller}",
-    # The same work as IR-SIM's `dash`: unicycles with limits that never arrive; in Python, and as it ships.
+    # The same work as IR-SIM's `dash`: unicycles with limits that never arrive; in Python, and with built-in
+    # components.
     "dash": "sense: {use: benchmark.perception}, steer: {use: benchmark.dash}",
     "stock-dash": "sense: {use: perception.omniscient}, steer: {use: control.go-to-goal}",
-    # The same perception as it ships, for the whole group; only the controller is Python of single agents.
+    # Built-in perception for the whole group; only the controller is Python for single agents.
     "mixed": "sense: {use: perception.omniscient}, steer: {use: benchmark.controller}",
     "stock": "sense: {use: perception.omniscient}, steer: {use: control.go-to-goal}",
     "risk": (
@@ -35,12 +36,12 @@ _COMPONENTS = {
 
 
 def scenario(case: str, agents: int, steps: int) -> str:
-    """A scenario of so many agents and steps."""
+    """Return a scenario with the given numbers of agents and steps."""
     return _quadrotors(agents, steps) if case == "drones" else _field(case, agents, steps)
 
 
 def _quadrotors(agents: int, steps: int) -> str:
-    """Quadrotors beside each other that fly at a velocity: physics at 240 Hz, controllers at 48 Hz."""
+    """Return a scenario of adjacent quadrotors that track a velocity: physics at 240 Hz, controllers at 48 Hz."""
     places = [[row, 0, 1, *[0] * 9] for row in range(agents)]
     return f"""
 symaware: 1
@@ -61,8 +62,8 @@ agents:
 
 
 def _field(case: str, agents: int, steps: int) -> str:
-    """A field of agents, as dense at any number, each with a goal of its own."""
-    # One agent on 20 square metres: within 3 m of each there are about 1.4 others.
+    """Return a scenario of agents with individual goals, with a density that does not depend on their number."""
+    # One agent per 20 square metres: on average, about 1.4 others are within 3 m of an agent.
     side = math.sqrt(20.0 * agents)
     rolls = case in ("risk", "dash", "stock-dash")
     model = "unicycle" if rolls else "single-integrator"
@@ -70,7 +71,7 @@ def _field(case: str, agents: int, steps: int) -> str:
     state += ", {uniform: [-3.14, 3.14]}]" if rolls else "]"
     goal = f"[{{uniform: [0, {side}]}}, {{uniform: [0, {side}]}}]"
     if case in ("dash", "stock-dash"):
-        # Opposite on a large circle, as IR-SIM places them: nobody meets or arrives.
+        # Opposite positions on a large circle, as in IR-SIM: no agent meets another or arrives.
         state, goal = "{circle: {radius: 90.0}}", "{circle: {radius: 90.0, phase: 3.14159}}"
     return f"""
 symaware: 1
@@ -90,7 +91,7 @@ agents:
 
 
 def main() -> None:
-    """Run the case that the command line names."""
+    """Run the case given on the command line."""
     parser = argparse.ArgumentParser()
     parser.add_argument("case", choices=[*_COMPONENTS, "drones", "numpy"])
     parser.add_argument("agents", type=int)
@@ -106,7 +107,7 @@ def main() -> None:
         return
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "benchmark.yaml"
-        # What is imported and looked up only once is start-up, too: a few steps take it out of the way.
+        # A short run first, so that imports and caches are not counted.
         path.write_text(scenario(arguments.case, 100, 2))
         execute(build(path), Path(folder) / "warm.mcap")
         path.write_text(scenario(arguments.case, arguments.agents, arguments.steps))
@@ -131,7 +132,7 @@ def main() -> None:
 
 
 def _profile(built: Built, log: Path | None) -> None:
-    """Print the share of each module in the time of the run."""
+    """Print the share of each module in the CPU time of the run."""
     import cProfile
     import pstats
     from collections import defaultdict

@@ -1,4 +1,4 @@
-"""Components of single agents in plain Python, as the author of a paper would write them."""
+"""Components of single agents in plain Python, as in a typical research implementation."""
 
 import math
 from collections.abc import Mapping
@@ -13,28 +13,28 @@ Array = NDArray[np.float64]
 
 
 class Perception(PerceptionSystem):
-    """Perceives everybody, as one snapshot that all share."""
+    """Perceives all agents, as one shared snapshot."""
 
     def _compute(self) -> Snapshot:
         return self.environment.snapshot()
 
 
 class DictionaryPerception(PerceptionSystem):
-    """Perceives everybody by id: the paper's way. The mapping is backed by the world's arrays."""
+    """Perceives all agents by id, as in the original framework. The mapping is backed by the world's arrays."""
 
     def _compute(self) -> Mapping[str, Array]:
         return self.environment.snapshot().states_by_id
 
 
 class OwnDictionaryPerception(PerceptionSystem):
-    """Perceives everybody, as a dictionary that each agent fills anew."""
+    """Perceives all agents, as a new dictionary for each agent."""
 
     def _compute(self) -> dict[str, Array]:
         return dict(self.environment.snapshot().states_by_id)
 
 
 class ToGoal(Controller):
-    """Heads for the goal."""
+    """Steers to the goal."""
 
     def _compute(self) -> tuple[Array, TimeSeries]:
         state = self._agent.self_state
@@ -48,7 +48,7 @@ class ToGoal(Controller):
 
 
 class AwareToGoal(ToGoal):
-    """Reads what it believes of every other agent, and heads for its goal."""
+    """Reads its beliefs about every other agent, and steers to its goal."""
 
     def _compute(self) -> tuple[Array, TimeSeries]:
         own = self._agent.id
@@ -58,7 +58,7 @@ class AwareToGoal(ToGoal):
 
 
 class Dash(Controller):
-    """Steers a unicycle to its goal, at full speed as far as it looks there: what IR-SIM's ``dash`` does."""
+    """Steers a unicycle to its goal, with a speed by the cosine of the heading error, as IR-SIM's ``dash``."""
 
     def _compute(self) -> tuple[Array, TimeSeries]:
         x, y, heading = self._agent.self_state.tolist()

@@ -1,8 +1,9 @@
-"""Measures what a second process costs: CPU time a step of `hello.yaml` shared by two, beside the same run in one.
+"""Benchmark of a run in two processes: CPU time per step of `hello.yaml`, compared with the same run in one process.
 
-``python processes.py`` prints microseconds as JSON. A figure is the CPU time, user and system, that a long run takes
-beyond a short one, for each step that it makes more: start-up and ends cancel. What counts is the sum of both processes
-less the run in one. All ways are measured in turn; of the rounds the least counts, as other programs only add.
+``python processes.py`` prints microseconds as JSON. A figure is the difference in CPU time, user and system, between a
+long and a short run, divided by the difference in steps, so that start-up and end cancel. The overhead is the sum of
+both processes minus the run in one. The cases alternate; the minimum over the rounds counts, since other programs only
+add time.
 """
 
 import argparse
@@ -18,7 +19,7 @@ HERE = Path(__file__).parent
 PROGRAM = Path(sys.executable).with_name("symaware")
 STEPS = 200, 4200
 
-#: Whom the member runs; the host runs the others.
+#: The agents that the member runs; the host runs the others.
 WAYS = {"member runs all": "robot", "half each": "robot.[01]"}
 
 
@@ -58,7 +59,7 @@ def _measure(scenario: str, folder: str | None) -> dict[str, float]:
 
 
 def _together(lines: list[list[str]], folder: str | None) -> dict[int, float]:
-    """Run commands at once; the CPU time of each [s]."""
+    """Run commands simultaneously; return the CPU time of each [s]."""
     if folder:
         lines = [
             [*line, "--output", os.devnull if False else f"/dev/shm/processes-{i}.mcap"] for i, line in enumerate(lines)

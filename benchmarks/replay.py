@@ -1,16 +1,14 @@
-"""Measures one replay and prints its figures as JSON: ``python replay.py CASE [--row-by-row]``.
+"""Benchmark of replays: ``python replay.py CASE [--row-by-row]`` prints figures as JSON.
 
 A case is a run: *ten* has ten agents for 2,000 steps, each with a state, an intent, a risk, a control input and beliefs
-of the nine others at every step; *crossing* and *circle-swap* are the scenarios of these names; *large* is the run of
-10,000 agents over 1,000 steps whose memory benchmarks/ours.py measures, a log of more than a gigabyte.
+about the nine others at every step; *crossing* and *circle-swap* are the scenarios of these names; *large* is the run
+of 10,000 agents over 1,000 steps whose memory benchmarks/ours.py measures, a log of more than a gigabyte.
 
-What is counted is CPU time from the log to the .rrd, of everything but start-up: importing and whatever is made only
-once are warmed up. An update is what the summary of a run counts: one row of awareness, control or knowledge of one
-agent at one instant.
+It measures the CPU time from the log to the .rrd file, without start-up: a short replay is made first. An update is one
+row of awareness, control or knowledge of one agent at one instant, as in the summary of a run.
 
-Row by row means what one writes without thinking of columns: for each update one `rr.log` of a point, a line or a
-number. That draws less than the replay does. As it takes long, only the beginning of the log is logged so; what counts
-is the time of an update.
+With ``--row-by-row``, each update is one `rr.log` of a point, a line or a number, which draws less than the replay
+does. As this takes long, only the beginning of the log is converted; the time per update is compared.
 """
 
 from __future__ import annotations
@@ -58,12 +56,12 @@ agents:
       steer: {use: control.go-to-goal, with: {speed: 0.9}}
 """
 
-#: How much of a log is drawn row by row.
+#: Share of a log that is drawn row by row.
 _SAMPLE = 0.05
 
 
 def recorded(case: str, folder: Path) -> tuple[Path, int]:
-    """Make the run of a case; its log, and how many updates that has."""
+    """Make the run of a case; return its log and the number of updates."""
     scenario = SCENARIOS / f"{case}.yaml"
     if case == "large":
         scenario = folder / "large.yaml"
@@ -76,14 +74,14 @@ def recorded(case: str, folder: Path) -> tuple[Path, int]:
 
 
 def convert(log: Path, path: Path) -> float:
-    """CPU time of writing an .rrd [s]."""
+    """Return the CPU time of writing an .rrd file [s]."""
     started = time.process_time()
     replay_session(open_log(log)).save(path)
     return time.process_time() - started
 
 
 def convert_row_by_row(log: Log, path: Path) -> tuple[float, int]:
-    """CPU time of logging the beginning of a log with one `rr.log` for each update [s], and how many these were."""
+    """Log the beginning of a log with one `rr.log` per update; return the CPU time [s] and the number of updates."""
     import rerun as rr
 
     run_view = run_view_of(log)
@@ -106,7 +104,7 @@ def convert_row_by_row(log: Log, path: Path) -> tuple[float, int]:
 
 
 def _drawn(rr: Any, run_view: RunView, group_view: GroupView, field: str, content: Any) -> Iterator[tuple[int, Any]]:
-    """What one would log for each row of a message."""
+    """Yield the Rerun archetype to log for each row of a message."""
     match content:
         case wire.Rows() if field == "control":
             for row, control_input in enumerate(content.values):
@@ -130,7 +128,7 @@ def _drawn(rr: Any, run_view: RunView, group_view: GroupView, field: str, conten
 
 
 def main() -> None:
-    """Measure what the command line names."""
+    """Measure the case given on the command line."""
     parser = argparse.ArgumentParser()
     parser.add_argument("case", choices=["ten", "crossing", "circle-swap", "large"])
     parser.add_argument("--row-by-row", action="store_true")
@@ -147,7 +145,7 @@ def main() -> None:
         else:
             cpu = convert(log, folder / "columns.rrd")
         size = log.stat().st_size
-    # The run that made the log is part of it, and needs less.
+    # This includes the run that made the log, which needs less memory.
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
     print(json.dumps({"cpu": cpu, "updates": updates, "peak_memory": peak, "log_size": size}))
 

@@ -1,9 +1,9 @@
-"""Measures SymAware beside its peers: ``python benchmarks/run.py`` prints a table and writes RESULTS.md.
+"""Benchmarks SymAware against its peers: ``python benchmarks/run.py`` prints a table and writes RESULTS.md.
 
-Every figure is CPU time of one process, and what counts is the ratio of two cases of the same round: all cases run in
-turn, round after round, so that a machine that is slow for a while is slow for all. Of the rounds' ratios the table
-shows median, least and greatest. The peers come from the package index into an environment of their own, beside this
-file; two are not there, and are left out unless an interpreter is given that can import them.
+Every figure is CPU time of one process, and the results are ratios of two cases in the same round: all cases run in
+turn, round after round, so that a temporary slowdown of the machine affects all of them. The table shows the median and
+the range of the ratios over the rounds. Peers are installed from the package index into a separate environment beside
+this file; two are not in the index, and are omitted unless an interpreter is given that can import them.
 """
 
 import argparse
@@ -27,11 +27,11 @@ PEERS = HERE / ".peers"
 
 @dataclass(frozen=True)
 class Case:
-    """Something to measure.
+    """A case to measure.
 
     Attributes:
-        command: What to run.
-        whole: Whether the whole process counts, start-up included; else what the command itself reports.
+        command: The command to run.
+        whole: Whether to measure the whole process, including start-up; otherwise the command reports its own CPU time.
     """
 
     command: list[str]
@@ -40,7 +40,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Comparison:
-    """A ratio of two cases: what it says, how many times faster the one is than the other, and what was aimed at."""
+    """A ratio of two cases: description, how many times faster the first is than the second, and the target."""
 
     what: str
     one: str
@@ -78,7 +78,7 @@ def _python(folder: Path) -> str:
 
 
 def install_peers() -> None:
-    """Make the environment of the peers, unless it is there."""
+    """Create the environment of the peers, unless it exists."""
     if not (PEERS / "installed").exists():
         venv.create(PEERS, with_pip=True, clear=True)
         wanted = ["-r", str(HERE / "peers" / "requirements.txt")]
@@ -87,7 +87,7 @@ def install_peers() -> None:
 
 
 def cases(peers: bool, original: str | None, drones: str | None, folder: Path) -> dict[str, Case]:
-    """Every case by name."""
+    """Return every case by name."""
     ours = [sys.executable, str(HERE / "ours.py")]
     found = {}
     for case, agents, steps, recorded in (
@@ -136,8 +136,8 @@ def cases(peers: bool, original: str | None, drones: str | None, folder: Path) -
 
 
 def measure(case: Case) -> dict[str, float]:
-    """Run a case in a process of its own."""
-    # One thread each: the figures are CPU time, and NumPy's helpers would only add to it.
+    """Run a case in a separate process and return its figures."""
+    # One thread each: the figures are CPU time, and NumPy's threads would only add to it.
     environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     done = subprocess.run(case.command, capture_output=True, text=True, env=environment, check=False)
@@ -152,25 +152,25 @@ def measure(case: Case) -> dict[str, float]:
 
 
 def replays() -> dict[str, Case]:
-    """Every case of replays by name."""
+    """Return every case of replays by name."""
     replay = [sys.executable, str(HERE / "replay.py")]
     found = {name: Case([*replay, name]) for name in ("ten", "crossing", "circle-swap")}
     return {**found, "ten, row by row": Case([*replay, "ten", "--row-by-row"])}
 
 
-def _tell(what: str) -> None:
+def _show_progress(what: str) -> None:
     print(f"\r{what:<60}", end="", file=sys.stderr, flush=True)
 
 
 def measure_replays(rounds: int) -> str:
-    """Measure the replays, and lay out the results."""
+    """Measure replays, and format the results."""
     costs: dict[str, list[float]] = {}
     for number in range(rounds):
         for name, case in replays().items():
-            _tell(f"round {number + 1} of {rounds}: replay {name}")
+            _show_progress(f"round {number + 1} of {rounds}: replay {name}")
             figures = measure(case)
             costs.setdefault(name, []).append(1e5 * figures["cpu"] / figures["updates"])
-    _tell("replay of a large log")
+    _show_progress("replay of a large log")
     large = measure(Case([sys.executable, str(HERE / "replay.py"), "large"]))
     faster = [slow / fast for slow, fast in zip(costs["ten, row by row"], costs["ten"], strict=True)]
     rows = [
@@ -197,7 +197,7 @@ def measure_replays(rounds: int) -> str:
 
 
 def measure_messages(rounds: int) -> str:
-    """Measure how many messages are delivered, and lay out the results."""
+    """Measure delivered messages, and format the results."""
     lossy = "{delay: 0.02, jitter: 0.01, loss: 0.05}"
     cases = {
         "states of 1,000 agents at 10 Hz within range, with delays and losses": ["communication.py"],
@@ -209,7 +209,7 @@ def measure_messages(rounds: int) -> str:
     found: dict[str, list[float]] = {}
     for number in range(rounds):
         for name, (script, *arguments) in cases.items():
-            _tell(f"round {number + 1} of {rounds}: {name}")
+            _show_progress(f"round {number + 1} of {rounds}: {name}")
             figures = measure(Case([sys.executable, str(HERE / script), *arguments]))
             found.setdefault(name, []).append(figures["deliveries_per_cpu_second"])
     rows = [
@@ -225,10 +225,10 @@ def measure_messages(rounds: int) -> str:
 
 
 def measure_specifications(rounds: int) -> str:
-    """Measure monitors of specifications, and lay out the results."""
+    """Measure monitors of specifications, and format the results."""
     found: dict[str, list[float]] = {}
     for number in range(rounds):
-        _tell(f"round {number + 1} of {rounds}: monitors of specifications")
+        _show_progress(f"round {number + 1} of {rounds}: monitors of specifications")
         for name, nanoseconds in measure(Case([sys.executable, str(HERE / "specifications.py"), "--json"])).items():
             found.setdefault(name, []).append(nanoseconds)
     aims = {"one agent": "<= 5,000", "one agent, interval": "<= 15,000"}
@@ -242,14 +242,14 @@ def measure_specifications(rounds: int) -> str:
 
 
 def spread(values: list[float]) -> str:
-    """Median, with the least and the greatest."""
+    """Format the median and the range of values."""
     least, greatest = min(values), max(values)
     form = ".0f" if least >= 100.0 else ".2g"
     return f"{statistics.median(values):{form}} ({least:{form}} to {greatest:{form}})"
 
 
 def table(rows: list[tuple[str, str, str]]) -> list[str]:
-    """Rows of what was measured, how much, and what was aimed at."""
+    """Format rows of description, figure and target."""
     return [
         "| what | median (least to greatest) | aim |",
         "|---|---:|---:|",
@@ -261,13 +261,13 @@ def main() -> None:
     """Measure and report."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--rounds", type=int, default=5)
-    parser.add_argument("--no-peers", action="store_true", help="measure SymAware alone")
+    parser.add_argument("--no-peers", action="store_true", help="measure only SymAware")
     parser.add_argument("--original", metavar="PYTHON", help="an interpreter that can import symaware.base")
     parser.add_argument("--drones", metavar="PYTHON", help="an interpreter that can import gym_pybullet_drones")
-    parser.add_argument("--no-replays", action="store_true", help="leave the replays out")
-    parser.add_argument("--no-messages", action="store_true", help="leave the messages out")
-    parser.add_argument("--no-specifications", action="store_true", help="leave the monitors of specifications out")
-    parser.add_argument("--no-write", action="store_true", help="leave RESULTS.md as it is")
+    parser.add_argument("--no-replays", action="store_true", help="omit the replays")
+    parser.add_argument("--no-messages", action="store_true", help="omit the messages")
+    parser.add_argument("--no-specifications", action="store_true", help="omit the monitors of specifications")
+    parser.add_argument("--no-write", action="store_true", help="do not write RESULTS.md")
     arguments = parser.parse_args()
     if not arguments.no_peers:
         install_peers()
@@ -276,10 +276,10 @@ def main() -> None:
         chosen = cases(not arguments.no_peers, arguments.original, arguments.drones, Path(folder))
         for number in range(arguments.rounds):
             for name, case in chosen.items():
-                _tell(f"round {number + 1} of {arguments.rounds}: {name}")
+                _show_progress(f"round {number + 1} of {arguments.rounds}: {name}")
                 figures = measure(case)
                 rates.setdefault(name, []).append(figures["agent_steps"] / figures["cpu"])
-    _tell("memory of 10,000 agents, 1,000 steps, recorded")
+    _show_progress("memory of 10,000 agents, 1,000 steps, recorded")
     ours = [sys.executable, str(HERE / "ours.py")]
     memory = measure(Case([*ours, "stock", "10000", "1000", "--record"]))
     shares = measure(Case([*ours, "risk", "1000", "300", "--record", "--profile"]))
@@ -297,7 +297,7 @@ def main() -> None:
 
 
 def _processor() -> str:
-    """What the machine calls its processor."""
+    """Return the name of the processor."""
     information = Path("/proc/cpuinfo")
     lines = information.read_text().splitlines() if information.exists() else []
     named = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
@@ -305,7 +305,7 @@ def _processor() -> str:
 
 
 def report(rates: dict[str, list[float]], memory: dict[str, float], shares: dict[str, float]) -> str:
-    """Lay out the results."""
+    """Format the results."""
     rows = []
     for each in COMPARISONS:
         if each.one in rates and each.other in rates:

@@ -1,8 +1,8 @@
-"""What it costs to monitor ``always[0,5] (a implies eventually[0,2] b)`` at 20 Hz, once a and b are known.
+"""Benchmark of monitoring ``always[0,5] (a implies eventually[0,2] b)`` at 20 Hz, given the robustness of a and b.
 
-``python benchmarks/specifications.py [--rounds N]`` prints, for one agent and for 1,000, CPU time for each agent and
-instant of monitors with and without the interval, which are asked for exact robustness at each instant, and for one
-agent that of rtamt and sentil. All take turns, round after round; what counts is the least.
+``python benchmarks/specifications.py [--rounds N]`` prints the CPU time per agent and instant, for one agent and for
+1,000, of monitors with and without the interval, which also return exact robustness at each instant; and for one agent
+that of rtamt and sentil. The cases alternate, round after round; the minimum counts.
 """
 
 import argparse
@@ -25,7 +25,7 @@ WRITTEN = "{always}[0,100] ((a >= 0) {implies} ({eventually}[0,40] (b >= 0)))"
 
 
 def signals(agents: int, instants: int) -> list[tuple[Array, Array]]:
-    """Robustness of a and b at each instant: at times a, and soon after it b."""
+    """Return the robustness of a and b at each instant: a holds at times, and b soon after."""
     generator = np.random.default_rng(1)
     phases = generator.uniform(0.0, 2.0 * np.pi, agents)
     times = 0.05 * np.arange(instants)
@@ -33,7 +33,7 @@ def signals(agents: int, instants: int) -> list[tuple[Array, Array]]:
 
 
 def ours(agents: int, interval: bool) -> Callable[[Sequence[tuple[Array, Array]]], None]:
-    """A monitor of so many agents."""
+    """Return a function that runs a monitor of the given number of agents."""
 
     def run(samples: Sequence[tuple[Array, Array]]) -> None:
         monitor = Monitor(FORMULA, agents, interval=interval)
@@ -45,7 +45,7 @@ def ours(agents: int, interval: bool) -> Callable[[Sequence[tuple[Array, Array]]
 
 
 def rtamt_online() -> Callable[[Sequence[tuple[Array, Array]]], None]:
-    """The monitor of rtamt for the same formula, rewritten to look back."""
+    """Return a function that runs the monitor of rtamt for the same formula, rewritten in past operators."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         import rtamt
@@ -64,7 +64,7 @@ def rtamt_online() -> Callable[[Sequence[tuple[Array, Array]]], None]:
 
 
 def sentil_online() -> Callable[[Sequence[tuple[Array, Array]]], None]:
-    """The monitor of sentil for the same formula."""
+    """Return a function that runs the monitor of sentil for the same formula."""
     import sentil
 
     monitor = sentil.OnlineMonitor(WRITTEN.format(always="G", eventually="F", implies="->"))
@@ -86,7 +86,7 @@ THREE: Mapping[str, Mapping[str, str]] = {
 
 
 def swarm(seconds: float, rounds: int) -> dict[str, float]:
-    """CPU time of a thousand vehicles, recorded, with no specification and with three [s]."""
+    """Return the CPU time of a recorded run of a thousand vehicles, without specifications and with three [s]."""
     from symaware_cli import load
 
     arena = {"arena": {"box": [-80, 80, -80, 80]}}
@@ -106,7 +106,7 @@ def swarm(seconds: float, rounds: int) -> dict[str, float]:
 
 
 def main() -> None:
-    """Measure, and print what came of it."""
+    """Measure, and print the results."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rounds", type=int, default=9)
     parser.add_argument("--instants", type=int, default=1000)

@@ -1,7 +1,7 @@
-"""What it costs to start: CPU time of whole processes beside ``python -c pass``.
+"""Benchmark of start-up: CPU time of whole processes, compared with ``python -c pass``.
 
-``python benchmarks/startup.py [--rounds N]`` measures each command once a round, in turn, so that a machine that is
-slow for a while is slow for all, and prints least, median and greatest of the rounds' ratios.
+``python benchmarks/startup.py [--rounds N]`` measures each command once per round, in turn, so that a temporary
+slowdown of the machine affects all of them, and prints minimum, median and maximum of the ratios over the rounds.
 """
 
 import argparse
@@ -27,7 +27,7 @@ for name in ("first", "again"):
 
 
 def cpu_time(line: list[str]) -> float:
-    """User and system time of a process and its children [s]."""
+    """Run a process; return its user and system time, including children [s]."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     subprocess.run(line, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, check=True)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -35,11 +35,11 @@ def cpu_time(line: list[str]) -> float:
 
 
 def main() -> None:
-    """Measure, and print what came of it."""
+    """Measure, and print the results."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rounds", type=int, default=9)
     rounds = parser.parse_args().rounds
-    # Compiled files are written once; who switches that off pays for it in each process.
+    # Bytecode is cached by default; without the cache, each process would compile the modules again.
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     with tempfile.TemporaryDirectory() as folder:
         log = str(Path(folder) / "hello.mcap")

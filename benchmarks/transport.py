@@ -1,7 +1,8 @@
-"""Measures frames between two processes on loopback beside plain asyncio streams: ``python transport.py``.
+"""Benchmark of frames between two processes on loopback, compared with plain asyncio streams: ``python transport.py``.
 
-Each way is measured several times in turn, so that all meet the same machine; the median counts. A round trip is a
-frame to the other process and back. For throughput many frames go there one after another, and a word back at last.
+The transports are measured in turn, several times, under the same conditions; the median counts. A round trip is a
+frame to the other process and back. For throughput, many frames are sent one after another, and acknowledged at the
+end.
 """
 
 import argparse
@@ -19,10 +20,10 @@ from symaware_cli.distributed.zenoh import Zenoh
 
 KEY = b"thirty-two bytes of a shared key"
 
-#: By the size of a frame [bytes]: how many round trips, how many frames there, and how many of them at once.
+#: For each frame size [bytes]: number of round trips, number of frames for throughput, and frames per burst.
 LOADS = {1000: (2000, 20_000, 500), 10**6: (100, 300, 10)}
 
-#: What the other process is told to do with a frame, by its first byte.
+#: Instructions to the other process, as the first byte of a frame: return it, ignore it, or acknowledge.
 BACK, COUNT, TELL = b"b", b"c", b"t"
 
 WAYS: dict[str, tuple[type[Transport] | None, bytes | None]] = {
@@ -35,7 +36,7 @@ WAYS: dict[str, tuple[type[Transport] | None, bytes | None]] = {
 
 
 def main() -> None:
-    """Print the figures as JSON, or be the other process."""
+    """Print the figures as JSON, or run the other process."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--other", nargs=2, metavar=("WAY", "PORT"), help=argparse.SUPPRESS)

@@ -1,18 +1,19 @@
-"""Measures the physics worlds beside their bare engines: ``python benchmarks/worlds.py`` prints a table.
+"""Benchmark of the physics worlds against their bare engines: ``python benchmarks/worlds.py`` prints a table.
 
-Every figure is a ratio of the CPU time of one process, of two programs that are measured in turn, round after round:
-the median of the rounds' ratios is shown, with the least and the greatest. The bare engine gets what a program for it
-alone would do: the same bodies and surfaces in the same order, the same settings of the engine, motors told once a
-time step, and poses and velocities read back once a time step. Both end in the same places to the last bit, or the
-benchmark stops. Only bodies that are driven may differ: the bare loop pushes them one by one in each physics step.
+Every figure is a ratio of the CPU times of two programs, measured in turn, round after round; the median and the range
+over the rounds are shown. The bare engine does what a program written for it would do: the same bodies and surfaces in
+the same order, the same engine settings, motors set once per time step, and poses and velocities read once per time
+step. Both must end with bit-identical positions, or the benchmark stops. Only driven bodies may differ: the bare loop
+applies their forces one by one in each physics step.
 
-Ours always finds every contact, with its point and its impulse, as scenarios are promised. So there are two fair
-peers: a program that wants no contacts, which the target is for; and one that wants them, and asks for them as the
-manual of the engine says, in each physics step, since a bounce begins and ends between two time steps.
+SymAware always detects every contact, with its point and its impulse, as scenarios require. There are thus two fair
+comparisons: with a program that needs no contacts, to which the target applies; and with one that reads them in each
+physics step, as the manual of the engine describes, since a bounce begins and ends between two time steps.
 
-Whole runs are of a scenario file with nothing but such bodies, or with one agent far away, from reading the file to
-closing the log, beside the bare loop from making its bodies on. Ours reads where free bodies are only if somebody
-asks; the bare loop always does. Recorded, the log has all of it at each time step, and ends in the same places.
+Whole runs are of a scenario file with only such bodies, or with one distant agent, from reading the file to closing the
+log; they are compared with the bare loop, including the creation of its bodies. SymAware reads the positions of free
+bodies only if they are needed; the bare loop always reads them. A recorded log has all of them at each time step, and
+ends with the same positions.
 """
 
 import argparse
@@ -57,7 +58,7 @@ Measured = tuple[float, Array | None]
 TIME_STEP, SUBSTEPS = 0.05, 10
 RADIUS = 0.3
 CIRCLE = {"circle": {"radius": RADIUS}}
-#: What the world sets, too.
+#: Engine settings that the worlds use.
 ENGINE = {
     "numSolverIterations": 50,
     "contactERP": 0.02,
@@ -67,14 +68,14 @@ ENGINE = {
 WEIGHTLESS = {"restitutionVelocityThreshold": 1e-3, "contactSlop": 0.0}
 HEAVY = {"restitutionVelocityThreshold": 0.01, "contactSlop": 1e-5}
 FAR_AWAY = [-10.0, -10.0]
-#: How many time steps whole runs have: 200 s.
+#: Number of time steps of whole runs: 200 s.
 WHOLE = 4000
-#: gym-pybullet-drones 2: 10 drones with PID at 48 Hz, physics at 240 Hz, agent-steps of the controller per CPU-second.
+#: gym-pybullet-drones 2: 10 drones with PID at 48 Hz, physics at 240 Hz; agent-steps of the controller per CPU-second.
 PEER_DRONES = 3000
 
 
 def places(count: int, crowded: bool) -> tuple[Array, Array]:
-    """Positions on a square grid, and velocities: outwards, or all towards the middle."""
+    """Return positions on a square grid, and velocities: outwards, or all towards the centre."""
     side = math.ceil(math.sqrt(count))
     spacing = 0.7 if crowded else 5.0
     grid = np.array([[row % side, row // side] for row in range(count)], float) * spacing
@@ -86,7 +87,7 @@ def places(count: int, crowded: bool) -> tuple[Array, Array]:
 def stepped(
     environment: PymunkEnvironment | PyBulletEnvironment, group: AgentGroup, control_input: ArrayLike | None, steps: int
 ) -> float:
-    """CPU time of some steps of a world of ours: states and velocities of all, and contacts."""
+    """Return the CPU time of some steps of a SymAware world: states and velocities of all bodies, and contacts."""
     if control_input is not None:
         group.control_input = control_input
     started = time.process_time()
@@ -101,7 +102,7 @@ def stepped(
 def our_circles(
     kind: type[PymunkEnvironment | PyBulletEnvironment], count: int, crowded: bool, driven: bool, steps: int
 ) -> Measured:
-    """Circles that follow a velocity, or that fly freely; with them somebody far away, since a run has an agent."""
+    """Measure circles that track a velocity, or move freely, with a distant agent, since a run needs one."""
     grid, velocity = places(count, crowded)
     space = {} if kind is PymunkEnvironment else {"ground": None, "gravity": (0, 0, 0)}
     environment = kind(kind.Parameters(time_step=TIME_STEP, substeps=SUBSTEPS, **space))
@@ -119,7 +120,7 @@ def our_circles(
 
 
 def bare_pymunk(count: int, crowded: bool, driven: bool, steps: int, contacts: bool) -> Measured:
-    """Pymunk by itself; who is driven is pushed by one force a body and physics step."""
+    """Measure Pymunk alone; driven bodies are moved by one force per body and physics step."""
     grid, velocity = places(count, crowded)
     space, bodies, step = pymunk.Space(), [], TIME_STEP / SUBSTEPS
     space.collision_slop = 5e-4
@@ -167,7 +168,7 @@ def bare_pymunk(count: int, crowded: bool, driven: bool, steps: int, contacts: b
 def taken_contacts(
     client: int, touching: Mapping[tuple[int, int], Any], news: list[tuple[Any, ...]], step: float
 ) -> dict[tuple[int, int], Any]:
-    """Ask PyBullet who touches, note who began or ended with point and impulse, and return who touches."""
+    """Read contacts from PyBullet, record those that began, with point and impulse, or ended, and return them."""
     found = {each[1:3]: each for each in pybullet.getContactPoints(physicsClientId=client) if each[8] <= 0}
     news += [(*pair, each[5], each[9] * step) for pair, each in found.items() if pair not in touching]
     news += [pair for pair in touching if pair not in found]
@@ -175,7 +176,7 @@ def taken_contacts(
 
 
 def bare_pybullet(count: int, crowded: bool, driven: bool, steps: int, contacts: bool) -> Measured:
-    """PyBullet by itself, likewise."""
+    """Measure PyBullet alone, likewise."""
     grid, velocity = places(count, crowded)
     client, step = pybullet.connect(pybullet.DIRECT), TIME_STEP / SUBSTEPS
     pybullet.setTimeStep(step, client)
@@ -199,7 +200,7 @@ def bare_pybullet(count: int, crowded: bool, driven: bool, steps: int, contacts:
         if not driven:
             pybullet.resetBaseVelocity(body, (*own, 0.0), (0, 0, 0), client)
         bodies.append(body)
-    pybullet.performCollisionDetection(client)  # as ours, which looks for overlaps at the start
+    pybullet.performCollisionDetection(client)  # as SymAware, which checks for overlaps at the start
     wanted = [(*own, 0.0) for own in velocity.tolist()]
     touching: dict[tuple[int, int], Any] = {}
     news: list[tuple[Any, ...]] = []
@@ -224,7 +225,7 @@ def bare_pybullet(count: int, crowded: bool, driven: bool, steps: int, contacts:
 
 
 def our_cars(count: int, steps: int) -> Measured:
-    """Racecars on wheels, and where they end."""
+    """Measure racecars with wheels, and return their final positions."""
     environment = PyBulletEnvironment(PyBulletEnvironment.Parameters(time_step=TIME_STEP, substeps=SUBSTEPS))
     states = [[0.0, 2.0 * row, 0.0, 0.0, 0.0] for row in range(count)]
     cars = AgentGroup("car", [f"car{row}" for row in range(count)], Racecar(), Entity(), states)
@@ -234,7 +235,7 @@ def our_cars(count: int, steps: int) -> Measured:
 
 
 def bare_cars(count: int, steps: int, contacts: bool) -> Measured:
-    """The same wheels, motors and hinges, on PyBullet by itself."""
+    """Measure the same wheels, motors and hinges with PyBullet alone."""
     client, step = pybullet.connect(pybullet.DIRECT), TIME_STEP / SUBSTEPS
     pybullet.setTimeStep(step, client)
     pybullet.setGravity(0, 0, -9.81, client)
@@ -244,7 +245,7 @@ def bare_cars(count: int, steps: int, contacts: bool) -> Measured:
     pybullet.changeDynamics(
         ground, -1, lateralFriction=1, restitution=1, contactProcessingThreshold=0, physicsClientId=client
     )
-    # To set filters, whatever they are, changes the order in which contacts are solved.
+    # Setting collision filters, even to the defaults, changes the order in which contacts are solved.
     pybullet.setCollisionFilterGroupMask(ground, -1, collisions.GROUND, collisions.MEETS[collisions.GROUND], client)
     file = os.path.join(pybullet_data.getDataPath(), "racecar", "racecar.urdf")
     flags = pybullet.URDF_IGNORE_VISUAL_SHAPES | pybullet.URDF_USE_INERTIA_FROM_FILE
@@ -303,7 +304,7 @@ def bare_cars(count: int, steps: int, contacts: bool) -> Measured:
 
 
 def our_drones(count: int, steps: int) -> float:
-    """Quadrotors that follow velocities, at 48 Hz over physics at 240 Hz; agent-steps per CPU-second."""
+    """Return agent-steps per CPU-second of quadrotors that track velocities at 48 Hz, with physics at 240 Hz."""
     model = Quadrotor()
     states = np.zeros((count, 12))
     states[:, 0], states[:, 2] = np.arange(count), 1.0
@@ -321,7 +322,7 @@ def our_drones(count: int, steps: int) -> float:
 
 
 def car_memory(visuals: bool) -> float:
-    """Megabytes that each racecar takes beyond the first, in this process; to be asked once in one."""
+    """Return the memory of each racecar beyond the first [MB]; to be called once in a fresh process."""
 
     def resident(count: int) -> float:
         environment = PyBulletEnvironment(PyBulletEnvironment.Parameters(visuals=visuals))
@@ -338,13 +339,13 @@ def car_memory(visuals: bool) -> float:
 
 
 def car_memory_apart(visuals: bool) -> float:
-    """The same in a process of its own, which nothing was in before."""
+    """Measure the same in a fresh process."""
     with ProcessPoolExecutor(1, get_context("spawn")) as process:
         return process.submit(car_memory, visuals).result()
 
 
 def circles() -> Iterator[tuple[str, Callable[[], Measured], Callable[[bool], Measured]]]:
-    """Name, ours, bare with and without contacts, of which each returns CPU time and where free bodies end."""
+    """Yield name, SymAware case, and bare case with or without contacts; cases return CPU time and final positions."""
     for engine, kind, bare, count in (
         ("pymunk circles", PymunkEnvironment, bare_pymunk, 100),
         ("pybullet spheres", PyBulletEnvironment, bare_pybullet, 50),
@@ -361,7 +362,7 @@ def circles() -> Iterator[tuple[str, Callable[[], Measured], Callable[[bool], Me
 
 
 def whole_run(engine: str, count: int, agents: int, recorded: bool, folder: Path) -> Measured:
-    """CPU time of a run, from its file to the end of its log, and where the bodies end if it was recorded."""
+    """Return the CPU time of a run, from its file to the end of its log, and the final positions if it was recorded."""
     grid, velocity = places(count, False)
     space = {} if engine == "pymunk" else {"ground": None, "gravity": [0, 0, 0]}
     entities = {
@@ -396,14 +397,14 @@ def whole_run(engine: str, count: int, agents: int, recorded: bool, folder: Path
 
 
 def timed(run: Callable[[], Measured]) -> Measured:
-    """CPU time of all that a bare loop does, its setup, too, and where the bodies end."""
+    """Return the CPU time of a bare loop including its setup, and the final positions."""
     started = time.process_time()
     _, ends = run()
     return time.process_time() - started, ends
 
 
 def whole_runs(rounds: int) -> Iterator[tuple[str, float, list[float]]]:
-    """Yield what is compared, the target, and the ratios of the bare engine to whole runs of ours."""
+    """Yield name, target, and ratios of the bare engine to whole runs of SymAware."""
     for engine, count, bare in (("pymunk", 100, bare_pymunk), ("pybullet", 50, bare_pybullet)):
         for agents in (0, 1):
             for recorded, target in ((False, 0.7), (True, 0.4)):
@@ -413,7 +414,7 @@ def whole_runs(rounds: int) -> Iterator[tuple[str, float, list[float]]]:
                         own, ends = whole_run(engine, count, agents, recorded, Path(folder))
                         theirs, expected = timed(partial(bare, count, False, False, WHOLE, False))
                         if ends is not None and (expected is None or not np.array_equal(ends, expected)):
-                            raise SystemExit("the bare engine does not do the same as ours: nothing can be compared")
+                            raise SystemExit("the bare engine and SymAware differ: nothing can be compared")
                         ratios.append(theirs / own)
                 bodies = f"whole run of {count} {engine} {'circles' if engine == 'pymunk' else 'spheres'}"
                 yield f"{bodies}{' and an agent' * agents}{', recorded' * recorded}", target, ratios
@@ -422,25 +423,25 @@ def whole_runs(rounds: int) -> Iterator[tuple[str, float, list[float]]]:
 def compared(
     ours: Callable[[], Measured], bare: Callable[[bool], Measured], rounds: int
 ) -> tuple[list[float], list[float]]:
-    """Return the ratios of what the bare engine takes, without and with contacts, to what ours takes, by round."""
+    """Return, by round, the ratios of CPU time of the bare engine, without and with contacts, to that of SymAware."""
     without: list[float] = []
     asking: list[float] = []
     for _ in range(rounds):
         (own, expected), *theirs = ours(), bare(False), bare(True)
         for (used, ends), ratios in zip(theirs, (without, asking), strict=True):
             if ends is not None and (expected is None or not np.array_equal(ends, expected)):
-                raise SystemExit("the bare engine does not do the same as ours: nothing can be compared")
+                raise SystemExit("the bare engine and SymAware differ: nothing can be compared")
             ratios.append(used / own)
     return without, asking
 
 
 def spread(ratios: Sequence[float]) -> str:
-    """The median of ratios, with the least and the greatest."""
+    """Format the median and the range of ratios."""
     return f"{statistics.median(ratios):.2f} x ({min(ratios):.2f} to {max(ratios):.2f})"
 
 
 def row(name: str, figures: Mapping[str, Any]) -> str:
-    """A row of the table."""
+    """Format a row of the table."""
     if "ratios" not in figures:
         bound = f"< {figures['limit']:g}" if "limit" in figures else f">= {figures['target']:,g}"
         return f"| {name} | {figures['figure']:,.{'limit' in figures:d}f} | {bound} | |"
@@ -449,7 +450,7 @@ def row(name: str, figures: Mapping[str, Any]) -> str:
 
 
 def measured(rounds: int) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yield the name and the figures of everything there is to measure."""
+    """Yield the name and the figures of every case."""
     for name, target, ratios in whole_runs(rounds):
         yield name, {"ratios": ratios, "target": target}
     for name, ours, bare in circles():
@@ -465,7 +466,7 @@ def measured(rounds: int) -> Iterator[tuple[str, dict[str, Any]]]:
 
 
 def main() -> None:
-    """Measure and print."""
+    """Measure and print the results."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--json", action="store_true", help="print figures only")

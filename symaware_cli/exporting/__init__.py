@@ -1,1 +1,1 @@
-"""Tables of a log, for whoever goes on in pandas, Polars, R, MATLAB or a spreadsheet."""
+"""Export of logs as CSV or Parquet tables, for pandas, Polars, R, MATLAB or spreadsheets."""

@@ -1,4 +1,4 @@
-"""From a log to a folder of tables, in one pass and in bounded memory."""
+"""Exports a log as a folder of tables, in one pass and in bounded memory."""
 
 from __future__ import annotations
 
@@ -20,24 +20,24 @@ from symaware_cli.recording.output import whole_folder
 from symaware_cli.recording.reader import Log
 
 _HELD = 8 << 20
-"""How much of a log is held before the longest table is written on [bytes]."""
+"""Amount of log data held in memory before the longest table is written [bytes]."""
 
 _OVERHEAD = 512
-"""What a message takes beside its data when it is decoded [bytes]."""
+"""Memory overhead of a decoded message [bytes]."""
 
 _PROGRESS = 256
-"""Messages between two reports of progress."""
+"""Number of messages between two progress reports."""
 
 
 @dataclass(frozen=True, slots=True)
 class Written:
-    """A file that was written.
+    """A table that was written.
 
     Attributes:
         file: Its path in the folder.
-        rows: How many rows it has.
-        size: Its size in bytes, with that of the images beside it.
-        columns: What its columns are called.
+        rows: Number of rows.
+        size: Its size in bytes, including the images beside it.
+        columns: Names of its columns.
     """
 
     file: str
@@ -56,18 +56,18 @@ def export_tables(
     """Write the tables of a log.
 
     Args:
-        log: The log. What is damaged in it is left out; `Log.damage` tells of it afterwards.
-        folder: Where; must not exist or be empty, and appears when everything in it is complete.
-        form: What the files are to be.
-        selection: What of the log is wanted; None for everything.
-        on_progress: Is told now and then which simulated time was reached [ns].
+        log: The log. Damaged parts are skipped and reported by `Log.damage`.
+        folder: The target; it must be missing or empty, and appears when everything in it is complete.
+        form: The format of the files.
+        selection: The part of the log to export; None for everything.
+        on_progress: Called at intervals with the simulated time reached [ns].
 
     Returns:
         The files, by name.
 
     Raises:
-        LogError: The log is not one of ours or has no manifest, what the form needs is not installed, or the folder
-            cannot be written; nothing is left behind then.
+        LogError: The log is foreign or has no manifest, a module required for the format is not installed, or the
+            folder cannot be written; nothing is left behind then.
     """
     log.require_manifest()
     selection = selection or Selection()
@@ -86,17 +86,17 @@ def export_tables(
 def _batches(
     log: Log, sources: Mapping[str, TableSource], selection: Selection, on_progress: Callable[[int], None] | None
 ) -> Iterator[tuple[Table, list[Values]]]:
-    """Read a log in one pass, and lay out what was read where it has become much."""
+    """Read a log in one pass; convert the messages of a topic when much data have accumulated."""
     entries: dict[str, list[tuple[int, Any]]] = {topic: [] for topic in sources}
     sizes: defaultdict[str, int] = defaultdict(int)
     now = -1
     for number, message in enumerate(log.messages(sources, selection.start, selection.end)):
         if on_progress and number % _PROGRESS == 0:
             on_progress(message.time)
-        # Between two instants, since what is said of one instant belongs together.
+        # Only between two instants, since all messages of an instant are converted together.
         while message.time > now and sum(sizes.values()) >= _HELD:
             longest = max(sizes, key=sizes.__getitem__)
-            yield _laid_out(log, longest, sources[longest], entries[longest])
+            yield _convert(log, longest, sources[longest], entries[longest])
             entries[longest] = []
             del sizes[longest]
         now = message.time
@@ -104,10 +104,10 @@ def _batches(
         sizes[message.channel.topic] += sources[message.channel.topic].growth * (len(message.data) + _OVERHEAD)
     for topic, source in sources.items():
         if entries[topic] or not source.table.optional:
-            yield _laid_out(log, topic, source, entries.pop(topic))
+            yield _convert(log, topic, source, entries.pop(topic))
 
 
-def _laid_out(
+def _convert(
     log: Log, topic: str, source: TableSource, entries: Sequence[tuple[int, Any]]
 ) -> tuple[Table, list[Values]]:
     try:
@@ -117,7 +117,7 @@ def _laid_out(
 
 
 class _TableFolder:
-    """The files of a folder. One is created with its first rows, and an optional one only if it has any."""
+    """The files of a folder. A file is created with its first rows; that of an optional table only if there are any."""
 
     def __init__(self, folder: Path, form: Form, about: Mapping[str, str]) -> None:
         self._folder = folder
@@ -140,7 +140,7 @@ class _TableFolder:
         self._rows[table] += count
 
     def finish(self) -> list[Written]:
-        """Complete the files, and say what they are."""
+        """Complete the files, and describe them."""
         if not self._form.explains:
             self.write(run_tables.RUN, run_tables.run_rows(self._about))
             self.write(run_tables.COLUMNS, run_tables.column_rows([*self._open, run_tables.COLUMNS]))
@@ -163,7 +163,7 @@ class _TableFolder:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
-        # After an error, which is on its way and tells more than that of closing would.
+        # After an error, which is propagating and more informative than an error of closing.
         for sheet in self._open.values():
             with suppress(OSError):
                 sheet.close()

@@ -1,4 +1,4 @@
-"""Tables of entries: events, messages, contacts, images, and the like, each a row by itself."""
+"""Export tables of log entries: events, messages, contacts, timing, knowledge and images; one row per entry."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ from symaware_cli.exporting.table import ExportColumn, Table, Values, place_cell
 from symaware_cli.recording import logged_events, sensor_channels
 
 TIME = ExportColumn("time", "number", "s", "simulated time")
-"""The first column of every table but those that do not depend on time."""
+"""The first column of every table that depends on time."""
 
 EVENTS = Table(
     "events",
     (
         TIME,
-        ExportColumn("name", "text", "", "what happened"),
-        ExportColumn("source", "text", "", "where, such as agents.robot.2.steer"),
+        ExportColumn("name", "text", "", "name of the event"),
+        ExportColumn("source", "text", "", "origin, such as agents.robot.2.steer"),
         ExportColumn("level", "text", "", "DEBUG, INFO, WARNING or ERROR"),
-        ExportColumn("text", "text", "", "in words"),
-        ExportColumn("data", "text", "", "more about it, JSON"),
+        ExportColumn("text", "text", "", "description"),
+        ExportColumn("data", "text", "", "further data, JSON"),
     ),
 )
 RECURRING = Table(
     "recurring",
     (
         TIME,
-        ExportColumn("name", "text", "", "what happens with every step, turn or message"),
-        ExportColumn("source", "text", "", "where"),
+        ExportColumn("name", "text", "", "name of an event of every step, turn or message"),
+        ExportColumn("source", "text", "", "origin"),
     ),
     optional=True,
 )
@@ -38,14 +38,14 @@ MESSAGES = Table(
     "messages",
     (
         TIME,
-        ExportColumn("id", "integer", "", "the same in all stages of one message"),
-        ExportColumn("sender", "text", "", "who sent it"),
-        ExportColumn("receiver", "text", "", "who it is for"),
-        ExportColumn("kind", "text", "", "what it is about"),
+        ExportColumn("id", "integer", "", "identifies the message in all its stages"),
+        ExportColumn("sender", "text", "", "the agent that sent it"),
+        ExportColumn("receiver", "text", "", "the agent it is addressed to"),
+        ExportColumn("kind", "text", "", "kind of message"),
         ExportColumn("stage", "text", "", "SENT, DELIVERED or DROPPED"),
         ExportColumn("sent_time", "number", "s", "when it was sent"),
         ExportColumn("reason", "text", "", "why it was dropped"),
-        ExportColumn("payload", "text", "", "what it says, JSON; empty where a stage does not repeat it"),
+        ExportColumn("payload", "text", "", "content, JSON; empty where a stage does not repeat it"),
         ExportColumn("size", "integer", "byte", "size on the simulated channel"),
     ),
 )
@@ -53,43 +53,41 @@ CONTACTS = Table(
     "contacts",
     (
         TIME,
-        ExportColumn("a", "text", "", "the one"),
-        ExportColumn("b", "text", "", "the other"),
+        ExportColumn("a", "text", "", "the first agent or entity"),
+        ExportColumn("b", "text", "", "the second agent or entity"),
         ExportColumn("stage", "text", "", "BEGIN or END"),
-        *place_columns("where"),
-        ExportColumn("depth", "number", "m", "how deep they overlap"),
-        ExportColumn("impulse", "number", "N*s", "how hard they hit each other; 0 in worlds without forces"),
+        *place_columns("point of contact"),
+        ExportColumn("depth", "number", "m", "penetration depth"),
+        ExportColumn("impulse", "number", "N*s", "impulse at the beginning; 0 in worlds without forces"),
     ),
 )
 TIMING = Table(
     "timing",
     (
         TIME,
-        ExportColumn("wall_time", "number", "s", "since the run started"),
-        ExportColumn("cpu_time", "number", "s", "used by the process"),
-        ExportColumn("steps", "integer", "1", "steps done"),
-        ExportColumn(
-            "pace", "number", "1", "simulated time per wall time that was asked for; 0 for as fast as possible"
-        ),
-        ExportColumn("instants", "integer", "1", "instants that had to be kept"),
-        ExportColumn("late", "integer", "1", "how many of them began late"),
-        ExportColumn("worst_lateness", "number", "s", "by how much the latest"),
+        ExportColumn("wall_time", "number", "s", "wall time since the start of the run"),
+        ExportColumn("cpu_time", "number", "s", "processor time used by the process"),
+        ExportColumn("steps", "integer", "1", "steps completed"),
+        ExportColumn("pace", "number", "1", "requested simulated time per wall time; 0 for as fast as possible"),
+        ExportColumn("instants", "integer", "1", "number of paced instants"),
+        ExportColumn("late", "integer", "1", "number of paced instants that began late"),
+        ExportColumn("worst_lateness", "number", "s", "greatest lateness"),
     ),
 )
 
-#: What the pixels of each kind of image are, as ROS and Foxglove say it.
+#: Pixel encodings of images, as in ROS and Foxglove.
 _ENCODINGS = {"COLOUR": "rgb8", "DEPTH": "16UC1", "SEGMENTS": "16UC1"}
 
 
 @dataclass(frozen=True)
 class EntrySource:
-    """Makes a table of the messages of a channel.
+    """Converts the messages of a channel to a table of entries.
 
     Attributes:
         table: The table.
-        rows: Makes rows of the time [ns] and the content of a message; none if it is not wanted.
-        names: What the columns of names stand for.
-        growth: How many times as large as its messages the table is in memory, roughly.
+        rows: Converts the time [ns] and the content of a message to rows; none if the message is not selected.
+        names: The names that the columns of names refer to.
+        growth: Approximate ratio of the size of the table in memory to that of its messages.
     """
 
     table: Table
@@ -98,7 +96,7 @@ class EntrySource:
     growth: int = 1
 
     def convert(self, entries: Sequence[tuple[int, Any]]) -> list[Values]:
-        """Make rows of messages.
+        """Convert messages to rows.
 
         Args:
             entries: Time [ns] and content of each message, in order.
@@ -110,7 +108,7 @@ class EntrySource:
 
 
 def event_source(selection: Selection) -> EntrySource:
-    """Make the table of events."""
+    """Create the table of events."""
 
     def rows(time: int, message: Any) -> Iterable[Sequence[Any]]:
         event = logged_events.event(time, message)
@@ -121,7 +119,7 @@ def event_source(selection: Selection) -> EntrySource:
 
 
 def recurring_source(selection: Selection) -> EntrySource:
-    """Make the table of events that recur."""
+    """Create the table of recurring events."""
 
     def rows(time: int, message: Any) -> Iterable[Sequence[Any]]:
         wanted = [selection.has_source(source) for source in message.sources]
@@ -133,7 +131,7 @@ def recurring_source(selection: Selection) -> EntrySource:
 
 
 def message_source(selection: Selection, roster: Sequence[str]) -> EntrySource:
-    """Make the table of messages between agents, of which a roster tells who they are."""
+    """Create the table of messages between agents, whose indices refer to a roster."""
 
     def rows(time: int, message: Any) -> Iterable[Sequence[Any]]:
         for entry in logged_events.communications(time, message, roster):
@@ -146,7 +144,7 @@ def message_source(selection: Selection, roster: Sequence[str]) -> EntrySource:
 
 
 def contact_source(selection: Selection) -> EntrySource:
-    """Make the table of contacts."""
+    """Create the table of contacts."""
 
     def rows(time: int, message: Any) -> Iterable[Sequence[Any]]:
         contact = logged_events.contact(time, message)
@@ -158,7 +156,7 @@ def contact_source(selection: Selection) -> EntrySource:
 
 
 def timing_source() -> EntrySource:
-    """Make the table of how fast the machine was."""
+    """Create the table of timing figures."""
 
     def rows(time: int, message: Any) -> Iterable[Sequence[Any]]:
         pace = (message.pace, message.instants, message.late, message.worst_lateness)
@@ -168,13 +166,13 @@ def timing_source() -> EntrySource:
 
 
 def knowledge_source(path: str, ids: Sequence[str], selection: Selection) -> EntrySource:
-    """Make the table of what the agents of a group know, at a path."""
+    """Create the table of the knowledge of the agents of a group, at a path."""
     table = Table(
         path,
         (
             TIME,
-            ExportColumn("agent", "name", "", "whose knowledge it is"),
-            ExportColumn("key", "text", "", "what is known"),
+            ExportColumn("agent", "name", "", "the agent that knows it"),
+            ExportColumn("key", "text", "", "name of the entry"),
             ExportColumn("value", "text", "", "JSON"),
         ),
         optional=True,
@@ -192,22 +190,22 @@ def knowledge_source(path: str, ids: Sequence[str], selection: Selection) -> Ent
 
 
 def image_source(path: str, sensor: str, ids: Sequence[str], selection: Selection) -> EntrySource:
-    """Make the table of what the cameras of a group saw, at a path."""
+    """Create the table of the images of a camera of the agents of a group, at a path."""
     table = Table(
         path,
         (
             TIME,
-            ExportColumn("agent", "name", "", "whose camera"),
-            ExportColumn("measured", "number", "s", "simulated time that is seen"),
+            ExportColumn("agent", "name", "", "the agent with the camera"),
+            ExportColumn("measured", "number", "s", "simulated time of the image"),
             ExportColumn("kind", "text", "", "COLOUR, DEPTH or SEGMENTS"),
-            ExportColumn("width", "integer", "1", "pixels from left to right"),
-            ExportColumn("height", "integer", "1", "pixels from top to bottom"),
+            ExportColumn("width", "integer", "1", "width in pixels"),
+            ExportColumn("height", "integer", "1", "height in pixels"),
             ExportColumn(
-                "encoding", "text", "", "rgb8: red, green, blue; 16UC1: mm, 65535 for nothing, or who is seen"
+                "encoding", "text", "", "rgb8: red, green, blue; 16UC1: depth in mm, 65535 for none, or segments"
             ),
-            ExportColumn("field_of_view", "number", "rad", "from the lower to the upper edge"),
-            *place_columns("where the camera was"),
-            *place_columns("a point in the middle of the image", "target_"),
+            ExportColumn("field_of_view", "number", "rad", "vertical field of view"),
+            *place_columns("position of the camera"),
+            *place_columns("a point at the centre of the image", "target_"),
             ExportColumn("image", "image", "", "PNG"),
         ),
         optional=True,

@@ -1,4 +1,4 @@
-"""What of a log is wanted."""
+"""Selects the part of a log to export: fields, agents and an interval of time."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from symaware_cli.recording.reader import Log
 
 @dataclass(frozen=True, slots=True)
 class Selection:
-    """What of a log is wanted.
+    """The part of a log to export.
 
     Attributes:
-        fields: Of `TABLES`, or parts of awareness and signals by their names; None for all.
-        agents: Ids of agents and names of entities that are wanted; None for all.
+        fields: Some of `TABLES`, or names of parts of awareness and signals; None for all.
+        agents: Ids of agents and names of entities; None for all.
         start: The first simulated time [ns]; None for the beginning.
-        end: The first simulated time not wanted any more [ns]; None for the end.
+        end: The simulated time at which to stop, exclusive [ns]; None for the end.
     """
 
     fields: frozenset[str] | None = None
@@ -28,15 +28,15 @@ class Selection:
     end: int | None = None
 
     def has_field(self, field: str) -> bool:
-        """Whether there is to be a table of it."""
+        """Whether a field is selected."""
         return self.fields is None or field in self.fields
 
     def has_agent(self, *names: str) -> bool:
-        """Whether one of these agents or entities is wanted."""
+        """Whether one of these agents or entities is selected."""
         return self.agents is None or not self.agents.isdisjoint(names)
 
     def has_source(self, source: str) -> bool:
-        """Whether what happened there, such as ``agents.robot.2.steer``, concerns a wanted agent."""
+        """Whether the source of an event, such as ``agents.robot.2.steer``, belongs to a selected agent."""
         if self.agents is None:
             return True
         parts = source.split(".")
@@ -51,17 +51,17 @@ def select(
     start: int | None = None,
     end: int | None = None,
 ) -> Selection:
-    """Choose what of a log is wanted.
+    """Select the part of a log to export.
 
     Args:
         log: The log.
-        fields: Of `TABLES`, or parts of awareness and signals by their names; None for all.
+        fields: Some of `TABLES`, or names of parts of awareness and signals; None for all.
         agents: Agents, groups and entities; None for all.
         start: The first simulated time [ns].
-        end: The first simulated time not wanted any more [ns].
+        end: The simulated time at which to stop, exclusive [ns].
 
     Raises:
-        UnknownNameError: There is no such field or nobody of that name.
+        UnknownNameError: A field or a name does not exist.
     """
     wanted = None if fields is None else frozenset(fields)
     signals = (each.name for group in log.agents for each in log.signals(group).values())
@@ -80,6 +80,6 @@ def _agents(log: Log, names: Iterable[str]) -> frozenset[str]:
     chosen: set[str] = set()
     for name in names:
         if name not in members:
-            raise UnknownNameError(f"{log.path} knows no `{name}`", name, sorted(members))
+            raise UnknownNameError(f"{log.path} has no agent, group or entity `{name}`", name, sorted(members))
         chosen |= members[name]
     return frozenset(chosen)

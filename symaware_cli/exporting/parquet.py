@@ -1,4 +1,4 @@
-"""Tables as Parquet: units and descriptions in the metadata of the columns, what the log is in that of the file."""
+"""Parquet files, with units and descriptions as metadata of the columns, and facts about the log as file metadata."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ if TYPE_CHECKING:
 
 
 class ParquetSheet:
-    """A Parquet file, in which everything written at once is a row group."""
+    """A Parquet file, in which each call of `write` creates a row group."""
 
     def __init__(self, path: Path, table: Table, about: Mapping[str, str]) -> None:
         """Create the file.
 
         Args:
-            path: Where.
-            table: What is to be written.
-            about: What there is to say of the log.
+            path: The path of the file.
+            table: The table to write.
+            about: Facts about the log.
 
         Raises:
-            OSError: It cannot be created.
+            OSError: The file cannot be created.
             LogError: pyarrow is not installed.
         """
         try:
@@ -39,9 +39,9 @@ class ParquetSheet:
         self._schema = pyarrow.schema(
             [_field(column) for column in table.columns], {f"symaware.{key}": value for key, value in about.items()}
         )
-        # Opened here, for an OSError that says why.
+        # Opened here, since the OSError of pyarrow does not give the reason.
         self._file = open(path, "wb")  # noqa: SIM115 (closed by close)
-        # Dictionaries pay for what repeats: names, and the times that all agents share.
+        # Dictionary encoding pays off for repeating values: names, and the times that all agents share.
         unique = ("number", "image")
         repeating = [column.name for column in table.columns if column.kind not in unique or column.name == "time"]
         self._writer = parquet.ParquetWriter(

@@ -1,4 +1,4 @@
-"""Tables of arrays: what each agent of a group had at each instant, laid out without a loop over agents."""
+"""Export tables of arrays: values of each agent of a group at each instant, converted without a loop over agents."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ Indices = NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """The rows of a table that a message amounts to.
+    """The rows of a table that result from a message.
 
     Attributes:
-        present: (k,) of whom the message speaks, as rows of the group.
-        who: (m,) whose each row of the table is, ascending.
+        present: (k,) rows of the group in the message.
+        who: (m,) row of the group for each row of the table, ascending.
         numbers: (m, columns) numbers.
-        index: (m,) a whole number for each row of the table, such as that of a point; None if the table has none.
+        index: (m,) an integer for each row of the table, such as the number of a point; None if the table has none.
     """
 
     present: Indices
@@ -34,22 +34,22 @@ class Piece:
     index: Indices | None = None
 
     def only(self, kept: NDArray[np.bool_]) -> Piece:
-        """Leave out rows of the table."""
+        """Return the rows of the table where `kept` is true."""
         index = None if self.index is None else self.index[kept]
         return Piece(self.present, self.who[kept], self.numbers[kept], index)
 
 
 @dataclass(frozen=True)
 class RowSource:
-    """Makes a table of the messages of a channel.
+    """Converts the messages of a channel to a table of arrays.
 
     Attributes:
-        table: Its columns are the time, who, the index if there is one, and numbers.
+        table: The table; its columns are time, agent, optional index, and numbers.
         ids: The agents, by row.
-        lay_out: Makes a piece of a message and the number of agents.
-        index_names: What the index stands for, if it stands for names.
-        chosen: (n,) which agents are wanted; None for all.
-        growth: How many times as large as its messages the table is in memory, roughly.
+        lay_out: Converts a message to a piece, given the number of agents.
+        index_names: The names that the index refers to, if any.
+        chosen: (n,) the selected agents; None for all.
+        growth: Approximate ratio of the size of the table in memory to that of its messages.
     """
 
     table: Table
@@ -60,19 +60,19 @@ class RowSource:
     growth: int = 1
 
     def convert(self, entries: Sequence[tuple[int, Any]]) -> list[Values]:
-        """Make rows of messages.
+        """Convert messages to rows.
 
         Args:
-            entries: Time [ns] and content of each message, in order; no instant may continue in a later call.
+            entries: Time [ns] and content of each message, in order; all messages of an instant are in the same call.
 
         Raises:
-            ValueError: A message does not fit the group, or itself.
+            ValueError: A message is inconsistent, or does not fit the group.
         """
         instants = np.array([time for time, _ in entries], np.int64)
         pieces = [self._piece(message) for _, message in entries]
         repeated = bool((np.diff(instants) == 0).any())
         if repeated:
-            _leave_out_revised(instants, pieces)
+            _keep_latest(instants, pieces)
         times = np.repeat(instants, [len(piece.who) for piece in pieces])
         who = np.concatenate([piece.who for piece in pieces])
         numbers = np.concatenate([piece.numbers for piece in pieces])
@@ -98,8 +98,8 @@ class RowSource:
         return piece if self.chosen is None else piece.only(self.chosen[piece.who])
 
 
-def _leave_out_revised(instants: Indices, pieces: list[Piece]) -> None:
-    """Of what is said of one agent at one instant more than once, leave the last."""
+def _keep_latest(instants: Indices, pieces: list[Piece]) -> None:
+    """If an agent has several messages at the same instant, keep only the rows of the last."""
     said = np.empty(0, np.int64)
     for place in range(len(pieces) - 2, -1, -1):
         if instants[place] != instants[place + 1]:
@@ -110,13 +110,13 @@ def _leave_out_revised(instants: Indices, pieces: list[Piece]) -> None:
 
 
 def lay_out_rows(message: wire.Rows, count: int, *, width: int) -> Piece:
-    """Lay out states: a row for each agent."""
+    """Convert values: a row for each agent."""
     who = _present(message.rows, len(message.values))
     return Piece(who, who, _widened(message.values, width))
 
 
 def lay_out_series(message: wire.SeriesRows, count: int, *, width: int) -> Piece:
-    """Lay out time series: a row for each point; one without a value for a series without points.
+    """Convert time series: a row for each point; an empty series has one row without a value.
 
     The numbers are the time of the point and its values.
     """
@@ -134,7 +134,7 @@ def lay_out_series(message: wire.SeriesRows, count: int, *, width: int) -> Piece
 
 
 def lay_out_tables(message: wire.TableRows, count: int, *, width: int) -> Piece:
-    """Lay out tables: a row for each entry; one without a value for a table without entries."""
+    """Convert tables: a row for each entry; an empty table has one row without a value."""
     present = _present(message.rows, len(message.lengths))
     who, entry, filled = _spread(present, message.lengths.astype(np.int64), len(message.values))
     numbers = np.full((len(who), width), np.nan)
@@ -143,9 +143,9 @@ def lay_out_tables(message: wire.TableRows, count: int, *, width: int) -> Piece:
 
 
 def lay_out_awareness(message: wire.Awareness, count: int, *, width: int, covariances: bool) -> Piece:
-    """Lay out beliefs about others: a row for each other; one without a name for who knows nobody.
+    """Convert beliefs about others: a row for each other agent; one without a name for an agent that knows no other.
 
-    The numbers are the age, the values, and the covariance row by row. Who knows the whole world has no row.
+    The numbers are the age, the values, and the covariance by rows. An agent that knows the whole world has no row.
     """
     columns = 1 + width + (width * width if covariances else 0)
     nobody = np.empty(0, np.int64)
@@ -162,7 +162,7 @@ def lay_out_awareness(message: wire.Awareness, count: int, *, width: int, covari
     others[filled] = message.entities
     numbers = np.full((len(who), columns), np.nan)
     numbers[filled, 0] = message.ages if len(message.ages) else 0.0
-    # Others may be known by more or fewer numbers each.
+    # Others may have different numbers of values.
     sizes = np.broadcast_to(message.columns.astype(np.int64), len(message.entities))
     inside = np.arange(width) < sizes[:, None]
     values = np.full(inside.shape, np.nan)
@@ -172,16 +172,16 @@ def lay_out_awareness(message: wire.Awareness, count: int, *, width: int, covari
         squares = inside[:, :, None] & inside[:, None, :]
         spread = np.full(squares.shape, np.nan)
         spread[squares] = message.covariances
-        # Zeros stand for nothing where the message says something of others.
+        # All zeros mean that the covariance is unknown, if the message has covariances of others.
         spread[~np.nan_to_num(spread).any(axis=(1, 2))] = np.nan
         numbers[filled, 1 + width :] = spread.reshape(len(spread), -1)
     return Piece(present, who, numbers, others)
 
 
 def lay_out_scan(message: v1.Scan, count: int) -> Piece:
-    """Lay out scans: a row for each ray.
+    """Convert scans: a row for each ray.
 
-    The numbers are the time that was measured, the angle and the distance of the ray, and the pose of the sensor.
+    The numbers are the time of measurement, the angle and the distance of the ray, and the pose of the sensor.
     """
     rays = len(message.angles)
     rows = np.array(message.rows, np.uint32) if len(message.rows) else None
@@ -195,7 +195,7 @@ def lay_out_scan(message: v1.Scan, count: int) -> Piece:
 
 
 def _present(rows: NDArray[np.uint32] | None, count: int) -> Indices:
-    """The rows that a message speaks of."""
+    """Return the rows of the group in a message."""
     if rows is None or not count:
         return np.arange(count)
     if len(rows) != count:
@@ -207,7 +207,7 @@ def _spread(present: Indices, lengths: Indices, total: int) -> tuple[Indices, In
     """Give each agent as many rows of a table as it has entries, and one if it has none.
 
     Returns:
-        For each row of the table whose it is, its number among that one's, and whether there is an entry.
+        For each row of the table: the row of the group, the number of the entry, and whether there is an entry.
     """
     if lengths.sum() != total:
         raise ValueError(f"{total} entries, where {lengths.sum()} were announced")
@@ -218,7 +218,7 @@ def _spread(present: Indices, lengths: Indices, total: int) -> tuple[Indices, In
 
 
 def _widened(values: Array, width: int) -> Array:
-    """The values with that many columns, NaN where they had none."""
+    """Extend values to the given number of columns, filled with NaN."""
     if values.shape[1] == width:
         return values
     if values.shape[1] > width:

@@ -1,4 +1,4 @@
-"""Who and what took part in a run, and what else there is to say of it: the tables that do not depend on time."""
+"""Export tables that do not depend on time: agents, entities, facts about the run, and descriptions of columns."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ AGENTS = Table(
     "agents",
     (
         ExportColumn("agent", "text", "", "its id"),
-        ExportColumn("group", "text", "", "the entry of the scenario it belongs to"),
+        ExportColumn("group", "text", "", "the group it belongs to"),
         ExportColumn("model", "text", "", "its dynamics"),
         ExportColumn("shape", "text", "", "its outline, JSON; lengths in m"),
         ExportColumn("mass", "number", "kg", "its mass"),
@@ -29,15 +29,15 @@ ENTITIES = Table(
         ExportColumn("entity", "text", "", "its name"),
         ExportColumn("shape", "text", "", "its outline, JSON; lengths in m"),
         ExportColumn("mass", "number", "kg", "its mass"),
-        *place_columns("where it is at the beginning"),
-        ExportColumn("heading", "number", "rad", "where its x axis points at the beginning"),
+        *place_columns("position at the beginning"),
+        ExportColumn("heading", "number", "rad", "heading at the beginning"),
     ),
 )
 RUN = Table(
     "run",
     (
-        ExportColumn("key", "text", "", "what about the run"),
-        ExportColumn("value", "text", "", "text, or JSON for the rest"),
+        ExportColumn("key", "text", "", "name of the fact"),
+        ExportColumn("value", "text", "", "text, or JSON for other values"),
     ),
 )
 COLUMNS = Table(
@@ -45,14 +45,14 @@ COLUMNS = Table(
     (
         ExportColumn("table", "text", "", "the file, without .csv"),
         ExportColumn("column", "text", "", "the name in its header"),
-        ExportColumn("unit", "text", "", "of its numbers; empty for what is no number or not known"),
-        ExportColumn("description", "text", "", "in a few words"),
+        ExportColumn("unit", "text", "", "unit of its numbers; empty if not a number or unknown"),
+        ExportColumn("description", "text", "", "short description"),
     ),
 )
 
 
 def about(log: Log) -> dict[str, str]:
-    """Say what a log is of; values that are not text are JSON."""
+    """Return facts about a log; values that are not text are JSON."""
     facts: dict[str, Any] = {key: log.manifest.get(key) for key in ("name", "seed", "mode", "time_step", "format")}
     facts["time_step"] = None if facts["time_step"] is None else facts["time_step"] / 1e9  # in s, as all else here
     facts["status"] = (log.outcome or {}).get("status", "broken off")
@@ -95,7 +95,7 @@ def entity_rows(log: Log, selection: Selection) -> list[Values]:
 
 
 def run_rows(facts: Mapping[str, str]) -> list[Values]:
-    """List what `about` says."""
+    """List the facts of `about`."""
     return RUN.values(list(facts.items()))
 
 

@@ -1,4 +1,4 @@
-"""Which tables a log has, with the names and units of their columns."""
+"""Determines the tables of a log, with the names and units of their columns."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ from symaware_cli.recording.reader import Log
 from symaware_cli.recording.sensor_channels import IMAGE, SCAN, sensors
 
 Quantities = Sequence[tuple[str, str]]
-"""Name and unit of each number."""
+"""Name and unit of each column."""
 
-#: What is told of the world, and the tables of it.
+#: Topics of true quantities, and their tables.
 _TRUTH = {"state": "world", "pose": "pose", "joints": "joints"}
 
-#: A ray is 4 bytes in the log, and ten numbers in a table.
+#: A ray takes 4 bytes in the log and ten numbers in a table.
 _SCAN_GROWTH = 16
 
 
 class TableSource(Protocol):
-    """Makes a table of the messages of a channel."""
+    """Converts the messages of a channel to a table."""
 
     @property
     def table(self) -> Table:
@@ -41,25 +41,25 @@ class TableSource(Protocol):
 
     @property
     def growth(self) -> int:
-        """How many times as large as its messages the table is in memory, roughly."""
+        """Approximate ratio of the size of the table in memory to that of its messages."""
 
     def convert(self, entries: Sequence[tuple[int, Any]]) -> list[Values]:
-        """Make rows of messages.
+        """Convert messages to rows.
 
         Args:
-            entries: Time [ns] and content of each message, in order; no instant may continue in a later call.
+            entries: Time [ns] and content of each message, in order; all messages of an instant are in the same call.
 
         Raises:
-            ValueError: A message does not fit.
+            ValueError: A message is inconsistent.
         """
 
 
 @dataclass
 class Extent:
-    """What numbers the messages of a channel hold.
+    """The sizes of the messages of a channel.
 
     Attributes:
-        widths: How many at a time: in a row, in a point, or for each other agent.
+        widths: Numbers of columns that occur: of a row, a point or a belief.
         covariances: Whether there are covariances.
     """
 
@@ -68,22 +68,22 @@ class Extent:
 
     @property
     def width(self) -> int:
-        """The most numbers at a time."""
+        """The greatest number of columns."""
         return max(self.widths, default=0)
 
 
 def sources_of(log: Log, selection: Selection) -> dict[str, TableSource]:
-    """Find out which tables a log has.
+    """Determine the tables of a log.
 
     Args:
         log: The log, with a manifest.
-        selection: What of it is wanted.
+        selection: The part of the log to export.
 
     Returns:
-        By topic.
+        The sources by topic.
 
     Raises:
-        LogError: The log cannot be read any more.
+        LogError: The log can no longer be read.
     """
     extents = _extents(log, selection)
     sources: dict[str, TableSource] = {}
@@ -108,7 +108,7 @@ def sources_of(log: Log, selection: Selection) -> dict[str, TableSource]:
 
 
 def _extents(log: Log, selection: Selection) -> dict[str, Extent]:
-    """Read the channels whose metadata do not bind what is in them."""
+    """Read the channels whose metadata do not determine the sizes of their messages."""
     extents = {
         topic: Extent()
         for topic, info in log.topics.items()
@@ -131,7 +131,7 @@ def _extents(log: Log, selection: Selection) -> dict[str, Extent]:
 
 @dataclass(frozen=True)
 class _Group:
-    """A group of agents, or an entity that moves."""
+    """A group of agents, or a moving entity."""
 
     log: Log
     name: str
@@ -141,12 +141,12 @@ class _Group:
     extents: Mapping[str, Extent]
 
     def sources(self, selection: Selection) -> dict[str, TableSource]:
-        """The tables of the group, by topic."""
+        """Return the tables of the group, by topic."""
         prefix = f"/agents/{self.name}"
         makers: dict[str, tuple[str, Callable[[str], TableSource]]] = {
             **{f"/world/{self.name}/{kind}": ("world", partial(self.world, table)) for kind, table in _TRUTH.items()},
-            f"{prefix}/control": ("control", partial(self.control, "control_requested", "as the controller asked for")),
-            f"/world/{self.name}/control": ("control", partial(self.control, "control", "as applied until then")),
+            f"{prefix}/control": ("control", partial(self.control, "control_requested", "as the controller requested")),
+            f"/world/{self.name}/control": ("control", partial(self.control, "control", "as applied up to this time")),
             f"{prefix}/awareness": ("awareness", self.awareness),
             f"{prefix}/knowledge": ("knowledge", partial(self.knowledge, selection)),
         }
@@ -166,10 +166,10 @@ class _Group:
         }
 
     def world(self, table: str, topic: str) -> TableSource:
-        """What is so."""
+        """True states, poses or joint positions."""
         quantities = self._quantities(topic)
         lay_out = partial(row_tables.lay_out_rows, width=len(quantities))
-        return self._source(table, _numbers(quantities, "in truth"), lay_out)
+        return self._source(table, _numbers(quantities, "true value"), lay_out)
 
     def control(self, table: str, description: str, topic: str) -> TableSource:
         """Control inputs."""
@@ -178,7 +178,7 @@ class _Group:
         return self._source(table, _numbers(quantities, description), lay_out)
 
     def signal(self, signal: Signal, topic: str) -> TableSource:
-        """A part of what the agents are aware of, of themselves, or what a component hands out."""
+        """A part of the agents' awareness of themselves, or a signal of a component."""
         quantities = self._quantities(topic)
         columns = _numbers(quantities, signal.description or "as measured")
         lay_out: Callable[..., row_tables.Piece] = row_tables.lay_out_rows
@@ -186,9 +186,7 @@ class _Group:
             lay_out = row_tables.lay_out_series
             columns = [
                 ExportColumn("point", "integer", "1", "number of the point in its series"),
-                ExportColumn(
-                    "point_time", "number", "s", "simulated time that the point speaks of; NaN if there is none"
-                ),
+                ExportColumn("point_time", "number", "s", "simulated time of the point; NaN if there is none"),
                 *columns,
             ]
         elif signal.kind == "table":
@@ -198,12 +196,12 @@ class _Group:
         return self._source(signal.name, columns, partial(lay_out, width=len(quantities)), sensor=component)
 
     def awareness(self, topic: str) -> TableSource:
-        """What the agents believe of others."""
+        """Beliefs of the agents about others."""
         extent = self.extents[topic]
         quantities = self._quantities(topic)
         columns = [
-            ExportColumn("other", "name", "", "whom the agent knows of; none if it knows of nobody"),
-            ExportColumn("age", "number", "s", "since the other was last seen"),
+            ExportColumn("other", "name", "", "the other agent; none if the agent knows no other"),
+            ExportColumn("age", "number", "s", "time since the other was last perceived"),
             *_numbers(quantities, "of the other, as believed"),
         ]
         if extent.covariances:
@@ -214,24 +212,24 @@ class _Group:
         return self._source("awareness", columns, lay_out, self.log.manifest.get("roster", ()))
 
     def scan(self, sensor: str, topic: str) -> TableSource:
-        """What a lidar measured."""
+        """Scans of a lidar."""
         columns = [
             ExportColumn("ray", "integer", "1", "number of the ray in its scan"),
-            ExportColumn("measured", "number", "s", "simulated time that was measured"),
-            ExportColumn("angle", "number", "rad", "where the ray points, counter-clockwise from the heading"),
+            ExportColumn("measured", "number", "s", "simulated time of the measurement"),
+            ExportColumn("angle", "number", "rad", "direction of the ray, counter-clockwise from the heading"),
             ExportColumn(
-                "distance", "number", "m", "how far it goes; infinite if nothing is in range, NaN if it was missed"
+                "distance", "number", "m", "length of the ray; infinite if nothing is in range, NaN if it was missed"
             ),
-            *_numbers([("x", "m"), ("y", "m"), ("z", "m"), ("heading", "rad")], "of the sensor, in truth"),
+            *_numbers([("x", "m"), ("y", "m"), ("z", "m"), ("heading", "rad")], "true pose of the sensor"),
         ]
         return self._source(SCAN, columns, row_tables.lay_out_scan, sensor=sensor, growth=_SCAN_GROWTH)
 
     def image(self, selection: Selection, sensor: str, topic: str) -> TableSource:
-        """What a camera saw."""
+        """Images of a camera."""
         return entries.image_source(_path(IMAGE, self.name, sensor), sensor, self.ids, selection)
 
     def knowledge(self, selection: Selection, topic: str) -> TableSource:
-        """What the agents know."""
+        """Knowledge of the agents."""
         return entries.knowledge_source(_path("knowledge", self.name), self.ids, selection)
 
     def _source(
@@ -243,14 +241,14 @@ class _Group:
         sensor: str | None = None,
         growth: int = 1,
     ) -> TableSource:
-        keys = (entries.TIME, ExportColumn("agent", "name", "", "whose row it is"))
+        keys = (entries.TIME, ExportColumn("agent", "name", "", "the agent"))
         path = _path(kind, self.name) if sensor is None else _path(kind, self.name, sensor)
         table = Table(path, _distinct([*keys, *columns]), optional=True)
         chosen = None if self.chosen.all() else self.chosen
         return row_tables.RowSource(table, self.ids, lay_out, index_names, chosen, growth)
 
     def _quantities(self, topic: str) -> Quantities:
-        """The names and units that the channel announces, unless its messages are of another width."""
+        """Return the names and units in the metadata of a channel, unless its messages have a different width."""
         metadata = self.log.topics[topic].metadata
         names, units = (metadata[key].split(",") if metadata.get(key) else [] for key in ("columns", "units"))
         announced = list(zip_longest(names, units[: len(names)], fillvalue=""))
@@ -259,12 +257,12 @@ class _Group:
 
 
 def _path(kind: str, *names: str) -> str:
-    """Where a table stands; a name from a log cannot lead out of the folder."""
+    """Return the path of a table; names are quoted, so that they cannot lead out of the folder."""
     return "/".join([kind, *(quote(name, safe="") for name in names)])
 
 
 def _kind(info: ChannelInfo) -> str:
-    """Which of the selectable fields a channel is of."""
+    """Return the selectable field that a channel belongs to."""
     if info.topic.startswith("/world/") and not info.topic.endswith("/control"):
         return "world"
     signal = signal_of(info)
@@ -280,7 +278,7 @@ def _numbered(width: int) -> Quantities:
 
 
 def _distinct(columns: Sequence[ExportColumn]) -> tuple[ExportColumn, ...]:
-    """Tell columns of one name apart: a state may well have an element called `time`."""
+    """Number columns of the same name: a state may well have an element called `time`."""
     taken: set[str] = set()
     distinct = []
     for column in columns:

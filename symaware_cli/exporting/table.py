@@ -1,4 +1,4 @@
-"""The tables that a log is laid out in, and what a file of them can do."""
+"""Export tables: columns and their values, and the interface of file formats."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 Kind = Literal["number", "integer", "name", "text", "image"]
-"""What a column holds: float64, int64, one of few names, text, or a PNG."""
+"""The type of a column: float64, int64, one of a few names, text, or PNG."""
 
 
 @dataclass(frozen=True, slots=True)
 class ExportColumn:
-    """A column.
+    """A column of an export table.
 
     Attributes:
         name: Unique in its table.
-        kind: What it holds.
-        unit: SI, such as ``m/s``; ``1`` for numbers without a unit, empty for what is no number or not known.
-        description: In a few words.
+        kind: Its type.
+        unit: SI, such as ``m/s``; ``1`` for dimensionless numbers, empty if not a number or unknown.
+        description: A short description.
     """
 
     name: str
@@ -36,8 +36,8 @@ class Names:
     """The values of a column of names.
 
     Attributes:
-        codes: (m,) indices in `names`; -1 for no name.
-        names: All that may occur, in an order that is the same for the whole table.
+        codes: (m,) indices in `names`; -1 for none.
+        names: All names that may occur; the same for the whole table.
     """
 
     codes: NDArray[np.int32]
@@ -49,14 +49,14 @@ class ImageCells:
     """The values of a column of images.
 
     Attributes:
-        files: (m,) the content of each.
+        files: (m,) the content of each image.
     """
 
     files: Sequence[bytes]
 
 
 Cells: TypeAlias = "NDArray[np.float64] | NDArray[np.int64] | Names | list[str]"
-"""The values of a column that a line of text can hold."""
+"""The values of a column that can be written as text."""
 
 Values: TypeAlias = "Cells | ImageCells"
 """The values of a column, by its kind."""
@@ -64,12 +64,12 @@ Values: TypeAlias = "Cells | ImageCells"
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """A table.
+    """An export table.
 
     Attributes:
-        path: Where it stands, such as ``state/robot``; without the suffix of the format.
+        path: Its path, such as ``state/robot``; without the suffix of the format.
         columns: Its columns.
-        optional: Whether it is left out where nothing was recorded for it.
+        optional: Whether it is omitted if nothing was recorded for it.
     """
 
     path: str
@@ -77,14 +77,14 @@ class Table:
     optional: bool = False
 
     def values(self, rows: Sequence[Sequence[Any]], names: Sequence[str] = ()) -> list[Values]:
-        """Turn rows into the values of each column.
+        """Convert rows to the values of each column.
 
         Args:
             rows: A cell for each column; a name is an index in `names`.
-            names: What the columns of names stand for.
+            names: The names that columns of names refer to.
 
         Raises:
-            ValueError: The rows are not equally long.
+            ValueError: The rows have different lengths.
         """
         cells = list(zip(*rows, strict=True)) if rows else [()] * len(self.columns)
         return [_values(column.kind, each, names) for column, each in zip(self.columns, cells, strict=True)]
@@ -97,7 +97,7 @@ class Sheet(Protocol):
         """Append rows.
 
         Args:
-            values: Of each column, equally long.
+            values: The values of each column, equally long.
 
         Raises:
             OSError: They cannot be written.
@@ -113,12 +113,12 @@ class Sheet(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Form:
-    """A format of files.
+    """A file format.
 
     Attributes:
-        suffix: Of the files.
-        sheet: Creates a file at a path, for a table, with what there is to say of the log.
-        explains: Whether the files say themselves what their units are, and which log they are of.
+        suffix: The suffix of its files.
+        sheet: Creates a file at a path, for a table, with facts about the log.
+        explains: Whether the files contain units and facts about the log themselves.
     """
 
     suffix: str
@@ -127,7 +127,7 @@ class Form:
 
 
 def place_columns(description: str, prefix: str = "") -> tuple[ExportColumn, ExportColumn, ExportColumn]:
-    """Columns of a place, in which a place in a plane has no height."""
+    """Return the columns of a position; in a plane, the z column is NaN."""
     x, y, z = (f"{prefix}{axis}" for axis in "xyz")
     return (
         ExportColumn(x, "number", "m", description),
@@ -137,12 +137,12 @@ def place_columns(description: str, prefix: str = "") -> tuple[ExportColumn, Exp
 
 
 def place_cells(place: Sequence[float]) -> tuple[float, ...]:
-    """The cells of `place_columns`: three of a place of two or three numbers, or of none."""
+    """Return the three cells of `place_columns` for a position of two or three numbers, or of none."""
     return (*place, np.nan, np.nan, np.nan)[:3]
 
 
 def length(values: Values) -> int:
-    """How many rows the values of a column are."""
+    """Return the number of values of a column."""
     match values:
         case Names():
             return len(values.codes)
@@ -153,7 +153,7 @@ def length(values: Values) -> int:
 
 
 def images_beside(path: Path) -> Path:
-    """The folder of the images of a file that cannot hold them."""
+    """Return the folder for the images of a file that cannot contain them."""
     return path.with_suffix("")
 
 

@@ -1,4 +1,4 @@
-"""Tables as CSV: UTF-8, a header, commas, line feeds, and numbers that read back as they were; images stand beside."""
+"""CSV files: UTF-8, a header, commas, line feeds, and numbers that round-trip; images are separate files."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from symaware_cli.exporting.table import Cells, Form, ImageCells, Names, Table, Values, images_beside, length
 
 _PIECE = 16384
-"""Rows that are turned into text at a time."""
+"""Number of rows that are formatted at a time."""
 
 _SPECIAL = re.compile('[",\r\n]')
 
@@ -23,12 +23,12 @@ class TextSheet:
         """Create the file.
 
         Args:
-            path: Where.
-            table: What is to be written.
-            about: What there is to say of the log; a CSV file has no place for it.
+            path: The path of the file.
+            table: The table to write.
+            about: Facts about the log; not used, as a CSV file cannot contain them.
 
         Raises:
-            OSError: It cannot be created.
+            OSError: The file cannot be created.
         """
         self._file = open(path, "w", encoding="utf-8", newline="")  # noqa: SIM115 (closed by close)
         self._images = images_beside(path)
@@ -37,15 +37,15 @@ class TextSheet:
 
     def write(self, values: Sequence[Values]) -> None:
         """Append rows."""
-        # A piece at a time: as text, a number takes ten times the memory.
-        cells = [self._put_beside(each) if isinstance(each, ImageCells) else each for each in values]
+        # A piece at a time, since a number takes ten times the memory as text.
+        cells = [self._write_images(each) if isinstance(each, ImageCells) else each for each in values]
         for start in range(0, length(values[0]), _PIECE):
             piece = slice(start, start + _PIECE)
             self._write(zip(*(_cells(each, piece) for each in cells), strict=True))
         self._rows += length(values[0])
 
-    def _put_beside(self, images: ImageCells) -> list[str]:
-        """Write images into files of their own, numbered by row, and return how these are called."""
+    def _write_images(self, images: ImageCells) -> list[str]:
+        """Write images to separate files, numbered by row, and return their paths."""
         self._images.mkdir(exist_ok=True)
         names = [f"{row:06}.png" for row, _ in enumerate(images.files, self._rows)]
         for name, content in zip(names, images.files, strict=True):
@@ -66,12 +66,12 @@ CSV = Form(".csv", TextSheet, explains=False)
 def _cells(values: Cells, piece: slice) -> Iterable[str]:
     match values:
         case Names():
-            names = [*map(_quoted, values.names), ""]  # the last is that of -1
+            names = [*map(_quoted, values.names), ""]  # the last is for code -1
             return [names[code] for code in values.codes[piece].tolist()]
         case list():
             return map(_quoted, values[piece])
         case _:
-            # The shortest decimals that read back as the same number. NaN is an empty cell: spreadsheets know no other.
+            # The shortest decimals that round-trip. NaN is an empty cell, as spreadsheets have no NaN.
             cells = map(repr, values[piece].tolist())
             return ["" if cell == "nan" else cell for cell in cells] if np.isnan(values[piece]).any() else cells
 

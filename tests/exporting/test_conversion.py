@@ -384,7 +384,7 @@ def test_a_message_that_does_not_fit_is_told_with_its_topic(write, tmp_path, fie
     log = write(field, kind, [(0, content)], {"columns": "x", "units": "m"})
     with pytest.raises(
         LogError,
-        match=rf"the messages on /agents/robot/{field} .*(do not fit together|\(symaware.v1.Event\).* are not SymAware)",
+        match=rf"the messages on /agents/robot/{field} .*(do not fit together|\(symaware.v1.Event\).* are not Sym)",
     ):
         export_tables(open_log(log), tmp_path / "tables", CSV)
     assert [path.name for path in tmp_path.iterdir()] == ["log.mcap"]
