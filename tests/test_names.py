@@ -26,7 +26,6 @@ MODULES = {
     "curves": BACKEND,
     "figure": "the geometry of bodies of links and joints; the figure of a plot",
     "figures": BACKEND,
-    "marks": BACKEND,
     "motion": "position and velocity, and how a plot shows them",
     "outline": "the outline of a scenario; the outline of a shape",
     "output": "a file that appears whole or not at all, and the output of each backend",

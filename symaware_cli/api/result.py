@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from symaware_cli.recording.series import Series
     from symaware_cli.runtime.run import Run
     from symaware_cli.runtime.run_summary import RunSummary
-    from symaware_cli.viewing.plotting.content import Content
+    from symaware_cli.viewing.plotting.panels import Content
     from symaware_cli.viewing.plotting.request import PlotRequest
 
 

@@ -149,3 +149,31 @@ class BodyOutlines:
         if not gaps[best] < below:
             return None
         return NearestPair(float(gaps[best]), int(one[best]), int(other[best]))
+
+    def nearest_to_each(self, positions: Array, headings: Array) -> tuple[Array, Indices]:
+        """Find the body that is nearest to each, of two bodies or more.
+
+        Args:
+            positions: Of all bodies [m]; shape (n, d).
+            headings: Of all bodies [rad]; shape (n,).
+
+        Returns:
+            The gap between the two outlines, negative where they overlap [m], and the index of the other body; each of
+            shape (n,).
+        """
+        from scipy.spatial import cKDTree
+
+        count = len(positions)
+        tree, bodies = cKDTree(positions), np.arange(count)
+        asked = 2 if self._alike else min(count, 6)
+        while True:
+            apart, other = (np.asarray(found) for found in tree.query(positions, k=asked))
+            one = np.repeat(bodies, asked)
+            gaps = self.gaps(one, other.ravel(), apart.ravel(), positions, headings).reshape(apart.shape)
+            gaps[other == bodies[:, None]] = np.inf
+            best = gaps.argmin(axis=1)
+            gap = gaps[bodies, best]
+            # Bodies that were not considered are farther away than the last one that was.
+            if asked == count or (gap <= apart[:, -1] - self.radii - self._largest).all():
+                return gap, other[bodies, best]
+            asked = min(count, 2 * asked)

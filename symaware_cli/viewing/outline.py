@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from symaware_cli.core import Shape
-
 Array = NDArray[np.float64]
+Piece = tuple[Sequence[Sequence[float]] | NDArray[np.float64], float]
+"""A convex core (m, 2) and the radius by which it is rounded [m], as in `Shape.pieces`."""
 
 #: Corners of a full circle.
 _CORNERS = 32
 
 
-def outlines(shape: Shape) -> list[Array]:
-    """The convex pieces of a shape, counter-clockwise, relative to its position, x along its heading [m].
-
-    Returns:
-        For each piece its corners, (m, 2); round ones have 32 corners a turn.
-    """
-    return [_rounded(np.array(core, float), radius) for core, radius in shape.pieces]
+def outlines(pieces: Iterable[Piece]) -> list[Array]:
+    """Return the corners of each piece, (m, 2) counter-clockwise [m]; a full circle has 32 corners."""
+    return [_rounded(np.array(core, float), radius) for core, radius in pieces]
 
 
 def circle(radius: float = 1.0, corners: int = _CORNERS) -> Array:

@@ -87,7 +87,7 @@ def test_an_area_is_filled_with_its_label_in_the_middle(tmp_path: Path) -> None:
         layer="regions",
         times=TIMES[:1],
         name="dock",
-        outlines=[SQUARE],
+        pieces=[(SQUARE, 0.0)],
         low=0.0,
         high=0.0,
         colour=RED,

@@ -17,14 +17,14 @@ SHAPES = [
 
 @pytest.mark.parametrize(("shape", "area"), SHAPES)
 def test_an_outline_has_the_area_of_its_shape_and_runs_counter_clockwise(shape, area):
-    (outline,) = outlines(shape)
+    (outline,) = outlines(shape.pieces)
     ring = shapely.LinearRing(outline)
     assert ring.is_ccw
     assert shapely.Polygon(outline).area == pytest.approx(area, rel=0.01)
 
 
 def test_a_wall_of_two_segments_has_two_pieces():
-    assert len(outlines(Shape(wall=Wall(points=[(0, 0), (1, 0), (1, 1)])))) == 2
+    assert len(outlines(Shape(wall=Wall(points=[(0, 0), (1, 0), (1, 1)])).pieces)) == 2
 
 
 def test_a_circle_is_closed():
@@ -40,7 +40,7 @@ def test_an_outline_turns_with_the_heading_and_moves_with_the_position():
 
 @pytest.mark.parametrize(("shape", "area"), SHAPES)
 def test_a_prism_is_closed_and_has_the_volume_of_its_outline_times_its_height(shape, area):
-    (outline,) = outlines(shape)
+    (outline,) = outlines(shape.pieces)
     vertices, triangles = mesh(outline, 1.0, 4.0)
     one, two, three = vertices[triangles].swapaxes(0, 1)
     # The divergence theorem: with all triangles facing outwards the signed volumes add up.

@@ -10,9 +10,10 @@ from symaware_cli.recording import wire
 from symaware_cli.recording.error import LogError, UnknownNameError
 from symaware_cli.recording.writer import LogWriter
 from symaware_cli.viewing.palette import hexadecimal
-from symaware_cli.viewing.plotting.content import gather
+from symaware_cli.viewing.plotting.content import choose, gather
 from symaware_cli.viewing.plotting.curves import PlottedCurves
-from symaware_cli.viewing.plotting.motion import Chosen, LineStyle, held
+from symaware_cli.viewing.plotting.line_styles import LineStyle
+from symaware_cli.viewing.plotting.motion import held
 from symaware_cli.viewing.plotting.plot import plot
 from symaware_cli.viewing.plotting.request import PlotRequest, SeriesName
 from symaware_cli.viewing.views import run_view_of
@@ -152,17 +153,17 @@ def test_agents_are_plotted_as_if_there_were_no_others(yard):
 def test_colours_are_those_of_the_replay_and_nobody_has_those_of_another(tmp_path):
     log = log_of(tmp_path, "hello.yaml", "run.duration=0.05", "agents.robot.count=14")
     run_view = run_view_of(log)
-    lines = Chosen.of(run_view).lines
+    lines = choose(run_view).lines
     assert [line.colour for line in lines] == [hexadecimal(colour) for colour in run_view.group_views["robot"].colours]
     assert len({(line.colour, line.dashed) for line in lines}) == 14
 
 
 def test_a_few_of_many_are_told_apart(tmp_path):
     log = log_of(tmp_path, "hello.yaml", "run.duration=0.05", "agents.robot.count=40")
-    everybody = Chosen.of(run_view_of(log))
+    everybody = choose(run_view_of(log))
     assert everybody.many
     assert len({line.colour for line in everybody.lines}) == 1
-    few = Chosen.of(run_view_of(log), ["robot.3", "robot.30"])
+    few = choose(run_view_of(log), ["robot.3", "robot.30"])
     assert not few.many
     assert len({line.colour for line in few.lines}) == 2
 
@@ -181,7 +182,7 @@ def test_an_infinite_value_is_no_extreme():
 def test_beliefs_stand_in_for_a_truth_that_was_not_recorded(tmp_path):
     log = log_of(tmp_path, "hello.yaml", "run.duration=0.5", "recording.omit=[world]")
     content = gather(log, PlotRequest())
-    assert content.panels[0].motion.believed == ("robot",)
+    assert content.panels[0].believed == ("robot",)
     assert "what robot believed" in content.notes[0]
     bare = log_of(tmp_path, "hello.yaml", "run.duration=0.5", "recording.omit=[world, state]")
     assert gather(bare, PlotRequest(show=("control",))).panels

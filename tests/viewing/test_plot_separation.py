@@ -11,10 +11,11 @@ from rerun_files import saved
 
 from symaware_cli import Circle, Polygon, Shape, Wall, open_log
 from symaware_cli.viewing.plotting import separation as closeness
-from symaware_cli.viewing.plotting.content import Distances, gather
+from symaware_cli.viewing.plotting.content import gather
 from symaware_cli.viewing.plotting.motion import Motion, Obstacles
+from symaware_cli.viewing.plotting.panels import Distances
 from symaware_cli.viewing.plotting.request import PlotRequest
-from symaware_cli.viewing.views import ObstacleView, run_view_of
+from symaware_cli.viewing.views import run_view_of
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -25,7 +26,8 @@ def motion(positions, shapes, headings=None):
     if positions.shape[2] == 2:
         positions = np.concatenate([positions, np.zeros((*positions.shape[:2], 1))], axis=2)
     headings = np.zeros(positions.shape[:2]) if headings is None else headings
-    return Motion(np.arange(len(positions)) * 10**9, positions, headings, tuple(shapes), ())
+    times, names = np.arange(len(positions)) * 10**9, tuple(str(number) for number in range(len(shapes)))
+    return Motion(names, times, positions, headings, tuple(shapes), (True,) * len(shapes))
 
 
 def separation(log):
@@ -61,22 +63,20 @@ def test_the_least_separation_from_obstacles_is_that_of_all_their_pieces(seed):
     random = np.random.default_rng(seed)
     shapes = [random_shape(random) for _ in range(4)]
     wall = Wall(points=[tuple(point) for point in random.uniform(-3, 3, (4, 2))], thickness=0.3)
-    obstacle_views = [Shape(wall=wall), *(random_shape(random) for _ in range(3))]
-    listed = tuple(
-        ObstacleView(str(number), shape, np.zeros(3), 0.0, True) for number, shape in enumerate(obstacle_views)
-    )
+    around = [Shape(wall=wall), *(random_shape(random) for _ in range(3))]
+    pieces = [shape.pieces for shape in around]
     positions, headings = random.uniform(-4, 4, (3, 4, 2)), random.uniform(-3, 3, (3, 4))
     places = np.concatenate([random.uniform(-4, 4, (3, 4, 2)), np.zeros((3, 4, 1))], axis=2)
     turns = random.uniform(-3, 3, (3, 4))
     moved = motion(positions, shapes, headings)
-    found = closeness.from_obstacles(moved, Obstacles(listed, places, turns))
+    found = closeness.from_obstacles(moved, Obstacles(tuple("abcd"), pieces, ["#000000"] * 4, places, turns))
     for step in range(3):
         gaps = np.array(
             [
                 [
                     min(
                         distance(placed(shape, positions[step, row], headings[step, row])[0], piece)
-                        for piece in placed(obstacle_views[number], places[step, number, :2], turns[step, number])
+                        for piece in placed(around[number], places[step, number, :2], turns[step, number])
                     )
                     for number in range(4)
                 ]

@@ -8,8 +8,9 @@ import pytest
 from symaware_cli import open_log
 from symaware_cli.scenario.build import build
 from symaware_cli.scenario.execution import execute
-from symaware_cli.viewing.plotting.content import Content, Trajectories, gather
+from symaware_cli.viewing.plotting.content import gather
 from symaware_cli.viewing.plotting.curves import PlottedCurves
+from symaware_cli.viewing.plotting.panels import Content, Trajectories
 from symaware_cli.viewing.plotting.request import PlotRequest
 
 SCENARIO = Path(__file__).parents[2] / "scenarios" / "shortcut.yaml"
@@ -46,5 +47,6 @@ def test_only_specifications_of_chosen_agents_are_shown(log: Path) -> None:
 
 def test_trajectories_have_regions(log: Path) -> None:
     (plane,) = [panel for panel in content(log).panels if isinstance(panel, Trajectories)]
-    assert set(plane.regions) == {"arena", "pickup", "shelf", "wall"}
-    np.testing.assert_allclose(plane.regions["pickup"][0], [[30, 2], [38, 2], [38, 10], [30, 10]])
+    regions = {mark.label: mark.outlines for mark in plane.regions}
+    assert set(regions) == {"arena", "pickup", "shelf", "wall"}
+    np.testing.assert_allclose(regions["pickup"][0], [[30, 2], [38, 2], [38, 10], [30, 10]])

@@ -25,6 +25,7 @@ from symaware_cli.viewing.foxglove import primitives
 from symaware_cli.viewing.foxglove.primitives import ORIGIN, WORLD, colour, entity, pose, vector
 from symaware_cli.viewing.foxglove.stage import Stage
 from symaware_cli.viewing.outline import circle, outlines
+from symaware_cli.viewing.palette import faded
 from symaware_cli.viewing.scene.marks import Bodies, Figures, Solid
 from symaware_cli.viewing.tessellation import tessellated
 
@@ -60,7 +61,7 @@ def show_solid(stage: Stage, mark: Solid) -> None:
         stage.kept[mark.path] = True
         time = int(mark.times[0])
         made = entity(mark.name, time, mark.name)
-        shade = colour(mark.colour, 1.0 - mark.transparency)
+        shade = colour(faded(np.array(mark.colour), mark.faded).tolist(), 1.0 - mark.transparency)
         made.triangles.extend(primitives.prisms(mark.outlines, mark.low, mark.high, shade))
         if mark.label:
             made.texts.append(_text(mark.label, mark.high, mark.colour))
@@ -148,7 +149,7 @@ def _body(mark: Bodies, row: int, shade: Color, time: int) -> SceneEntity:
         size = vector([shape.box.length, shape.box.width, height])
         made.cubes.append(CubePrimitive(pose=ORIGIN, size=size, color=shade))
     else:
-        made.triangles.extend(primitives.prisms(outlines(shape), -0.5 * height, 0.5 * height, shade))
+        made.triangles.extend(primitives.prisms(outlines(shape.pieces), -0.5 * height, 0.5 * height, shade))
     if mark.nosed:
         made.arrows.append(_arrow(radius, height))
     return made

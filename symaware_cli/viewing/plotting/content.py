@@ -1,9 +1,9 @@
-"""What a plot shows: the panels that a request and a log amount to, as data."""
+"""The content of a plot: the panels that a request and a log amount to, made of the marks of a scene."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -12,318 +12,256 @@ from numpy.typing import NDArray
 
 from symaware_cli.awareness.signal import MEASUREMENT
 from symaware_cli.core import PARTS, seconds
-from symaware_cli.recording.error import LogError
-from symaware_cli.recording.logged_events import LoggedContact
-from symaware_cli.recording.reader import Log
-from symaware_cli.viewing.plotting import separation as closeness
-from symaware_cli.viewing.plotting.curves import PlottedCurves, altitude, named, recorded, speed
-from symaware_cli.viewing.plotting.marks import goals, intents
-from symaware_cli.viewing.plotting.motion import Chosen, Motion, Obstacles, motion, obstacles
-from symaware_cli.viewing.plotting.request import PlotRequest, Window
-from symaware_cli.viewing.plotting.separation import LeastSeparation
-from symaware_cli.viewing.plotting.shares import Shares, shares
-from symaware_cli.viewing.plotting.specification_bounds import specifications
-from symaware_cli.viewing.scene.regions_drawing import region_outlines
+from symaware_cli.recording.error import LogError, UnknownNameError
+from symaware_cli.recording.reader import FIELDS, Log
+from symaware_cli.viewing.detail import Detail
+from symaware_cli.viewing.palette import DISTINCT, SCENERY, agent_colours, hexadecimal
+from symaware_cli.viewing.plotting import curves, separation
+from symaware_cli.viewing.plotting.curves import PlottedCurves
+from symaware_cli.viewing.plotting.line_styles import Chosen, LineStyle
+from symaware_cli.viewing.plotting.motion import Motion, Obstacles, motion_of, obstacles_of
+from symaware_cli.viewing.plotting.panels import Content, Distances, Panel, Trajectories
+from symaware_cli.viewing.plotting.request import PlotRequest, SeriesName, Window
+from symaware_cli.viewing.scene.marks import Bodies, Crosses, Curves, Lines, Mark, Numbers, Points, Solid, joined
+from symaware_cli.viewing.scene.scene import PLOTTED, Scene
 from symaware_cli.viewing.views import RunView, run_view_of
 
 Array = NDArray[np.float64]
 
-#: More panels than anybody reads.
-_MOST_PANELS = 16
+#: The most panels of one plot, and how many there are at most before parts that were not asked for are left out.
+_MOST_PANELS, _MOST_UNASKED = 16, 8
 
-#: No part of awareness that was not asked for makes it more panels than these.
-_MOST_UNASKED = 8
+#: More agents than this have a curve each instead of their shares.
+_MOST_SHARES = 4
 
-#: So many points of paths are drawn; beyond, instants are left out.
-_POINTS = 120_000
-
-
-@dataclass(frozen=True)
-class Trajectories:
-    """The ways of the agents, from above.
-
-    Attributes:
-        motion: Where they were.
-        chosen: Who they are.
-        obstacles: What stood around or moved.
-        goals: By agent, where it wanted to go (m, 2) [m].
-        intents: By agent, where it meant to go at the moment that is shown (m, 2) [m].
-        contacts: Those that began.
-        regions: The outlines of regions that rest, by name, (m, 2) each [m].
-        at: The instant of `motion` at which bodies are shown.
-        steps: The instants at which paths are drawn.
-    """
-
-    motion: Motion
-    chosen: Chosen
-    obstacles: Obstacles
-    goals: Mapping[str, Array]
-    intents: Mapping[str, Array]
-    contacts: tuple[LoggedContact, ...]
-    regions: Mapping[str, list[Array]]
-    at: int
-    steps: NDArray[np.intp]
-
-    name = "trajectories"
-
-    def facts(self) -> dict[str, Any]:
-        """Return what there is to say in numbers."""
-        return {
-            "panel": self.name,
-            "agents": len(self.chosen.lines),
-            "obstacles": len(self.obstacles.obstacle_views),
-            "goals": len(self.goals),
-            "contacts": len(self.contacts),
-        }
-
-    def notes(self) -> list[str]:
-        """Return what was left out."""
-        notes = []
-        if self.motion.believed:
-            who = ", ".join(self.motion.believed)
-            notes.append(f"The states are what {who} believed, as the true ones were not recorded.")
-        if len(self.steps) < len(self.motion.times):
-            notes.append(f"Paths are drawn through {len(self.steps):,} of {len(self.motion.times):,} instants.")
-        return notes
-
-
-@dataclass(frozen=True)
-class Distances:
-    """How far bodies were apart.
-
-    Attributes:
-        agents: Of two agents; None if there is but one.
-        obstacles: Of an agent and an obstacle; None if there are none.
-        chosen: The agents.
-        obstacle_views: The names of the obstacles.
-        contacts: When contacts began [s].
-        sampled: The time between two records, where the world made steps in between [s]; None if each was recorded.
-    """
-
-    agents: LeastSeparation | None
-    obstacles: LeastSeparation | None
-    chosen: Chosen
-    obstacle_views: tuple[str, ...]
-    contacts: tuple[float, ...]
-    sampled: float | None = None
-
-    name = "separation"
-
-    def who(self, separation: LeastSeparation) -> tuple[str, str]:
-        """Whose the least separation is."""
-        one, other = separation.pair[separation.lowest].tolist()
-        return self.chosen.agents[one], (self.chosen.agents if separation is self.agents else self.obstacle_views)[
-            other
-        ]
-
-    @cached_property
-    def closest(self) -> LeastSeparation:
-        """The one of the two in which anybody came closest."""
-        found = [each for each in (self.agents, self.obstacles) if each is not None]
-        return min(found, key=lambda each: float(each.least[each.lowest]))
-
-    def facts(self) -> dict[str, Any]:
-        """Return what there is to say in numbers."""
-        told = {"panel": self.name, "agents": self._least(self.agents), "obstacles": self._least(self.obstacles)}
-        return told if self.sampled is None else {**told, "recorded_every": self.sampled}
-
-    def _least(self, separation: LeastSeparation | None) -> dict[str, Any] | None:
-        if separation is None:
-            return None
-        place = separation.lowest
-        least = {
-            "minimum": float(separation.least[place]),
-            "time": seconds(int(separation.times[place])),
-            "who": self.who(separation),
-        }
-        if separation is self.agents:
-            least["between_centres"] = float(separation.centres[place])
-        return {**least, "instants": len(separation.times)}
-
-    def notes(self) -> list[str]:
-        """Return what was left out."""
-        every = max(each.every for each in (self.agents, self.obstacles) if each)
-        notes = [f"Separation is looked at in 1 of {every} instants."] if every > 1 else []
-        if self.sampled is not None:
-            notes.append(f"Recorded every {self.sampled:g} s only: between these, bodies may have been closer.")
-        return notes
-
-
-Panel = Trajectories | Distances | PlottedCurves | Shares
-
-
-@dataclass(frozen=True)
-class Content:
-    """Everything that a plot shows.
-
-    Attributes:
-        run_view: Who took part in the run.
-        chosen: The agents that it is about.
-        window: The stretch of time.
-        panels: In the order in which they are drawn.
-        moment: Whether bodies are shown at a time that was asked for.
-    """
-
-    run_view: RunView
-    chosen: Chosen
-    window: Window
-    panels: tuple[Panel, ...]
-    moment: bool
-
-    def facts(self) -> dict[str, Any]:
-        """Return what there is to say in numbers, as plain data."""
-        return {
-            "name": self.run_view.name,
-            "seed": self.run_view.seed,
-            "agents": len(self.chosen.lines),
-            "start": seconds(self.window.start),
-            "end": seconds(self.window.end),
-            "panels": [panel.facts() for panel in self.panels],
-            "notes": self.notes,
-        }
-
-    @property
-    def notes(self) -> list[str]:
-        """What was left out."""
-        return [note for panel in self.panels if isinstance(panel, Trajectories | Distances) for note in panel.notes()]
+#: Fields that change gradually; all others, such as inputs and readings, hold until the next value.
+_GRADUAL = ("state", "world", "intent", "uncertainty")
 
 
 def gather(log: Log, request: PlotRequest) -> Content:
     """Read from a log what a request asks for.
 
     Raises:
-        LogError: There is nothing to plot, or not what was asked for.
+        LogError: There is nothing to plot, or the log does not have what was asked for.
     """
     run_view = run_view_of(log)
     request.require_known(name for group_view in run_view.group_views.values() for name in group_view.signals)
-    chosen = Chosen.of(run_view, request.agents)
-    window = Window.of(log, request)
-    reading = _Reading(log, run_view, chosen, window, request)
-    panels = list(reading.panels())
-    panels += named(log, run_view, chosen, request.series, window) if request.series else []
+    gathering = _Gathering(log, run_view, request)
+    panels = gathering.panels()
     if not panels:
         raise LogError(f"{log.path} holds nothing to plot")
     if len(panels) > _MOST_PANELS:
         raise LogError(f"that makes {len(panels)} panels, and {_MOST_PANELS} fit; name the columns to be shown")
-    return Content(run_view, chosen, window, tuple(panels), request.at is not None)
+    return Content(
+        name=run_view.name,
+        seed=run_view.seed,
+        agent_count=run_view.agent_count,
+        chosen=gathering.chosen,
+        window=gathering.window,
+        panels=tuple(panels),
+        moment=request.at is not None,
+    )
 
 
-class _Reading:
-    """Reads a log for one request, and nothing twice."""
+def choose(run_view: RunView, names: Sequence[str] = ()) -> Chosen:
+    """Choose agents and groups by name, or all agents if there are no names.
 
-    def __init__(self, log: Log, run_view: RunView, chosen: Chosen, window: Window, request: PlotRequest) -> None:
+    Raises:
+        UnknownNameError: There is no such agent or group.
+    """
+    wanted = set()
+    for name in names:
+        if name in run_view.group_views:
+            wanted |= set(run_view.group_views[name].agents)
+        elif name in run_view.place:
+            wanted.add(name)
+        else:
+            known = [*run_view.group_views, *run_view.place]
+            listed = f"; there are {', '.join(run_view.group_views)}" if run_view.group_views else ""
+            raise UnknownNameError(f"there is no agent or group {name!r}{listed}", name, known)
+    rows = {
+        name: [row for row, agent in enumerate(group_view.agents) if not names or agent in wanted]
+        for name, group_view in run_view.group_views.items()
+    }
+    rows = {name: some for name, some in rows.items() if some}
+    colours = [run_view.group_views[name].colours[some] for name, some in rows.items()]
+    count = sum(len(some) for some in rows.values())
+    if count <= DISTINCT < run_view.agent_count:
+        # A few out of many are told apart, unlike in a replay.
+        colours = agent_colours([len(some) for some in rows.values()])
+    taken: set[str] = set()
+    members: dict[str, list[LineStyle]] = {}
+    for (name, some), colour in zip(rows.items(), colours, strict=True):
+        for row, each in zip(some, colour, strict=True):
+            hue = hexadecimal(each)
+            style = LineStyle(run_view.group_views[name].agents[row], hue, count <= DISTINCT and hue in taken)
+            members.setdefault(name, []).append(style)
+            taken.add(hue)
+    return Chosen({name: tuple(lines) for name, lines in members.items()})
+
+
+class _Gathering:
+    """Makes the panels of one request, of the marks of a scene with the topics that these take."""
+
+    def __init__(self, log: Log, run_view: RunView, request: PlotRequest) -> None:
         self._log = log
         self._run_view = run_view
-        self._chosen = chosen
-        self._window = window
         self._request = request
+        self.chosen = choose(run_view, request.agents)
+        self.window = Window.of(log, request)
+        asked = request.show
+        self._names = asked or (() if request.series else (*_DEFAULT, *self._further))
+        self._series = [(name, self._lines(name)) for name in dict.fromkeys(request.series)]
+        topics = [topic for name in self._names for topic in self._topics(name)]
+        topics += [log.series_topic(self._owner(name), name.field) for name, _ in self._series]
+        self._marks = self._read(topics)
 
     def panels(self) -> list[Panel]:
         """The panels that the request asks for by name, or those that suit the log if it asks for nothing."""
-        asked = self._request.show
-        if not asked and self._request.series:
-            return []
-        found: list[Panel] = []
-        for name in asked or (*_DEFAULT, *self._further):
+        asked, found = self._request.show, list[Panel]()
+        for name in self._names:
             panels = self._named(name)
             if asked and not panels:
                 why = _REASONS.get(name, "no component wrote it, or it was not recorded")
                 raise LogError(f"{self._log.path} has nothing to show for {name!r}: {why}")
             if asked or name in _DEFAULT or len(found) + len(panels) <= _MOST_UNASKED:
                 found += panels
-        return found
+        return found + self._by_name()
 
     @property
     def _further(self) -> Sequence[str]:
-        """The parts of awareness and signals of plugins that are curves or bars."""
-        signals = {
-            name: each
-            for group_view in self._run_view.group_views.values()
-            for name, each in group_view.signals.items()
-        }
-        every = {*(part.name for part in PARTS)}
+        """The parts of awareness and signals of plugins that are drawn as curves or bars."""
+        views = self._run_view.group_views.values()
+        signals = {name: each for group_view in views for name, each in group_view.signals.items()}
+        built_in = {*(part.name for part in PARTS)}
         return [
             name
             for name, signal in signals.items()
-            if name not in every and signal.name != MEASUREMENT and signal.drawn in ("curve", "bars")
+            if name not in built_in and signal.name != MEASUREMENT and signal.drawn in ("curve", "bars")
         ]
+
+    # ---- from the log to marks
+
+    def _topics(self, name: str) -> Iterable[str]:
+        """The topics that the panels of a name take."""
+        views = [self._run_view.group_views[group] for group in self.chosen.members]
+        places = [view.whereabouts for view in views]
+        places += [f"/world/{obstacle}/state" for obstacle in self._run_view.obstacle_views]
+        match name:
+            case "trajectories":
+                paths = [topic for view in views for _, topic in view.drawn("path")] if self._shows_intents else []
+                around = [each.around for each in self._run_view.regions.values() if each.around is not None]
+                views += [self._run_view.group_views[self._run_view.place[agent][0]] for agent in around]
+                knowledge = [f"/agents/{view.name}/knowledge" for view in views]
+                return [*places, *(view.whereabouts for view in views), *knowledge, "/contacts", *paths]
+            case "separation" | "speed" | "altitude":
+                return places
+            case "specifications":
+                return [f"/specifications/{each}" for each in self._run_view.specifications]
+            case field:
+                having = (group for group in self.chosen.members if self._has(group, field))
+                return [self._log.series_topic(group, field) for group in having]
+
+    def _read(self, topics: Iterable[str]) -> Mapping[str, Sequence[Any]]:
+        """The marks of all topics up to the end of the window, by path.
+
+        Raises:
+            LogError: The log cannot be read, or its messages do not fit together.
+        """
+        recorded = {topic for topic in topics if topic in self._log.topics}
+        # Plots show bodies and obstacles as their outlines, whatever else is known of how they look.
+        flat = replace(
+            self._run_view,
+            group_views={name: replace(view, figure=None) for name, view in self._run_view.group_views.items()},
+            obstacle_views={name: replace(view, figure=None) for name, view in self._run_view.obstacle_views.items()},
+        )
+        if any("absent" in group for group in self._log.manifest["groups"].values()):
+            recorded |= {"/events"} & self._log.topics.keys()
+        focus = tuple(
+            dict.fromkeys(line.name for _, lines in [("", self.chosen.lines), *self._series] for line in lines)
+        )
+        detail = Detail(focus=focus, labels=False, minds=True, curves=True, trail=0.0, single=False, words="")
+        scene, found = Scene(flat, detail, PLOTTED), dict[str, list[Mark]]()
+        messages = self._log.messages(recorded, end=self.window.end + 1) if recorded else ()
+        for chunk in scene.chunk_reader().chunks(messages):
+            try:
+                for mark in scene.marks(chunk):
+                    if len(mark.times):
+                        found.setdefault(mark.path, []).append(mark)
+            except (ValueError, IndexError, AttributeError) as error:
+                path, end = self._log.path, chunk.end
+                raise LogError(f"the values in {path} up to {end} ns do not fit together: {error}") from error
+        return found
+
+    # ---- from marks to panels
 
     def _named(self, name: str) -> Sequence[Panel]:
         """The panels of a name; none where the log has nothing for it."""
+        motion, shown = self._motion, self.chosen.lines
         match name:
             case "trajectories":
-                return self._trajectories()
+                return [self._trajectories(motion)] if motion else []
             case "separation":
-                return self._separation()
-            case "speed":
-                curves = self._motion and speed(self._chosen, self._motion)
+                return self._separation(motion) if motion else []
             case "specifications":
-                return specifications(self._log, self._chosen, self._window)
-            case "altitude":
-                curves = self._motion and altitude(self._chosen, self._motion)
+                return self._specifications()
+            case "speed" | "altitude":
+                space = [line for line in shown if self._is_spatial(line.name)]
+                found = motion and (curves.speed(motion, shown) if name == "speed" else curves.altitude(motion, space))
+                return [found] if found else []
             case field:
-                return shares(self._log, self._chosen, field, self._window) or recorded(
-                    self._log, self._chosen, field, self._window
-                )
-        return [curves] if isinstance(curves, PlottedCurves) else []
+                return self._shares(field) or self._recorded(field)
 
     @cached_property
     def _motion(self) -> Motion | None:
-        return motion(self._log, self._run_view, self._chosen, self._window)
+        bodies = [joined(marks) for marks in self._marks.values() if isinstance(marks[0], Bodies)]
+        return motion_of(bodies, self.chosen.agents, self.window.start, self.window.end)
 
     @cached_property
-    def _obstacles(self) -> Obstacles | None:
-        return None if self._motion is None else obstacles(self._log, self._run_view, self._motion.times)
+    def _solids(self) -> Sequence[Solid]:
+        return [joined(marks) for marks in self._marks.values() if isinstance(marks[0], Solid)]
 
-    @cached_property
-    def _contacts(self) -> tuple[LoggedContact, ...]:
-        shown = {*self._chosen.agents, *self._run_view.obstacle_views}
-        return tuple(
-            contact
-            for contact in self._log.contacts(self._window.start, self._window.end + 1)
-            if contact.stage == "BEGIN" and {contact.a, contact.b} <= shown
+    def _obstacles(self, motion: Motion) -> Obstacles:
+        return obstacles_of([mark for mark in self._solids if mark.layer == "scenery"], motion.times)
+
+    def _trajectories(self, motion: Motion) -> Trajectories:
+        views, at = self._run_view.group_views, self.window.at
+        marks = [mark for marks in self._marks.values() for mark in marks]
+        goals: dict[str, list[Array]] = {}
+        for name, position in _standing([mark for mark in marks if isinstance(mark, Crosses)], at):
+            goals.setdefault(name, []).append(position)
+        paths = [mark for mark in marks if isinstance(mark, Lines) and mark.path.startswith("minds/")]
+        begun = [
+            (name.split(" "), position)
+            for mark in marks
+            if isinstance(mark, Points) and mark.layer == "contacts"
+            for time, name, position in zip(mark.times.tolist(), mark.names, mark.positions, strict=True)
+            if time >= self.window.start
+        ]
+        shown = {*self.chosen.agents, *self._run_view.obstacle_views}
+        return Trajectories(
+            motion=motion,
+            chosen=self.chosen,
+            obstacles=self._obstacles(motion),
+            goals={name: np.concatenate(points) for name, points in goals.items() if name in shown},
+            intents={name: way for name, way in _standing(paths[::-1], at) if name in shown},
+            contacts=np.array([position[:2] for pair, position in begun if {*pair} <= shown]).reshape(-1, 2),
+            regions=[mark for mark in self._solids if mark.layer == "regions"],
+            time=at,
+            spatial=any(self._is_spatial(name) for name in self.chosen.agents),
+            believed=tuple(
+                group
+                for group, lines in self.chosen.members.items()
+                if not views[group].whereabouts.startswith("/world/") and views[group].whereabouts in self._log.topics
+            ),
         )
 
-    def _trajectories(self) -> list[Trajectories]:
-        if self._motion is None or self._obstacles is None:
+    def _separation(self, motion: Motion) -> list[Distances]:
+        obstacles = self._obstacles(motion)
+        among, from_obstacles = separation.among(motion), separation.from_obstacles(motion, obstacles)
+        if among is None and from_obstacles is None:
             return []
-        count, last = len(self._chosen.lines), len(self._motion.times) - 1
-        stride = max(1, -(-(last + 1) * count // _POINTS))
-        at = self._window.at
-        moment = self._request.at is not None and not self._chosen.many
-        return [
-            Trajectories(
-                motion=self._motion,
-                chosen=self._chosen,
-                obstacles=self._obstacles,
-                goals=self._of_chosen(goals(self._log, self._run_view, at)),
-                intents=self._of_chosen(intents(self._log, self._run_view, at)) if moment else {},
-                contacts=self._contacts,
-                regions={
-                    name: region_outlines(region, self._run_view.regions)
-                    for name, region in self._run_view.regions.items()
-                    if region.around is None
-                },
-                at=self._motion.index(at),
-                steps=np.unique(np.append(np.arange(0, last + 1, stride), last)),
-            )
-        ]
-
-    def _of_chosen(self, found: Mapping[str, Array]) -> dict[str, Array]:
-        """Those of the agents that the plot is about."""
-        chosen = {*self._chosen.agents}
-        return {agent: points for agent, points in found.items() if agent in chosen}
-
-    def _separation(self) -> list[Distances]:
-        if self._motion is None or self._obstacles is None:
-            return []
-        agents = closeness.among(self._motion)
-        from_obstacles = closeness.from_obstacles(self._motion, self._obstacles)
-        if agents is None and from_obstacles is None:
-            return []
-        times = tuple(seconds(contact.time) for contact in self._contacts)
-        obstacle_views = tuple(self._run_view.obstacle_views)
-        return [Distances(agents, from_obstacles, self._chosen, obstacle_views, times, self._sampled(self._motion))]
+        return [Distances(among, from_obstacles, (motion.names, obstacles.names), self._sampled(motion))]
 
     def _sampled(self, motion: Motion) -> float | None:
         """The usual time between two records where that is more than a step of the world [s]; None elsewhere."""
@@ -333,8 +271,139 @@ class _Reading:
         usual = int(np.median(np.diff(motion.times)))
         return seconds(usual) if usual > step else None
 
+    def _specifications(self) -> list[PlottedCurves]:
+        agents, found = {*self.chosen.agents}, []
+        for name, rows in self._run_view.specifications.items():
+            marks = self._marks.get(f"curves/specifications/{name}")
+            if marks:
+                mark: Curves = joined(marks)
+                concerned = zip(mark.names, rows, strict=True)
+                styles = curves.specification_styles(
+                    [each for each in concerned if {*each[1]} <= agents], self.chosen.lines
+                )
+                found.append(curves.specification(mark, styles, self.window))
+        return [each for each in found if each is not None]
 
-#: What is shown of every log that has it.
+    def _shares(self, field: str) -> list[PlottedCurves]:
+        """A panel for each agent with a field that is drawn as bars, where there are few and no number is negative."""
+        if len(self.chosen.lines) > _MOST_SHARES:
+            return []
+        found = []
+        for group, lines in self.chosen.members.items():
+            signal, mark = self._run_view.group_views[group].signals.get(field), self._numbers(group, field)
+            if mark is not None and signal is not None and signal.drawn == "bars":
+                found += curves.shares(mark, field, [line.name for line in lines], self.window)
+        return [] if any((each.values < 0).any() for each in found) else found
+
+    def _recorded(self, field: str) -> list[PlottedCurves]:
+        """A panel for each column of a field, with the agents that have it."""
+        found = curves.together(
+            [each for group, lines in self.chosen.members.items() for each in self._columns(group, field, lines)]
+        )
+        if field in (part.name for part in PARTS):
+            return found
+        # A column of a control input may have the name of the speed, and one of a part of awareness any name.
+        return [replace(each, name=f"{field} {each.name}".replace(f"{field} {field}", field)) for each in found]
+
+    def _by_name(self) -> list[PlottedCurves]:
+        """Panels of the series that were asked for by name; those of one column and unit share one.
+
+        Raises:
+            LogError: The log has no values of one.
+            UnknownNameError: There is no such column.
+        """
+        found: list[tuple[str, PlottedCurves]] = []
+        for name, lines in self._series:
+            every = self._columns(self._owner(name), name.field, lines)
+            if not every:
+                raise LogError(f"{self._log.path} has no values of {name.owner}:{name.field}")
+            names = [each.name for each in every]
+            picked = [each for number, each in enumerate(every) if name.column in (None, each.name, str(number))]
+            if not picked:
+                message = f"{name.owner}:{name.field} has no column {name.column!r}; there are {', '.join(names)}"
+                raise UnknownNameError(message, name.column or "", names)
+            found += [(name.field, each) for each in (every if name.column is None else picked[:1])]
+        return curves.together(_told_apart(found))
+
+    def _columns(self, owner: str, field: str, lines: Sequence[LineStyle]) -> list[PlottedCurves]:
+        mark = self._numbers(owner, field)
+        return curves.columns(mark, lines, self.window, stepwise=field not in _GRADUAL) if mark else []
+
+    def _numbers(self, owner: str, field: str) -> Numbers | None:
+        """The table of a field of a group or entity; None if it was not recorded, or if there is no such field."""
+        marks = self._marks.get(self._log.series_topic(owner, field).strip("/")) if self._has(owner, field) else None
+        return joined(marks) if marks else None
+
+    # ---- what the log has
+
+    @property
+    def _shows_intents(self) -> bool:
+        return self._request.at is not None and not self.chosen.many
+
+    def _is_spatial(self, agent: str) -> bool:
+        return len(self._run_view.group_views[self._run_view.place[agent][0]].position) == 3
+
+    def _has(self, owner: str, field: str) -> bool:
+        return field in FIELDS or field in self._log.signals(owner)
+
+    def _owner(self, name: SeriesName) -> str:
+        return self._run_view.place[name.owner][0] if name.owner in self._run_view.place else name.owner
+
+    def _lines(self, name: SeriesName) -> tuple[LineStyle, ...]:
+        """The styles of the curves of a series.
+
+        Raises:
+            LogError: It is that of a group without a chosen agent.
+            UnknownNameError: There is no such agent, group or entity.
+        """
+        owner, run_view = name.owner, self._run_view
+        if owner in run_view.obstacle_views:
+            return (LineStyle(owner, hexadecimal(SCENERY)),)
+        if owner in run_view.group_views:
+            if owner not in self.chosen.members:
+                raise LogError(f"no agent of {owner!r} is among those that were chosen")
+            return self.chosen.members[owner]
+        if owner in run_view.place:
+            # It is shown because it is asked for, whichever agents were chosen; in its own colour where it has one.
+            single = [each.owner for each in self._request.series if each.owner in run_view.place]
+            known = self.chosen if owner in self.chosen.agents and not self.chosen.many else choose(run_view, single)
+            return (known.lines[known.agents.index(owner)],)
+        message = f"there is no agent, group or entity {owner!r}; there are "
+        message += ", ".join([*run_view.group_views, *run_view.obstacle_views])
+        raise UnknownNameError(message, owner, [*run_view.group_views, *run_view.place, *run_view.obstacle_views])
+
+
+def _standing(marks: Sequence[Crosses | Lines], at: int) -> Iterable[tuple[str, Array]]:
+    """The name and the points (m, 2) of each cross or line that is up at an instant [ns]."""
+    up = {mark.path: mark for mark in marks if mark.times[0] <= at}
+    for mark in up.values():
+        instant = int(np.searchsorted(mark.times, at, side="right")) - 1
+        counts = np.asarray(mark.counts)
+        first = int(counts[:instant].sum())
+        lengths = np.ones(int(counts.sum()), np.intp) if isinstance(mark, Crosses) else np.asarray(mark.lengths)
+        points = mark.positions if isinstance(mark, Crosses) else mark.points
+        ends = np.cumsum(lengths)
+        for item in range(first, first + int(counts[instant])):
+            if mark.who is not None:
+                yield mark.names[mark.who[item]], points[ends[item] - lengths[item] : ends[item], :2]
+
+
+def _told_apart(parts: Sequence[tuple[str, PlottedCurves]]) -> list[PlottedCurves]:
+    """Curves that share a panel and are of several fields, with the field in the name and every other one dashed."""
+    told = []
+    for field, curve in parts:
+        fields = list(
+            dict.fromkeys(other for other, each in parts if (each.name, each.unit) == (curve.name, curve.unit))
+        )
+        if len(fields) > 1:
+            dashed = fields.index(field) % 2 == 1
+            lines = tuple(LineStyle(f"{line.name} {field}", line.colour, dashed) for line in curve.lines)
+            curve = replace(curve, lines=lines)
+        told.append(curve)
+    return told
+
+
+#: The panels of every log that has them.
 _DEFAULT = ("trajectories", "separation", "specifications", "risk", "speed", "altitude")
 
 _REASONS = {

@@ -1,32 +1,25 @@
-"""Quantities over time, one curve for each agent: risk, speed, altitude, control, and any series by name."""
+"""Quantities over time for plots: a curve for each agent, or the shares of a whole."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core import PARTS, seconds
-from symaware_cli.recording.error import LogError, UnknownNameError
-from symaware_cli.recording.reader import FIELDS, Log
-from symaware_cli.viewing.palette import DISTINCT, SCENERY, hexadecimal
-from symaware_cli.viewing.plotting.motion import Chosen, LineStyle, Motion, held, instants, series_of
-from symaware_cli.viewing.plotting.request import SeriesName, Window
-from symaware_cli.viewing.views import RunView
+from symaware_cli.core import seconds
+from symaware_cli.viewing.palette import AGENTS, DISTINCT, hexadecimal
+from symaware_cli.viewing.plotting.line_styles import LineStyle
+from symaware_cli.viewing.plotting.motion import Motion, held, instants
+from symaware_cli.viewing.plotting.request import Window
+from symaware_cli.viewing.scene.marks import Curves, Numbers
 
 Array = NDArray[np.float64]
 
-#: [ns] Speed is taken from positions this much before and after, so that noise of each step does not drown it.
+#: [ns] Speed is the mean over this time before and after, which averages out the noise of single steps.
 _AROUND = 250_000_000
-
-#: What is known by the names of its columns.
-_BY_COLUMN = tuple(part.name for part in PARTS)
-
-#: What changes gradually; all else, such as inputs and readings, stands until the next value.
-_GRADUAL = ("state", "world", "intent", "uncertainty")
 
 
 @dataclass(frozen=True)
@@ -34,15 +27,16 @@ class PlottedCurves:
     """One quantity over time.
 
     Attributes:
-        name: What it is.
+        name: The quantity.
         unit: Its unit; empty if the log does not tell.
         times: (k,) simulated time [ns].
         values: (k, n); NaN where it is not known.
-        lines: How each is drawn.
+        lines: (n,) the style of each curve.
         stepwise: Whether it jumps from one value to the next, as inputs do.
-        level: A line to compare with; None for none.
+        note: How it was obtained, where it was not recorded as it is.
         dots: Whether each value stands by itself, as the entries of a table do; then times may repeat.
-        note: How it was obtained, where it is not as it was recorded.
+        level: The height of a line to compare with; None for none.
+        stacked: Whether values are shares of a whole, such as probabilities, which are drawn on top of one another.
     """
 
     name: str
@@ -54,6 +48,7 @@ class PlottedCurves:
     note: str = ""
     dots: bool = False
     level: float | None = None
+    stacked: bool = False
 
     @property
     def many(self) -> bool:
@@ -61,14 +56,28 @@ class PlottedCurves:
         return len(self.lines) > DISTINCT
 
     def facts(self) -> dict[str, Any]:
-        """Return what there is to say in numbers."""
+        """Return the extremes, or the mean and the greatest of each share, as plain data."""
+        if self.stacked:
+            return {"panel": self.name, "shares": self._shares()}
         facts: dict[str, Any] = {"panel": self.name, "unit": self.unit, "curves": len(self.lines)}
         for name, found in (("minimum", self.extreme(-1)), ("maximum", self.extreme())):
             facts[name] = found and {"value": found[0], "time": found[1], "who": [found[2]]}
         return facts
 
+    def _shares(self) -> dict[str, Any]:
+        known = ~np.isnan(self.values).any(axis=1)
+        values, times = self.values[known], self.times[known]
+        return {
+            line.name: {
+                "mean": float(column.mean()),
+                "maximum": float(column.max()),
+                "time": seconds(int(times[column.argmax()])),
+            }
+            for line, column in zip(self.lines, values.T, strict=True)
+        }
+
     def extreme(self, sign: int = 1) -> tuple[float, float, str] | None:
-        """The greatest value (the least for -1), when it was reached first [s], and by whom; None without values."""
+        """Return the greatest value (the least for -1), its first time [s] and its agent; None without values."""
         values = sign * self.values
         if not (np.isfinite(values)).any():
             return None
@@ -76,27 +85,8 @@ class PlottedCurves:
         return float(self.values[row, column]), seconds(int(self.times[row])), self.lines[column].name
 
 
-def recorded(log: Log, chosen: Chosen, field: str, window: Window) -> list[PlottedCurves]:
-    """Read a field of `Log.series` of all chosen agents: one for each column, with those that have it.
-
-    Raises:
-        LogError: The log cannot be read, or not understood.
-    """
-    found: dict[tuple[str, str], list[PlottedCurves]] = {}
-    for name, rows, lines in chosen.groupwise:
-        if field not in (*FIELDS, *log.signals(name)):
-            continue  # the components of another group write it
-        for curves in _columns(log, name, field, rows, lines, window):
-            found.setdefault((curves.name, curves.unit), []).append(curves)
-    joined = [_joined(parts) for parts in found.values()]
-    if field in _BY_COLUMN:
-        return joined
-    # A column of a control input may be called as the speed is, and one of a part of awareness as anything.
-    return [replace(curves, name=f"{field} {curves.name}".replace(f"{field} {field}", field)) for curves in joined]
-
-
-def speed(chosen: Chosen, motion: Motion) -> PlottedCurves | None:
-    """The speed of each agent, from where it was a little before and a little after; None without two instants."""
+def speed(motion: Motion, lines: Sequence[LineStyle]) -> PlottedCurves | None:
+    """Return the speed of each body, from positions a little before and after; None without two instants."""
     times = motion.times
     if len(times) < 2:
         return None
@@ -105,158 +95,112 @@ def speed(chosen: Chosen, motion: Motion) -> PlottedCurves | None:
     travelled = np.linalg.norm(motion.positions[after] - motion.positions[before], axis=2)
     values = travelled / ((times[after] - times[before]) / 1e9)[:, None]
     note = f"mean over {2 * seconds(_AROUND):g} s"
-    return PlottedCurves("speed", "m/s", times, values, chosen.lines, note=note)
+    return PlottedCurves("speed", "m/s", times, values, tuple(lines), note=note)
 
 
-def altitude(chosen: Chosen, motion: Motion) -> PlottedCurves | None:
-    """The third coordinate of agents that move in space; None if nobody does."""
-    spatial = np.array([len(group_view.position) == 3 for group_view in chosen.group_view])
-    if not spatial.any():
+def altitude(motion: Motion, lines: Sequence[LineStyle]) -> PlottedCurves | None:
+    """Return the third coordinate of those bodies that have a line; None if there are none."""
+    if not lines:
         return None
-    lines = tuple(line for line, flies in zip(chosen.lines, spatial, strict=True) if flies)
-    return PlottedCurves("altitude", "m", motion.times, motion.positions[:, spatial, 2], lines)
+    rows = [motion.names.index(line.name) for line in lines]
+    return PlottedCurves("altitude", "m", motion.times, motion.positions[:, rows, 2], tuple(lines))
 
 
-def named(
-    log: Log, run_view: RunView, chosen: Chosen, names: Sequence[SeriesName], window: Window
-) -> list[PlottedCurves]:
-    """Read series by name; those that measure the same, by column and unit, come together.
+def specification(mark: Curves, styles: Mapping[str, LineStyle], window: Window) -> PlottedCurves | None:
+    """Return the curves of a mark that have a style; None if nothing is known of them in the window."""
+    rows = [number for number, name in enumerate(mark.names) if name in styles]
+    some = (mark.times >= window.start) & (mark.times <= window.end)
+    values = mark.values[some][:, rows]
+    if not np.isfinite(values).any():
+        return None
+    return PlottedCurves(
+        name=f"specification {mark.path.rpartition('/')[2]}",
+        unit="",
+        # The last value holds until the end of the window.
+        times=np.append(mark.times[some], window.end),
+        values=np.concatenate([values, values[-1:]]),
+        lines=tuple(styles[mark.names[row]] for row in rows),
+        stepwise=True,
+        note="robustness at most",
+        level=mark.level[1] if mark.level else None,
+    )
 
-    Raises:
-        LogError: The log has no values of one.
-        UnknownNameError: It has no such agent, group, entity, field or column.
+
+def specification_styles(
+    names: Sequence[tuple[str, Sequence[str]]], lines: Sequence[LineStyle]
+) -> dict[str, LineStyle]:
+    """Return the style of each curve of a specification: that of its agent, if it concerns one only.
+
+    Args:
+        names: The name of each curve, and the agents that it concerns.
+        lines: The styles of agents.
     """
-    single = [name.owner for name in names if name.owner in run_view.place and name.owner not in run_view.group_views]
-    alone = Chosen.of(run_view, single) if single else chosen
-    found: dict[tuple[str, str], list[tuple[str, PlottedCurves]]] = {}
-    for name in dict.fromkeys(names):
-        rows, lines = _owned(run_view, chosen, alone, name)
-        for curves in _picked(log, run_view, name, rows, lines, window):
-            found.setdefault((curves.name, curves.unit), []).append((name.field, curves))
-    return [_joined(_told_apart(parts)) for parts in found.values()]
+    known = {line.name: line for line in lines}
+    return {
+        name: known[agents[0]] if len(agents) == 1 else LineStyle(name, hexadecimal(AGENTS[number % len(AGENTS)]), True)
+        for number, (name, agents) in enumerate(names)
+    }
 
 
-def _owned(
-    run_view: RunView, chosen: Chosen, alone: Chosen, name: SeriesName
-) -> tuple[NDArray[np.intp], tuple[LineStyle, ...]]:
-    """The rows that a series is about, and how each is drawn."""
-    owner = name.owner
-    if owner in run_view.obstacle_views:
-        return np.array([0]), (LineStyle(owner, hexadecimal(SCENERY)),)
-    if owner in run_view.group_views:
-        if owner not in chosen.rows:
-            raise LogError(f"no agent of {owner!r} is among those that were chosen")
-        pairs = zip(chosen.lines, chosen.group_view, strict=True)
-        return chosen.rows[owner], tuple(line for line, group_view in pairs if group_view.name == owner)
-    if owner in run_view.place:
-        # It is shown because it is asked for, whoever else was chosen; in its own colour where it has one.
-        known = chosen if owner in chosen.agents and not chosen.many else alone
-        return np.array([run_view.place[owner][1]]), (known.lines[known.agents.index(owner)],)
-    listed = ", ".join([*run_view.group_views, *run_view.obstacle_views])
-    message = f"there is no agent, group or entity {owner!r}; there are {listed}"
-    raise UnknownNameError(message, owner, [*run_view.group_views, *run_view.place, *run_view.obstacle_views])
-
-
-def _picked(
-    log: Log, run_view: RunView, name: SeriesName, rows: NDArray[np.intp], lines: tuple[LineStyle, ...], window: Window
-) -> list[PlottedCurves]:
-    """One for each column that a name stands for."""
-    group = run_view.place[name.owner][0] if name.owner in run_view.place else name.owner
-    every = _columns(log, group, name.field, rows, lines, window)
-    if not every:
-        raise LogError(f"{log.path} has no values of {name.owner}:{name.field}")
-    if name.column is None:
-        return every
-    for number, curves in enumerate(every):
-        if name.column in (curves.name, str(number)):
-            return [curves]
-    known = [curves.name for curves in every]
-    message = f"{name.owner}:{name.field} has no column {name.column!r}; there are {', '.join(known)}"
-    raise UnknownNameError(message, name.column, known)
-
-
-def _columns(
-    log: Log, owner: str, field: str, rows: NDArray[np.intp], lines: tuple[LineStyle, ...], window: Window
-) -> list[PlottedCurves]:
-    """One for each column of a field that has values in the window; none where it was not recorded.
-
-    Raises:
-        UnknownNameError: There is no such field.
-    """
-    signal = log.signals(owner).get(field)
-    if signal is not None and signal.kind == "table":
-        return _entries(log, owner, field, rows, lines, window)
-    series = series_of(log, owner, field, log.series_topic(owner, field))
-    if series is None or series.times[0] > window.end:
+def columns(mark: Numbers, lines: Sequence[LineStyle], window: Window, *, stepwise: bool) -> list[PlottedCurves]:
+    """Return a quantity for each column of a table, with a curve for each row that has a line; none without values."""
+    row_of = {name: row for row, name in enumerate(mark.names)}
+    rows = [row_of[line.name] for line in lines]
+    if mark.separate:
+        some = (mark.times >= window.start) & (mark.times <= window.end)
+        times, values = mark.times[some], mark.values[some][:, rows]
+    else:
+        times, values = _windowed(mark, window)
+        values = values[:, rows]
+    if not len(times):
         return []
-    # A value holds until the next, so the window begins with the last one before it, and ends with the last one in it.
-    edges = np.array([max(window.start, int(series.times[0])), window.end], np.int64)
-    times = instants([series.times, edges], window)
-    values = held(series.times, series.values, times)[:, rows]
-    count = values.shape[2]
-    names = series.columns or ((field,) if count == 1 else tuple(f"{field} {number}" for number in range(count)))
-    units = series.units or ("",) * count
-    stepwise = field not in _GRADUAL
+    given: dict[str, Any] = {"stepwise": stepwise and not mark.separate, "dots": mark.separate}
     return [
-        PlottedCurves(name, unit, times, values[:, :, number], lines, stepwise)
-        for number, (name, unit) in enumerate(zip(names, units, strict=False))
-        if number < count
+        PlottedCurves(name, unit, times, values[:, :, number], tuple(lines), **given)
+        for number, (name, unit) in enumerate(mark.columns)
     ]
 
 
-def _entries(
-    log: Log, group: str, field: str, rows: NDArray[np.intp], lines: tuple[LineStyle, ...], window: Window
-) -> list[PlottedCurves]:
-    """The entries of tables, one for each column; none where there are none in the window."""
-    found = [log.series(log.agents[group][row], field) for row in rows.tolist()]
-    times = np.concatenate([series.times for series in found])
-    owner = np.repeat(np.arange(len(found)), [len(series.times) for series in found])
-    entries = np.concatenate([series.values for series in found])
-    order = np.argsort(times, kind="stable")
-    order = order[(times[order] >= window.start) & (times[order] <= window.end)]
-    if not len(order):
-        return []
-    values = np.full((len(order), len(lines), entries.shape[1]), np.nan)
-    values[np.arange(len(order)), owner[order]] = entries[order]
-    return [
-        PlottedCurves(name, unit, times[order], values[:, :, number], lines, dots=True)
-        for number, (name, unit) in enumerate(zip(found[0].columns, found[0].units, strict=True))
-    ]
+def shares(mark: Numbers, part: str, agents: Sequence[str], window: Window) -> list[PlottedCurves]:
+    """Return the shares of each agent that has values, one for each column of a table."""
+    times, values = _windowed(mark, window)
+    colours = (hexadecimal(AGENTS[number % len(AGENTS)]) for number in range(len(mark.columns)))
+    lines = tuple(LineStyle(name, colour) for (name, _), colour in zip(mark.columns, colours, strict=True))
+    own = [(agent, values[:, mark.names.index(agent)]) for agent in agents]
+    known = [(agent, each) for agent, each in own if not np.isnan(each).any(axis=1).all()]
+    return [PlottedCurves(f"{part} of {agent}", "", times, each, lines, stacked=True) for agent, each in known]
+
+
+def _windowed(mark: Numbers, window: Window) -> tuple[NDArray[np.int64], Array]:
+    """The times and values in a window, which begins with the value that holds then."""
+    if not len(mark.times) or mark.times[0] > window.end:
+        return np.empty(0, np.int64), np.empty((0, *mark.values.shape[1:]))
+    edges = np.array([max(window.start, int(mark.times[0])), window.end], np.int64)
+    times = instants([mark.times, edges], window.start, window.end)
+    return times, held(mark.times, mark.values, times)
+
+
+def together(parts: Sequence[PlottedCurves]) -> list[PlottedCurves]:
+    """Join curves of several groups or fields: one result for each name and unit."""
+    found: dict[tuple[str, str], list[PlottedCurves]] = {}
+    for curves in parts:
+        found.setdefault((curves.name, curves.unit), []).append(curves)
+    return [_joined(curves) for curves in found.values()]
 
 
 def _joined(parts: Sequence[PlottedCurves]) -> PlottedCurves:
-    """Curves of several owners in one table."""
     if len(parts) == 1:
         return parts[0]
+    lines = tuple(line for curves in parts for line in curves.lines)
     if all(curves.dots for curves in parts):
-        return _joined_dots(parts)
+        times = np.concatenate([curves.times for curves in parts])
+        values, row, column = np.full((len(times), len(lines)), np.nan), 0, 0
+        for curves in parts:
+            height, width = curves.values.shape
+            values[row : row + height, column : column + width] = curves.values
+            row, column = row + height, column + width
+        order = np.argsort(times, kind="stable")
+        return replace(parts[0], times=times[order], values=values[order], lines=lines)
     times = np.unique(np.concatenate([curves.times for curves in parts]))
-    values = [held(curves.times, curves.values, times) for curves in parts]
-    lines = tuple(line for curves in parts for line in curves.lines)
-    return replace(parts[0], times=times, values=np.concatenate(values, axis=1), lines=lines)
-
-
-def _joined_dots(parts: Sequence[PlottedCurves]) -> PlottedCurves:
-    """Entries of several owners in one table, each of which stays by itself."""
-    times = np.concatenate([curves.times for curves in parts])
-    lines = tuple(line for curves in parts for line in curves.lines)
-    values, row, column = np.full((len(times), len(lines)), np.nan), 0, 0
-    for curves in parts:
-        rows, columns = curves.values.shape
-        values[row : row + rows, column : column + columns] = curves.values
-        row, column = row + rows, column + columns
-    order = np.argsort(times, kind="stable")
-    return replace(parts[0], times=times[order], values=values[order], lines=lines)
-
-
-def _told_apart(parts: Sequence[tuple[str, PlottedCurves]]) -> list[PlottedCurves]:
-    """Curves of several fields, with the field in the name and every other one dashed."""
-    fields = list(dict.fromkeys(field for field, _ in parts))
-    if len(fields) == 1:
-        return [curves for _, curves in parts]
-    told = []
-    for field, curves in parts:
-        dashed = fields.index(field) % 2 == 1
-        lines = tuple(LineStyle(f"{line.name} {field}", line.colour, dashed) for line in curves.lines)
-        told.append(replace(curves, lines=lines))
-    return told
+    joined = np.concatenate([held(curves.times, curves.values, times) for curves in parts], axis=1)
+    return replace(parts[0], times=times, values=joined, lines=lines)

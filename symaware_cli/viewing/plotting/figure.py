@@ -23,13 +23,12 @@ from matplotlib.transforms import Bbox
 
 from symaware_cli.core import seconds
 from symaware_cli.recording.error import LogError
-from symaware_cli.viewing.plotting.content import Content, Distances, Trajectories
 from symaware_cli.viewing.plotting.curves import PlottedCurves
-from symaware_cli.viewing.plotting.motion import LineStyle
+from symaware_cli.viewing.plotting.line_styles import LineStyle
+from symaware_cli.viewing.plotting.panels import Content, Distances, Trajectories
 from symaware_cli.viewing.plotting.plane import draw_trajectories, extent
 from symaware_cli.viewing.plotting.request import PlotRequest
-from symaware_cli.viewing.plotting.shares import Shares
-from symaware_cli.viewing.plotting.time import DASHES, INK, draw_curves, draw_separation, draw_shares
+from symaware_cli.viewing.plotting.time import DASHES, INK, draw_curves, draw_separation
 
 _FAINT = "#65707d"
 
@@ -156,7 +155,7 @@ def _figure(content: Content, layout: _Layout, size: tuple[float, float], title:
     for panel, place in zip(others, places, strict=True):
         axes = figure.add_subplot(place, sharex=first)
         first = first or axes
-        marks, words = _drawn(axes, panel)
+        marks, words = draw_separation(axes, panel) if isinstance(panel, Distances) else draw_curves(axes, panel)
         handles, said = handles + marks, said + words
         if content.moment:
             axes.axvline(seconds(content.window.at), color=_FAINT, linewidth=1.0, linestyle=":")
@@ -173,16 +172,6 @@ def _figure(content: Content, layout: _Layout, size: tuple[float, float], title:
     whole.set_height_ratios((max(size[1] - _AROUND - sum(feet), 1.0), *(max(foot, 0.01) for foot in feet)))
     figure.suptitle(_title(content, title), x=0.012, ha="left", fontsize=_HEADING * _scale(), fontweight="bold")
     return figure
-
-
-def _drawn(axes: Axes, panel: Distances | PlottedCurves | Shares) -> tuple[list[Line2D | Patch], list[str]]:
-    match panel:
-        case Distances():
-            return draw_separation(axes, panel)
-        case Shares():
-            return draw_shares(axes, panel)
-        case _:
-            return draw_curves(axes, panel)
 
 
 @dataclass(frozen=True)
@@ -259,16 +248,16 @@ def _title(content: Content, title: str | None) -> str:
         if unknown:
             raise LogError(f"the font cannot write {''.join(unknown)!r} in the title")
         return title
-    count, everybody = len(content.chosen.lines), content.run_view.agent_count
+    count, everybody = len(content.chosen.lines), content.agent_count
     agents = f"{count:,} agent{'s' if count != 1 else ''}" + (f" of {everybody:,}" if count < everybody else "")
-    return f"{content.run_view.name}: {agents}, seed {content.run_view.seed}"
+    return f"{content.name}: {agents}, seed {content.seed}"
 
 
 def _owners(content: Content) -> list[Line2D | Patch]:
     """What a legend says of whose a line is: the agents where they can be told apart, else the groups."""
     lines: dict[LineStyle, None] = {}
     for panel in content.panels:
-        if isinstance(panel, Distances | Shares):
+        if isinstance(panel, Distances) or (isinstance(panel, PlottedCurves) and panel.stacked):
             continue
         each = panel.chosen if isinstance(panel, Trajectories) else panel
         groups = content.chosen.groups if len(content.chosen.groups) > 1 else ()

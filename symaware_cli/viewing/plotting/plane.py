@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -17,10 +17,11 @@ from numpy.typing import NDArray
 
 from symaware_cli.core import Shape
 from symaware_cli.geometry.pieces import Pieces
-from symaware_cli.viewing.outline import outlines, placed
-from symaware_cli.viewing.palette import CONTACT, GOAL, REGIONS, SCENERY, hexadecimal
-from symaware_cli.viewing.plotting.content import Trajectories
-from symaware_cli.viewing.plotting.motion import LineStyle
+from symaware_cli.geometry.rotation import yaws
+from symaware_cli.viewing.outline import Piece, outlines, placed
+from symaware_cli.viewing.palette import CONTACT, GOAL, SCENERY, hexadecimal
+from symaware_cli.viewing.plotting.line_styles import LineStyle
+from symaware_cli.viewing.plotting.panels import Trajectories
 from symaware_cli.viewing.plotting.time import DASHES, INK
 
 Array = NDArray[np.float64]
@@ -66,7 +67,7 @@ def draw_trajectories(axes: Axes, content: Trajectories, moment: bool) -> tuple[
     handles += _draw_bodies(axes, content, float((high - low).max()))
     handles += _draw_contacts(axes, content)
     at = content.motion.times[content.at] / 1e9
-    view = " from above" if any(len(group_view.position) == 3 for group_view in content.chosen.group_view) else ""
+    view = " from above" if content.spatial else ""
     axes.set_title(f"trajectories{view}, bodies at {at:.6g} s", loc="left")
     if moment:
         said += ["Dotted: what came after."] * (content.at < len(content.motion.times) - 1)
@@ -81,7 +82,7 @@ def extent(content: Trajectories) -> tuple[Array, Array]:
     points = np.concatenate([positions[~np.isnan(positions[:, 0])], *content.goals.values()])
     low, high = points.min(axis=0) - radius, points.max(axis=0) + radius
     room = max(_AROUND * float((high - low).max()), 1e-3)
-    for number in range(len(content.obstacles.obstacle_views)):
+    for number in range(len(content.obstacles.names)):
         for step in {0, content.at}:
             for piece in _obstacle(content, number, step):
                 box = piece.get_path().get_extents(piece.get_patch_transform())
@@ -101,11 +102,11 @@ def round_interval(span: float, count: int = 8) -> float:
     return float(min((scale * each for each in _INTERVALS), key=lambda each: abs(span / each - count)))
 
 
-def _pieces(shape: Shape) -> list[tuple[Array, float]]:
-    """The corners of each piece of a shape, or the middle and the radius of one that is round [m]."""
+def _outlined(pieces: Sequence[Piece]) -> list[tuple[Array, float]]:
+    """Return the corners of each piece, or the centre and the radius of one that is round [m]."""
     return [
         (np.array(core), radius) if len(core) == 1 else (outline, 0.0)
-        for (core, radius), outline in zip(shape.pieces, outlines(shape), strict=True)
+        for (core, radius), outline in zip(pieces, outlines(pieces), strict=True)
     ]
 
 
@@ -116,37 +117,38 @@ def _body(pieces: Iterable[tuple[Array, float]], position: Array, heading: float
 
 
 def _obstacle(content: Trajectories, number: int, step: int) -> list[Circle | Polygon]:
-    """An obstacle where it is at an instant."""
+    """Return the pieces of an obstacle where it is at an instant."""
     obstacles = content.obstacles
-    pieces = _pieces(obstacles.obstacle_views[number].shape)
+    pieces = _outlined(obstacles.pieces[number])
     return _body(pieces, obstacles.positions[step, number], obstacles.headings[step, number])
 
 
 def _draw_regions(axes: Axes, content: Trajectories) -> None:
-    """Draw areas with their names, which are cut off where the panel ends."""
-    for number, (name, pieces) in enumerate(content.regions.items()):
-        colour = hexadecimal(REGIONS[number % len(REGIONS)])
-        for corners in pieces:
-            axes.add_patch(Polygon(corners, facecolor=colour, edgecolor=colour, alpha=0.18, linewidth=0.8, zorder=0))
-        if pieces:
-            middle = np.concatenate(pieces).mean(axis=0)
-            style: dict[str, Any] = {"color": colour, "fontsize": "x-small", "ha": "center", "va": "center"}
-            axes.text(float(middle[0]), float(middle[1]), name, clip_on=True, zorder=1, **style)
+    """Draw areas with their labels, which are clipped at the edge of the panel."""
+    for mark in content.regions:
+        colour, index = hexadecimal(mark.colour), max(0, int(np.searchsorted(mark.times, content.time, "right")) - 1)
+        position, heading = mark.positions[index], float(yaws(mark.orientations[index : index + 1])[0])
+        for piece in _body(_outlined(mark.pieces), position, heading):
+            piece.set(facecolor=colour, edgecolor=colour, alpha=0.18, linewidth=0.8, zorder=0)
+            axes.add_patch(piece)
+        ((x, y, _),) = placed(np.array([mark.label_at]), position, heading)
+        style: dict[str, Any] = {"color": colour, "fontsize": "x-small", "ha": "center", "va": "center"}
+        axes.text(float(x), float(y), mark.label, clip_on=True, zorder=1, **style)
 
 
 def _draw_obstacles(axes: Axes, content: Trajectories) -> list[Line2D | Patch]:
-    colour, moved = hexadecimal(SCENERY), False
-    for number in range(len(content.obstacles.obstacle_views)):
-        here, own = _obstacle(content, number, content.at), hexadecimal(content.obstacles.obstacle_views[number].colour)
+    obstacles, colour, moved = content.obstacles, hexadecimal(SCENERY), False
+    for number, own in enumerate(obstacles.colours):
+        here = _obstacle(content, number, content.at)
         axes.add_collection(
             PatchCollection(here, facecolors=_faded(own, 0.45), edgecolors="none", zorder=1), autolim=False
         )
-        way = content.obstacles.positions[:, number, :2]
-        if content.obstacles.moves(number):
+        if obstacles.moves(number):
             moved = True
+            way = obstacles.positions[:, number, :2]
             axes.plot(way[:, 0], way[:, 1], color=own, linewidth=1.0, linestyle=":", zorder=1)
     handles: list[Line2D | Patch] = []
-    if content.obstacles.obstacle_views:
+    if obstacles.names:
         handles.append(Patch(facecolor=_faded(colour, 0.45), label="obstacle"))
     if moved:
         handles.append(Line2D([], [], color=colour, linewidth=1.0, linestyle=":", label="path of an obstacle"))
@@ -227,7 +229,7 @@ def _draw_goals(axes: Axes, content: Trajectories) -> list[Line2D | Patch]:
 def _draw_bodies(axes: Axes, content: Trajectories, span: float) -> list[Line2D | Patch]:
     """Draw where everybody started, and the bodies at the moment, large enough to be seen."""
     motion, chosen, at = content.motion, content.chosen, content.at
-    kinds = {shape: (_pieces(shape), _inner_radius(shape)) for shape in dict.fromkeys(motion.shapes) if shape}
+    kinds = {shape: (_outlined(shape.pieces), _inner_radius(shape)) for shape in dict.fromkeys(motion.shapes) if shape}
     starts: dict[str, Array] = {}
     points: dict[str, Array] = {}
     bodies: list[Circle | Polygon] = []
@@ -245,7 +247,7 @@ def _draw_bodies(axes: Axes, content: Trajectories, span: float) -> list[Line2D 
             position, heading = motion.positions[at, agent], float(motion.headings[at, agent])
             bodies += _body(pieces, position, heading)
             colours += [line.colour] * len(pieces)
-            if chosen.group_view[agent].heading is not None and inner > 0.01 * span:
+            if motion.nosed[agent] and inner > 0.01 * span:
                 noses.append(placed(_NOSE * inner, position, heading)[:, :2])
     for colour, where in _by_colour(chosen.lines, starts).items():
         mark = _mark("o", colour, 1.5 if chosen.many else 5.5)
@@ -280,7 +282,7 @@ def _inner_radius(shape: Shape) -> float:
 
 
 def _draw_contacts(axes: Axes, content: Trajectories) -> list[Line2D | Patch]:
-    points = np.array([contact.point[:2] for contact in content.contacts if contact.point])
+    points = content.contacts[np.isfinite(content.contacts).all(axis=1)]
     if not len(points):
         return []
     mark = _mark("x", hexadecimal(CONTACT), 6.0)

@@ -8,7 +8,8 @@ from pathlib import Path
 from symaware_cli.recording.error import LogError
 from symaware_cli.recording.output import whole_file
 from symaware_cli.recording.reader import Log
-from symaware_cli.viewing.plotting.content import Content, gather
+from symaware_cli.viewing.plotting.content import gather
+from symaware_cli.viewing.plotting.panels import Content
 from symaware_cli.viewing.plotting.request import PlotRequest, check_output
 
 

@@ -1,18 +1,16 @@
-"""How far bodies were apart: from outline to outline, the least of all pairs at each instant.
+"""The separation of bodies over time: the least distance between two outlines at each instant.
 
-Two bodies touch where this is 0, and overlap where it is negative. As in the world, round agents are balls, and agents
-with corners count as seen from above once the balls around them meet; obstacles are seen from above.
+Two bodies touch where it is 0 and overlap where it is negative. As in the world, round agents are balls, and agents
+with corners are seen from above once the balls around them meet; obstacles are seen from above.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core import Shape
 from symaware_cli.geometry.body_outlines import BodyOutlines
 from symaware_cli.geometry.pieces import Pieces, separation
 from symaware_cli.viewing.plotting.motion import Motion, Obstacles
@@ -20,7 +18,7 @@ from symaware_cli.viewing.plotting.motion import Motion, Obstacles
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-#: Beyond so many agents times instants, instants are left out; this takes some seconds.
+#: Agents times instants beyond which instants are left out; this takes some seconds.
 _WORK = 2_000_000
 
 
@@ -31,10 +29,10 @@ class LeastSeparation:
     Attributes:
         times: (m,) simulated time [ns].
         least: (m,) the least of all pairs, from outline to outline; negative where they overlap [m].
-        pair: (m, 2) whose it is: an agent, and another agent or an obstacle, by index.
+        pair: (m, 2) the indices of the two: an agent, and another agent or an obstacle.
         centres: (m,) between the centres of these two [m]; NaN for obstacles.
-        typical: (m,) the median over agents of the separation from whoever is nearest to each [m]; NaN for obstacles.
-        every: One of how many recorded instants was looked at.
+        typical: (m,) the median over agents of the separation from the nearest other agent [m]; NaN for obstacles.
+        every: One of how many recorded instants was evaluated.
     """
 
     times: NDArray[np.int64]
@@ -46,18 +44,17 @@ class LeastSeparation:
 
     @property
     def lowest(self) -> int:
-        """The instant of the least separation of all, by index."""
+        """The index of the instant of the least separation of all."""
         return int(np.nanargmin(self.least))
 
 
 def among(motion: Motion) -> LeastSeparation | None:
-    """Find how far agents are apart; None where there are no two."""
+    """Return the separation between agents; None where there are no two."""
     count = motion.positions.shape[1]
     if count < 2:
         return None
     steps, every = _instants(motion, count)
-    everybody = _Nearest(motion.shapes)
-    rows = len(steps)
+    everybody, rows = _bodies(motion), len(steps)
     least, centres, typical = np.full(rows, np.nan), np.full(rows, np.nan), np.full(rows, np.nan)
     pair = np.zeros((rows, 2), np.intp)
     for row, step in enumerate(steps.tolist()):
@@ -65,7 +62,8 @@ def among(motion: Motion) -> LeastSeparation | None:
         present = np.flatnonzero(~np.isnan(positions[:, 0]))
         if len(present) < 2:
             continue
-        gap, other = everybody.of(present, positions[present], motion.headings[step, present])
+        bodies = everybody if len(present) == count else everybody.some(present)
+        gap, other = bodies.nearest_to_each(positions[present], motion.headings[step, present])
         one = int(gap.argmin())
         pair[row] = present[one], present[other[one]]
         least[row], typical[row] = gap[one], np.median(gap)
@@ -76,30 +74,26 @@ def among(motion: Motion) -> LeastSeparation | None:
 
 
 def from_obstacles(motion: Motion, obstacles: Obstacles) -> LeastSeparation | None:
-    """Find how far agents are from obstacles; None where there are none."""
-    agents, count = motion.positions.shape[1], len(obstacles.obstacle_views)
+    """Return the separation of agents from obstacles; None where there are none of these."""
+    agents, count = motion.positions.shape[1], len(obstacles.names)
     if not agents or not count:
         return None
-    listed = [
-        (number, piece)
-        for number, obstacle_view in enumerate(obstacles.obstacle_views)
-        for piece in obstacle_view.shape.pieces
-    ]
+    listed = [(number, piece) for number, pieces in enumerate(obstacles.pieces) for piece in pieces]
     owner = np.array([number for number, _ in listed], np.intp)
     pieces = Pieces.of(piece for _, piece in listed)
     steps, every = _instants(motion, agents * len(owner) // 16)
-    bodies = _Nearest(motion.shapes).bodies
+    bodies = _bodies(motion)
     least, pair = np.full(len(steps), np.nan), np.zeros((len(steps), 2), np.intp)
     still = not any(obstacles.moves(number) for number in range(count))
     for row, step in enumerate(steps.tolist()):
         if row == 0 or not still:
             placed = pieces.placed(obstacles.positions[step, owner, :2], obstacles.headings[step, owner])
             low, high = placed.bounds()
-        points = motion.positions[step, :, :2]
-        present = np.flatnonzero(~np.isnan(points[:, 0]))
+        everywhere, headings = motion.positions[step, :, :2], motion.headings[step]
+        present = np.flatnonzero(~np.isnan(everywhere[:, 0]))
         if not len(present):
             continue
-        points, headings, everywhere = points[present], motion.headings[step], points
+        points = everywhere[present]
         outside = np.maximum(np.maximum(low - points[:, None], points[:, None] - high), 0.0)
         inside = np.maximum(np.minimum(points[:, None] - low, high - points[:, None]).min(axis=2), 0.0)
         # A body is at least as far from a piece as the ball around it is from the rectangle around the piece.
@@ -116,46 +110,12 @@ def from_obstacles(motion: Motion, obstacles: Obstacles) -> LeastSeparation | No
     return LeastSeparation(motion.times[steps], least, pair, nothing, nothing, every)
 
 
-class _Nearest:
-    """Who is nearest to each agent."""
-
-    def __init__(self, shapes: Sequence[Shape | None]) -> None:
-        self.bodies = BodyOutlines([shape.pieces[0] if shape else None for shape in shapes])
-        self._alike = not self.bodies.any_cornered and len(set(self.bodies.radii.tolist())) == 1
-
-    def of(self, agents: Indices, positions: Array, headings: Array) -> tuple[Array, Indices]:
-        """Find who is nearest to each.
-
-        Args:
-            agents: (m,) by index.
-            positions: (m, 3) [m].
-            headings: (m,) [rad].
-
-        Returns:
-            The separation (m,) and who it is, as rows of what was given (m,).
-        """
-        from scipy.spatial import cKDTree
-
-        count, radii = len(agents), self.bodies.radii[agents]
-        everybody, turned = np.zeros((len(self.bodies), 3)), np.zeros(len(self.bodies))
-        everybody[agents], turned[agents] = positions, headings
-        tree, rows = cKDTree(positions), np.arange(count)
-        asked = 2 if self._alike else min(count, 6)
-        while True:
-            apart, other = (np.asarray(found) for found in tree.query(positions, k=asked))
-            one = np.repeat(agents, asked)
-            gaps = self.bodies.gaps(one, agents[other.ravel()], apart.ravel(), everybody, turned).reshape(apart.shape)
-            gaps[other == rows[:, None]] = np.inf
-            best = gaps.argmin(axis=1)
-            gap = gaps[rows, best]
-            # Whoever was not looked at is farther away than the last who was.
-            if asked == count or (gap <= apart[:, -1] - radii - radii.max()).all():
-                return gap, other[rows, best]
-            asked = min(count, 2 * asked)
+def _bodies(motion: Motion) -> BodyOutlines:
+    return BodyOutlines([shape.pieces[0] if shape else None for shape in motion.shapes])
 
 
 def _instants(motion: Motion, work: int) -> tuple[Indices, int]:
-    """Choose the instants to look at, by index, given how much there is to look at in each."""
+    """Return the indices of the instants to evaluate, given the work in each, and one of how many these are."""
     every = max(1, -(-len(motion.times) * work // _WORK))
     last = len(motion.times) - 1
     return np.unique(np.append(np.arange(0, last + 1, every), last)), every

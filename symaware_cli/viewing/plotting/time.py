@@ -12,9 +12,8 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from symaware_cli.viewing.palette import AGENTS, RISK, SCENERY, hexadecimal
-from symaware_cli.viewing.plotting.content import Distances
 from symaware_cli.viewing.plotting.curves import PlottedCurves
-from symaware_cli.viewing.plotting.shares import Shares
+from symaware_cli.viewing.plotting.panels import Distances
 
 Array = NDArray[np.float64]
 
@@ -37,6 +36,9 @@ def draw_curves(axes: Axes, curves: PlottedCurves) -> tuple[list[Line2D | Patch]
     Returns:
         What a legend is to explain, and what a caption is to say.
     """
+    if curves.stacked:
+        _draw_shares(axes, curves)
+        return [], []
     values = np.where(np.isfinite(curves.values), curves.values, np.nan)
     draw = _draw_dots if curves.dots else _draw_bands if curves.many else _draw_lines
     said = draw(axes, curves, curves.times / 1e9, values)
@@ -97,23 +99,17 @@ def _draw_bands(axes: Axes, curves: PlottedCurves, times: Array, values: Array) 
     return [f"Lines: medians of the groups, {len(curves.lines):,} agents; bands: the middle 80 % of each."]
 
 
-def draw_shares(axes: Axes, shares: Shares) -> tuple[list[Line2D | Patch], list[str]]:
-    """Draw numbers that share a whole, one on top of the other.
-
-    Returns:
-        What a legend is to explain, and what a caption is to say.
-    """
-    times, values = shares.times / 1e9, shares.values.copy()
+def _draw_shares(axes: Axes, shares: PlottedCurves) -> None:
+    """Fill the panel from below, one share on top of the other."""
+    values = shares.values.copy()
     values[np.isnan(values).any(axis=1)] = 0.0
     tops = np.cumsum(values, axis=1)
-    for number, name in enumerate(shares.names):
-        top, colour = tops[:, number], hexadecimal(AGENTS[number % len(AGENTS)])
-        style: dict[str, Any] = {"color": colour, "alpha": 0.75, "linewidth": 0, "step": "post", "label": name}
-        axes.fill_between(times, top - values[:, number], top, **style)
+    for line, top, own in zip(shares.lines, tops.T, values.T, strict=True):
+        style: dict[str, Any] = {"color": line.colour, "alpha": 0.75, "linewidth": 0, "step": "post"}
+        axes.fill_between(shares.times / 1e9, top - own, top, label=line.name, **style)
     axes.set_ylim(0.0, max(1.0, float(tops[:, -1].max())))
     axes.set_title(shares.name, loc="left")
     axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, reverse=True, handlelength=1.0)
-    return [], []
 
 
 def draw_separation(axes: Axes, distances: Distances) -> tuple[list[Line2D | Patch], list[str]]:
@@ -127,7 +123,7 @@ def draw_separation(axes: Axes, distances: Distances) -> tuple[list[Line2D | Pat
     if agents is not None:
         times = agents.times / 1e9
         handles += axes.plot(times, agents.least, color=INK, linewidth=1.5, label="closest two agents", zorder=3)
-        if len(distances.chosen.lines) > 2:
+        if len(distances.names[0]) > 2:
             label = "nearest to each agent (median)"
             axes.fill_between(times, agents.least, agents.typical, color=_TYPICAL, alpha=0.18, linewidth=0)
             handles += axes.plot(times, agents.typical, color=_TYPICAL, linewidth=0.9, label=label)

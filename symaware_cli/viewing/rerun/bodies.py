@@ -40,7 +40,7 @@ def show_bodies(columns: Columns, mark: Bodies) -> None:
         boxes = rr.Boxes3D.columns(centers=flat(positions), quaternions=turns(mark.orientations), colors=colours)
         columns.send(path, times, boxes, counts)
     elif shape and shape.polygon:
-        (outline, *_) = outlines(shape)
+        (outline, *_) = outlines(shape.pieces)
         closed = np.pad(np.concatenate([outline, outline[:1]]), ((0, 0), (0, 1)))
         corners = positions[..., None, :] + rotated(mark.orientations[..., None, :], closed)
         lengths = np.full(len(times) * positions.shape[1], len(closed))
@@ -64,7 +64,7 @@ def show_solid(columns: Columns, mark: Solid) -> None:
     import rerun as rr
 
     if columns.is_new(mark.path):
-        (colour,) = shades(mark.colour, mark.transparency, 1)
+        (colour,) = shades(mark.colour, mark.transparency or mark.faded, 1)
         for number, outline in enumerate(mark.outlines):
             vertices, triangles = mesh(outline, mark.low, mark.high)
             surface = rr.Mesh3D(vertex_positions=vertices, triangle_indices=triangles, albedo_factor=colour)

@@ -14,7 +14,7 @@ from symaware_cli.viewing.detail import Detail
 from symaware_cli.viewing.outline import circle
 from symaware_cli.viewing.palette import CONTACT
 from symaware_cli.viewing.scene.base import Drawing
-from symaware_cli.viewing.scene.marks import Lines
+from symaware_cli.viewing.scene.marks import Lines, Points
 from symaware_cli.viewing.views import RunView, in_space
 
 Array = NDArray[np.float64]
@@ -127,3 +127,25 @@ class Contacts(Drawing):
             self.run_view.group_views[self.run_view.place[who][0]].extent for who in pair if who in self.run_view.place
         ]
         return min(radii, default=0.0) or _POINT
+
+
+class ContactPoints(Drawing):
+    """A point where each contact began."""
+
+    def marks(self, chunk: Chunk) -> Iterator[Points]:
+        """The contacts that begin in a chunk; the position is NaN where the log does not tell it."""
+        entries = [logged_events.contact(time, message) for time, message in chunk.entries.get("/contacts", ())]
+        begun = [entry for entry in entries if entry.stage == "BEGIN"]
+        if begun:
+            nowhere = np.full(3, np.nan)
+            yield Points(
+                path="world/contacts/points",
+                layer="contacts",
+                times=np.array([entry.time for entry in begun], np.int64),
+                counts=np.ones(len(begun), np.int64),
+                positions=np.array([in_space(np.array(entry.point)) if entry.point else nowhere for entry in begun]),
+                colours=CONTACT,
+                size=6.0,
+                names=[f"{entry.a} {entry.b}" for entry in begun],
+                who=np.arange(len(begun)),
+            )

@@ -17,6 +17,7 @@ from symaware_cli.viewing.detail import Detail
 from symaware_cli.viewing.palette import AGENTS
 from symaware_cli.viewing.scene.base import Drawing
 from symaware_cli.viewing.scene.marks import Curves, Numbers
+from symaware_cli.viewing.scene.points import tables_of
 from symaware_cli.viewing.views import GroupView, RunView
 
 Array = NDArray[np.float64]
@@ -121,7 +122,7 @@ def _curves(path: str, times: NDArray[np.int64], names: Sequence[str], values: A
 
 
 class Everything(Drawing):
-    """All numbers of all agents but those of paths, for those who choose what to plot."""
+    """Tables of the numbers of all agents except paths, from which a person chooses what to plot."""
 
     def marks(self, chunk: Chunk) -> Iterator[Numbers]:
         """A table for each topic of numbers."""
@@ -130,12 +131,51 @@ class Everything(Drawing):
             topics.append(f"/agents/{group_view.name}/control")
             topics += [group_view.topic(name) for name, signal in group_view.signals.items() if signal.drawn != "path"]
             for topic in topics:
-                series = chunk.strips.get(topic)
-                frames = chunk.frames.get(topic) if series is None else series.firsts
-                if frames is not None and len(frames.times):
-                    columns = self.run_view.quantities_of(topic, "value", frames.values.shape[2])
-                    path, names = topic.strip("/"), group_view.agents
-                    yield Numbers(path=path, times=frames.times, values=frames.values, names=names, columns=columns)
+                yield from self._numbers(topic, "value", group_view.agents, chunk)
+
+    def _numbers(self, topic: str, field: str, names: Sequence[str], chunk: Chunk) -> Iterator[Numbers]:
+        """The table of a topic; the name of the field is that of columns without one."""
+        series = chunk.strips.get(topic)
+        frames = chunk.frames.get(topic) if series is None else series.firsts
+        if frames is not None and len(frames.times):
+            columns = self.run_view.quantities_of(topic, field, frames.values.shape[2])
+            path = topic.strip("/")
+            yield Numbers(path=path, times=frames.times, values=frames.values, names=names, columns=columns)
+
+
+class RecordedNumbers(Everything):
+    """Tables of all numbers in a chunk, those of entities included, and of the table signals of agents in focus."""
+
+    def marks(self, chunk: Chunk) -> Iterator[Numbers]:
+        """A table for each topic."""
+        for topic in sorted({*chunk.frames, *chunk.strips}):
+            _, _, owner, *_, field = topic.split("/")
+            view = self.run_view.group_views.get(owner)
+            yield from self._numbers(topic, field, view.agents if view else [owner], chunk)
+        for group_view in self.run_view.group_views.values():
+            for name, signal in group_view.signals.items():
+                if signal.kind == "table":
+                    yield from self._entries(group_view, group_view.topic(name), chunk)
+
+    def _entries(self, group_view: GroupView, topic: str, chunk: Chunk) -> Iterator[Numbers]:
+        """The entries of the tables of a signal, one after another."""
+        names = [agent for agent in group_view.agents if agent in self.detail.focus]
+        place = {group_view.agents.index(agent): number for number, agent in enumerate(names)}
+        found = [
+            (time, place[row], table)
+            for time, message in chunk.entries.get(topic, ())
+            for row, table in tables_of(message)
+            if row in place and len(table)
+        ]
+        if found:
+            sizes = [len(table) for _, _, table in found]
+            entries = np.concatenate([table for _, _, table in found])
+            values = np.full((len(entries), len(names), entries.shape[1]), np.nan)
+            values[np.arange(len(entries)), np.repeat([number for _, number, _ in found], sizes)] = entries
+            times = np.repeat(np.array([time for time, _, _ in found], np.int64), sizes)
+            columns = self.run_view.quantities_of(topic, topic.rpartition("/")[2], entries.shape[1])
+            path = topic.strip("/")
+            yield Numbers(path=path, times=times, values=values, names=names, columns=columns, separate=True)
 
 
 def plotted(group_view: GroupView) -> list[tuple[str, str]]:

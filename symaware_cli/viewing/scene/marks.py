@@ -7,14 +7,15 @@ leave out kinds that they have no means for.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from dataclasses import dataclass, replace
+from typing import Any, Literal, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from symaware_cli.core import Shape
 from symaware_cli.viewing.figure import Figure
+from symaware_cli.viewing.outline import Piece, outlines
 
 Array = NDArray[np.float64]
 Times = NDArray[np.int64]
@@ -177,11 +178,12 @@ class Solid(_Mark):
 
     Attributes:
         name: What it is called.
-        outlines: Of its convex pieces, (m, 2) counter-clockwise each, relative to its position [m].
+        pieces: Its convex pieces, relative to its position.
         low: Where it begins, relative to its position [m].
         high: Where it ends [m]; flat if that is the same.
         colour: Red, green and blue.
         transparency: How much of the background shines through, from 0 to 1.
+        faded: How much of the background of a replay is mixed into its colour, from 0 to 1.
         label: Its label.
         label_at: Where that is, relative to its position [m].
         positions: (k, 3) [m].
@@ -189,15 +191,21 @@ class Solid(_Mark):
     """
 
     name: str
-    outlines: Sequence[Array]
+    pieces: Sequence[Piece]
     low: float
     high: float
     colour: Sequence[int]
     positions: Array
     orientations: Array
     transparency: float = 0.0
+    faded: float = 0.0
     label: str = ""
     label_at: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def outlines(self) -> Sequence[Array]:
+        """The corners of each piece, (m, 2) counter-clockwise [m]."""
+        return outlines(self.pieces)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -322,11 +330,13 @@ class Numbers(_Mark):
         values: (k, n, m).
         names: (n,) of the rows.
         columns: (m,) the name and the unit of each.
+        separate: Whether each instant stands by itself, so that times may repeat; otherwise values hold until the next.
     """
 
     values: Array
     names: Sequence[str]
     columns: Sequence[tuple[str, str]]
+    separate: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -377,3 +387,14 @@ Mark: TypeAlias = (
     | Modes
 )
 """Anything that is to be seen."""
+
+Joinable = TypeVar("Joinable", Bodies, Solid, Curves, Numbers)
+
+
+def joined(parts: Sequence[Joinable]) -> Joinable:
+    """Join marks of one path, which follow each other in time, into one mark."""
+    names = ["times", *(name for name in ("positions", "orientations", "values") if hasattr(parts[0], name))]
+    if isinstance(parts[0], Bodies):
+        names.append("colours")
+    whole: Any = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
+    return replace(parts[0], **whole)

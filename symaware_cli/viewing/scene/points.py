@@ -84,9 +84,15 @@ class Found(Drawing):
             for time, values in zip(frames.times.tolist(), frames.values, strict=True):
                 yield time, ((row, each[None]) for row, each in enumerate(values))
         for time, message in chunk.entries.get(topic, ()):
-            if isinstance(message, wire.TableRows):
-                rows = range(len(message.lengths)) if message.rows is None else message.rows.tolist()
-                yield time, zip(rows, message, strict=False)
+            yield time, tables_of(message)
+
+
+def tables_of(message: object) -> Iterable[tuple[int, Array]]:
+    """Return the row of each agent that a message has a table of, and the table; none of other messages."""
+    if not isinstance(message, wire.TableRows):
+        return ()
+    rows = range(len(message.lengths)) if message.rows is None else message.rows.tolist()
+    return zip(rows, message, strict=False)
 
 
 def places(names: Sequence[str], table: Array, position: Array, heading: float) -> Array:

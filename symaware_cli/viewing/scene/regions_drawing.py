@@ -11,7 +11,7 @@ from symaware_cli.geometry.region import Region, RegionShape
 from symaware_cli.geometry.rotation import about
 from symaware_cli.viewing.chunk import Chunk
 from symaware_cli.viewing.detail import Detail
-from symaware_cli.viewing.outline import circle
+from symaware_cli.viewing.outline import Piece, outlines
 from symaware_cli.viewing.palette import REGIONS
 from symaware_cli.viewing.scene.base import Drawing
 from symaware_cli.viewing.scene.marks import Solid
@@ -26,28 +26,24 @@ _STEP = 0.01
 _TRANSPARENCY = 0.7
 
 
-def region_outlines(region: RegionShape, regions: Mapping[str, Region]) -> list[Array]:
-    """The outlines of the primitives that a region is the union of, (m, 2) counter-clockwise each [m].
-
-    Intersections and complements have none.
-    """
+def region_pieces(region: RegionShape, regions: Mapping[str, Region]) -> list[Piece]:
+    """Return the primitives that a region is the union of; intersections and complements have none."""
     if region.box is not None:
         if len(region.box) < 4:
             return []
         west, east, south, north = region.box[:4]
-        return [np.array([[west, south], [east, south], [east, north], [west, north]], float)]
+        return [([(west, south), (east, south), (east, north), (west, north)], 0.0)]
     if region.circle is not None:
-        return [circle(region.circle.radius)[:-1] + np.array(region.circle.centre[:2])]
+        return [([region.circle.centre[:2]], region.circle.radius)]
     if region.polygon is not None:
-        return [np.array(region.polygon, float)]
+        return [(region.polygon, 0.0)]
     members = [regions[each] if isinstance(each, str) else each for each in region.union or ()]
-    return [outline for member in members for outline in region_outlines(member, regions)]
+    return [piece for member in members for piece in region_pieces(member, regions)]
 
 
-def _size(outlines: list[Array]) -> float:
-    """How far outlines reach [m]."""
-    corners = np.concatenate(outlines)
-    return float(np.ptp(corners, axis=0).max())
+def _size(pieces: list[Piece]) -> float:
+    """Return the larger side of the box around pieces [m]."""
+    return float(np.ptp(np.concatenate(outlines(pieces)), axis=0).max())
 
 
 class RegionsDrawing(Drawing):
@@ -55,7 +51,7 @@ class RegionsDrawing(Drawing):
 
     def __init__(self, run_view: RunView, detail: Detail) -> None:
         super().__init__(run_view, detail)
-        found = {name: region_outlines(region, run_view.regions) for name, region in run_view.regions.items()}
+        found = {name: region_pieces(region, run_view.regions) for name, region in run_view.regions.items()}
         # The largest lies lowest, so that each is seen.
         drawn = sorted((name for name in found if found[name]), key=lambda name: _size(found[name]), reverse=True)
         self._found = {name: found[name] for name in drawn}
@@ -80,17 +76,17 @@ class RegionsDrawing(Drawing):
         self._begun = True
 
     def _solid(
-        self, name: str, outlines: list[Array], times: NDArray[np.int64], positions: Array, headings: Array
+        self, name: str, pieces: list[Piece], times: NDArray[np.int64], positions: Array, headings: Array
     ) -> Solid:
         number = list(self._found).index(name)
         level = _BELOW + _STEP * number
-        middle = np.concatenate(outlines).mean(axis=0)
+        middle = np.concatenate(outlines(pieces)).mean(axis=0)
         return Solid(
             path=f"world/regions/{name}",
             layer="regions",
             times=times,
             name=name,
-            outlines=outlines,
+            pieces=pieces,
             low=level,
             high=level,
             colour=REGIONS[number % len(REGIONS)],

@@ -9,8 +9,8 @@ from symaware_cli.viewing.detail import Detail
 from symaware_cli.viewing.scene.bars import Bars
 from symaware_cli.viewing.scene.base import Drawing
 from symaware_cli.viewing.scene.bodies import Agents
-from symaware_cli.viewing.scene.contacts import Contacts
-from symaware_cli.viewing.scene.curves import AwarenessCurves, Everything, SeparationCurve
+from symaware_cli.viewing.scene.contacts import ContactPoints, Contacts
+from symaware_cli.viewing.scene.curves import AwarenessCurves, Everything, RecordedNumbers, SeparationCurve
 from symaware_cli.viewing.scene.figures import Appearances
 from symaware_cli.viewing.scene.goals import Goals
 from symaware_cli.viewing.scene.informed import Informed
@@ -24,7 +24,7 @@ from symaware_cli.viewing.scene.regions_drawing import RegionsDrawing
 from symaware_cli.viewing.scene.risk import RiskCurves
 from symaware_cli.viewing.scene.scenery import SceneryDrawing
 from symaware_cli.viewing.scene.sensors import Cameras, Scans
-from symaware_cli.viewing.scene.specification_curves import SpecificationCurves, Violations
+from symaware_cli.viewing.scene.specification_curves import EverySpecificationCurve, SpecificationCurves, Violations
 from symaware_cli.viewing.scene.trails import Trails
 from symaware_cli.viewing.scene.uncertainties import Uncertainties
 from symaware_cli.viewing.views import RunView
@@ -54,6 +54,17 @@ SCENE: tuple[type[Drawing], ...] = (
 #: Curves for those who see what was chosen for them, and tables for those who choose themselves what to plot.
 CURVES: tuple[type[Drawing], ...] = (SpecificationCurves, RiskCurves, SeparationCurve, AwarenessCurves)
 TABLES: tuple[type[Drawing], ...] = (Everything,)
+#: What plots show of a whole run.
+PLOTTED: tuple[type[Drawing], ...] = (
+    SceneryDrawing,
+    RegionsDrawing,
+    Goals,
+    Agents,
+    Intents,
+    ContactPoints,
+    EverySpecificationCurve,
+    RecordedNumbers,
+)
 
 
 class Scene:

@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 from symaware_cli.geometry.rotation import about
 from symaware_cli.viewing.chunk import Chunk
 from symaware_cli.viewing.detail import Detail
-from symaware_cli.viewing.outline import outlines
-from symaware_cli.viewing.palette import faded
 from symaware_cli.viewing.scene.base import Drawing
 from symaware_cli.viewing.scene.marks import Ground, Solid
 from symaware_cli.viewing.views import ObstacleView, RunView
@@ -20,6 +18,8 @@ Array = NDArray[np.float64]
 
 #: How high obstacles without a height are drawn in space [m].
 _HEIGHT = 2.0
+#: How much of the background is mixed into the colour of obstacles that do not move.
+_FADED = 0.45
 
 
 class SceneryDrawing(Drawing):
@@ -47,16 +47,16 @@ class SceneryDrawing(Drawing):
 
     def _solid(self, obstacle_view: ObstacleView, times: NDArray[np.int64], positions: Array, headings: Array) -> Solid:
         low, high = self._extent(obstacle_view)
-        colour = np.array(obstacle_view.colour, np.uint8)
         return Solid(
             path=f"world/scenery/{obstacle_view.name}",
             layer="scenery",
             times=times,
             name=obstacle_view.name,
-            outlines=outlines(obstacle_view.shape),
+            pieces=obstacle_view.shape.pieces,
             low=low,
             high=high,
-            colour=(colour if obstacle_view.moves else faded(colour, 0.45)).tolist(),
+            colour=obstacle_view.colour,
+            faded=0.0 if obstacle_view.moves else _FADED,
             positions=positions,
             orientations=about((0.0, 0.0, 1.0), headings),
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 
 import numpy as np
@@ -19,12 +20,16 @@ Array = NDArray[np.float64]
 
 #: A ring around somebody who violates a specification, in radii of the body.
 _REACH = 1.8
-#: More rows than these are shown by the least of them.
-_MOST = 8
 
 
 class SpecificationCurves(Drawing):
-    """A curve for each agent or pair: the greatest that the robustness can still be, then the robustness."""
+    """A curve for each agent or pair: the upper bound of the robustness, and finally the robustness.
+
+    Attributes:
+        most: A specification with more rows than these has one curve, the least of them.
+    """
+
+    most = 8
 
     def __init__(self, run_view: RunView, detail: Detail) -> None:
         super().__init__(run_view, detail)
@@ -42,7 +47,7 @@ class SpecificationCurves(Drawing):
                 known[list(content.rows) or slice(None)] = content.upper
                 values[number] = np.where(np.isfinite(known), known, np.nan)
             names = [" and ".join(agents) or name for agents in rows]
-            if len(rows) > _MOST:
+            if len(rows) > self.most:
                 values, names = np.fmin.reduce(values, axis=1)[:, None], ["least"]
             yield Curves(
                 path=f"curves/specifications/{name}",
@@ -52,6 +57,12 @@ class SpecificationCurves(Drawing):
                 keep="least",
                 level=("zero", 0.0),
             )
+
+
+class EverySpecificationCurve(SpecificationCurves):
+    """A curve for each agent or pair, however many there are."""
+
+    most = sys.maxsize
 
 
 class Violations(Drawing):
