@@ -10,7 +10,8 @@ from plot_logs import AIRCRAFT, YARD, log_of
 
 from symaware_cli.recording.error import LogError, OutputError, UnknownNameError
 from symaware_cli.viewing.plotting.content import gather
-from symaware_cli.viewing.plotting.figure import _arranged, _figure, _Layout, _style
+from symaware_cli.viewing.plotting.figure import _arranged, _figure, _Layout
+from symaware_cli.viewing.plotting.figure_style import styled
 from symaware_cli.viewing.plotting.plane import extent, round_interval
 from symaware_cli.viewing.plotting.plot import plot
 from symaware_cli.viewing.plotting.request import PlotRequest, SeriesName
@@ -24,7 +25,7 @@ def yard(tmp_path_factory):
 def drawn(log, request=PlotRequest()) -> Figure:  # noqa: B008 (it is frozen)
     content = gather(log, request)
     layout, size, scale = _arranged(content, request)
-    with _style(scale):
+    with styled(scale):
         figure = _figure(content, layout, size, request.title)
         figure.draw_without_rendering()
     return figure

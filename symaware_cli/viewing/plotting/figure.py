@@ -4,65 +4,37 @@ from __future__ import annotations
 
 import textwrap
 import warnings
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.font_manager import findfont, get_font
 from matplotlib.gridspec import SubplotSpec
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.transforms import Bbox
 
 from symaware_cli.core import seconds
 from symaware_cli.recording.error import LogError
 from symaware_cli.viewing.plotting.curves import PlottedCurves
+from symaware_cli.viewing.plotting.figure_style import (
+    FAINT,
+    HEADING,
+    LEAST_TYPE,
+    SMALL,
+    require_writable,
+    save,
+    settle,
+    styled,
+    type_scale,
+)
 from symaware_cli.viewing.plotting.line_styles import LineStyle
 from symaware_cli.viewing.plotting.panels import Content, Distances, Trajectories
 from symaware_cli.viewing.plotting.plane import draw_trajectories, extent
 from symaware_cli.viewing.plotting.request import PlotRequest
-from symaware_cli.viewing.plotting.time import DASHES, INK, draw_curves, draw_separation
-
-_FAINT = "#65707d"
-
-#: Sizes of type in points, of a figure of its natural size.
-_TYPE, _TITLE, _HEADING, _SMALL = 10.0, 11.0, 13.0, 9.0
-
-#: In a smaller figure type shrinks with it, down to this part.
-_LEAST_TYPE = 0.7
-
-_STYLE: Any = {
-    "font.family": "DejaVu Sans",
-    "text.color": INK,
-    # Names are shown as they are, be there a dollar sign in them.
-    "text.parse_math": False,
-    "axes.edgecolor": _FAINT,
-    "axes.grid": True,
-    "axes.labelcolor": INK,
-    "axes.spines.right": False,
-    "axes.spines.top": False,
-    "axes.titlecolor": INK,
-    "grid.color": "#e4e7eb",
-    "grid.linewidth": 0.6,
-    "xtick.color": INK,
-    "ytick.color": INK,
-    "pdf.fonttype": 42,
-    "svg.hashsalt": "symaware",
-}
-
-#: What a file of each format would say of when and by what it was made.
-_UNDATED = {
-    ".png": {"Software": None},
-    ".svg": {"Date": None, "Creator": None},
-    ".pdf": {"CreationDate": None, "Creator": None, "Producer": None},
-}
+from symaware_cli.viewing.plotting.time import DASHES, draw_curves, draw_separation
 
 #: Inches: the plane at most, a panel over time, a line of the foot, and how wide a character of the foot is.
 _PLANE, _PANEL, _LINE, _CHARACTER = (6.2, 7.0), (5.6, 2.1), 0.19, 0.071
@@ -90,31 +62,15 @@ def draw(content: Content, request: PlotRequest, path: Path) -> None:
         OSError: The file cannot be written.
     """
     layout, size, scale = _arranged(content, request)
-    suffix = path.suffix.lower()
-    with _style(scale), warnings.catch_warnings():
+    with styled(scale), warnings.catch_warnings():
         warnings.filterwarnings("error", "constrained_layout not applied", UserWarning)
         try:
             figure = _figure(content, layout, size, request.title)
-            _settle(figure)
+            settle(figure)
         except UserWarning:
             count = f"{len(content.panels)} panel{'s do' if len(content.panels) > 1 else ' does'}"
             raise LogError(f"{count} not fit into {size[0]:g} x {size[1]:g} inches") from None
-        figure.savefig(path, format=suffix[1:], dpi=request.dpi, metadata=_UNDATED[suffix])
-
-
-def _settle(figure: Figure) -> None:
-    """Lay out a figure once and for all.
-
-    The solver behind the layout goes by addresses in memory, so its results differ in the last digits.
-    """
-    figure.draw_without_rendering()
-    figure.set_layout_engine("none")
-    for axes in figure.axes:
-        box = axes.get_position(original=True)
-        axes.set_position(Bbox(np.round(box.get_points(), 4)))
-    for text in figure.texts:
-        x, y = text.get_position()
-        text.set_position((round(x, 4), round(y, 4)))
+        save(figure, path, request.dpi)
 
 
 def _arranged(content: Content, request: PlotRequest) -> tuple[_Layout, tuple[float, float], float]:
@@ -122,19 +78,8 @@ def _arranged(content: Content, request: PlotRequest) -> tuple[_Layout, tuple[fl
     plane = next((panel for panel in content.panels if isinstance(panel, Trajectories)), None)
     layout = _Layout.of(_ratio(plane) if plane else None, len(content.panels) - (plane is not None))
     width, height = request.size or layout.size
-    scale = max(_LEAST_TYPE, min(1.0, width / layout.size[0], height / layout.size[1]))
+    scale = max(LEAST_TYPE, min(1.0, width / layout.size[0], height / layout.size[1]))
     return layout, (width, height), scale
-
-
-@contextmanager
-def _style(scale: float = 1.0) -> Iterator[None]:
-    """Take our own style, whatever the user's is, for as long as it is needed."""
-    with mpl.rc_context():
-        mpl.rcdefaults()
-        mpl.rcParams.update(_STYLE)
-        mpl.rcParams.update({"font.size": _TYPE * scale, "axes.titlesize": _TITLE * scale})
-        mpl.rcParams.update({"legend.fontsize": _SMALL * scale})
-        yield
 
 
 def _figure(content: Content, layout: _Layout, size: tuple[float, float], title: str | None) -> Figure:
@@ -158,7 +103,7 @@ def _figure(content: Content, layout: _Layout, size: tuple[float, float], title:
         marks, words = draw_separation(axes, panel) if isinstance(panel, Distances) else draw_curves(axes, panel)
         handles, said = handles + marks, said + words
         if content.moment:
-            axes.axvline(seconds(content.window.at), color=_FAINT, linewidth=1.0, linestyle=":")
+            axes.axvline(seconds(content.window.at), color=FAINT, linewidth=1.0, linestyle=":")
         lowest = layout.above or place.is_last_row() or panel is others[-1]
         axes.tick_params(labelbottom=lowest)
         axes.set_xlabel("simulated time [s]" if lowest else "")
@@ -170,7 +115,7 @@ def _figure(content: Content, layout: _Layout, size: tuple[float, float], title:
         _captioned(figure, whole[3], said + content.notes),
     ]
     whole.set_height_ratios((max(size[1] - _AROUND - sum(feet), 1.0), *(max(foot, 0.01) for foot in feet)))
-    figure.suptitle(_title(content, title), x=0.012, ha="left", fontsize=_HEADING * _scale(), fontweight="bold")
+    figure.suptitle(_title(content, title), x=0.012, ha="left", fontsize=HEADING * type_scale(), fontweight="bold")
     return figure
 
 
@@ -236,17 +181,9 @@ def _ratio(plane: Trajectories) -> float:
     return float(wide / tall)
 
 
-def _scale() -> float:
-    """How large type is, relative to that of a figure of its natural size."""
-    return float(mpl.rcParams["font.size"]) / _TYPE
-
-
 def _title(content: Content, title: str | None) -> str:
     if title is not None:
-        known = get_font(findfont("DejaVu Sans:bold")).get_charmap()
-        unknown = sorted({character for character in title if ord(character) not in known} - {"\n"})
-        if unknown:
-            raise LogError(f"the font cannot write {''.join(unknown)!r} in the title")
+        require_writable(title)
         return title
     count, everybody = len(content.chosen.lines), content.agent_count
     agents = f"{count:,} agent{'s' if count != 1 else ''}" + (f" of {everybody:,}" if count < everybody else "")
@@ -273,7 +210,7 @@ def _explained(figure: Figure, place: SubplotSpec, handles: Sequence[Line2D | Pa
     if not 0 < len(handles) <= _ENTRIES:
         return 0.0
     lengths = [len(str(handle.get_label())) for handle in handles]
-    width = (figure.get_figwidth() - 0.3) / _scale()
+    width = (figure.get_figwidth() - 0.3) / type_scale()
     columns = next(count for count in range(len(handles), 0, -1) if count == 1 or _width(lengths, count) <= width)
     axes = _unframed(figure, place)
     rows = -(-len(handles) // columns)
@@ -288,7 +225,7 @@ def _explained(figure: Figure, place: SubplotSpec, handles: Sequence[Line2D | Pa
         frameon=False,
     )
     legend.set_in_layout(False)
-    return (_LINE * rows + 0.06) * _scale()
+    return (_LINE * rows + 0.06) * type_scale()
 
 
 def _width(lengths: Sequence[int], columns: int) -> float:
@@ -299,14 +236,14 @@ def _width(lengths: Sequence[int], columns: int) -> float:
 def _captioned(figure: Figure, place: SubplotSpec, said: Sequence[str]) -> float:
     """Write the caption, and return how high it is [inch]."""
     text = textwrap.wrap(
-        " ".join(dict.fromkeys(said)), max(20, int((figure.get_figwidth() - 0.3) / _CHARACTER / _scale()))
+        " ".join(dict.fromkeys(said)), max(20, int((figure.get_figwidth() - 0.3) / _CHARACTER / type_scale()))
     )
     axes = _unframed(figure, place)
     words = axes.text(
-        0.0, 1.0, "\n".join(text), va="top", fontsize=_SMALL * _scale(), color=_FAINT, transform=axes.transAxes
+        0.0, 1.0, "\n".join(text), va="top", fontsize=SMALL * type_scale(), color=FAINT, transform=axes.transAxes
     )
     words.set_in_layout(False)
-    return _LINE * len(text) * _scale()
+    return _LINE * len(text) * type_scale()
 
 
 def _unframed(figure: Figure, place: SubplotSpec) -> Axes:
