@@ -8,10 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from symaware_cli.study.statistics.interval_estimate import Array, IntervalEstimate, error_probability, unbounded
+from symaware_cli.study.statistics.interval_estimate import Array, IntervalEstimate
 from symaware_cli.study.statistics.quantile import quantile
-
-_METHOD = "paired t"
+from symaware_cli.study.statistics.student import student_mean, variance
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,11 +42,8 @@ class PairedComparison:
 def compare(first: ArrayLike, second: ArrayLike, confidence: float = 0.95) -> PairedComparison:
     """Compare two variants at a number of runs that was planned beforehand.
 
-    With d_i = second_i - first_i, their mean m and their sample variance s^2, the interval of the mean difference is
-
-        m ± t(1 - alpha / 2; n - 1) s / sqrt(n),
-
-    which is exact for normal differences and approximate otherwise. The variance ratio is (s_1^2 + s_2^2) / s^2.
+    The interval of the mean difference is that of the paired t test, `student_mean` of the differences. The variance
+    ratio is (s_1^2 + s_2^2) / s^2, with the sample variances of both variants and of the differences.
 
     Args:
         first: The value of each run of the first variant; true and false count as 1 and 0. Shape (n,).
@@ -58,9 +54,8 @@ def compare(first: ArrayLike, second: ArrayLike, confidence: float = 0.95) -> Pa
     Raises:
         ValueError: They are not as many, or one is infinite.
 
-    Sources: W. S. Gosset ("Student"), "The Probable Error of a Mean", Biometrika 6, 1908; W. J. Conover, "Practical
-    Nonparametric Statistics", 3rd edition, Wiley 1999, section 3.4 (sign test); A. M. Law, "Simulation Modeling and
-    Analysis", 5th edition, McGraw-Hill 2015, section 11.2 (common random numbers).
+    Sources: W. J. Conover, "Practical Nonparametric Statistics", 3rd edition, Wiley 1999, section 3.4 (sign test);
+    A. M. Law, "Simulation Modeling and Analysis", 5th edition, McGraw-Hill 2015, section 11.2 (common random numbers).
     """
     one, other = np.asarray(first, float), np.asarray(second, float)
     if one.ndim != 1 or one.shape != other.shape:
@@ -71,9 +66,9 @@ def compare(first: ArrayLike, second: ArrayLike, confidence: float = 0.95) -> Pa
         raise ValueError("one of the values is infinite, so differences have no mean")
     differences = other - one
     greater, less = int(np.sum(differences > 0)), int(np.sum(differences < 0))
-    variances = [_variance(each) for each in (one, other, differences)]
+    variances = [variance(each) for each in (one, other, differences)]
     return PairedComparison(
-        mean=_mean(differences, variances[2], confidence),
+        mean=student_mean(differences, confidence),
         median=quantile(differences, 0.5, confidence),
         greater=greater,
         less=less,
@@ -81,24 +76,6 @@ def compare(first: ArrayLike, second: ArrayLike, confidence: float = 0.95) -> Pa
         variance_ratio=_ratio(variances[0] + variances[1], variances[2]),
         correlation=_correlation(one, other, variances[0] * variances[1]),
     )
-
-
-def _variance(values: Array) -> float:
-    """The sample variance; exactly 0 for values that are all equal, NaN for fewer than two."""
-    if len(values) < 2:
-        return math.nan
-    return 0.0 if (values == values[0]).all() else float(np.var(values, ddof=1))
-
-
-def _mean(differences: Array, variance: float, confidence: float) -> IntervalEstimate:
-    from scipy.special import stdtrit
-
-    alpha, count = error_probability(confidence), len(differences)
-    mean = float(np.mean(differences)) if count else math.nan
-    if count < 2:
-        return unbounded(confidence, _METHOD, count, mean)
-    margin = float(stdtrit(count - 1, 1.0 - alpha / 2)) * math.sqrt(variance / count)
-    return IntervalEstimate(mean, mean - margin, mean + margin, count, confidence, _METHOD)
 
 
 def _sign_test(fewer: int, count: int) -> float:
