@@ -81,6 +81,17 @@ def test_what_lasts_is_up_together_with_what_came_before(tmp_path: Path) -> None
     assert [[(point.x, point.y) for point in line] for line in lines] == [[(0, 0), (1, 0)], [(0, 0), (1, 0), (1, 2)]]
 
 
+def test_what_begins_is_sent_once_where_things_vanish_by_themselves(tmp_path: Path) -> None:
+    points = np.array([(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (1.0, 1.0, 0.0)])
+    given: dict[str, Any] = {"points": points, "lengths": [2, 2], "counts": [1, 1], "who": np.array([0, 0])}
+    recording, messages = shown(tmp_path, a_line(**given, lasting=0.5, begins=np.array([True, False])))
+    assert len(recording.values("/ways/one", "LineStrips3D:strips")) == 2
+    ((time, update),) = messages["/ways/one"]
+    (entity,) = update.entities
+    assert (time, entity.id, entity.lifetime.nanos) == (0, "one", SECOND // 2)
+    assert [(point.x, point.y) for point in entity.lines[0].points] == [(0, 0), (1, 0)]
+
+
 def test_an_area_is_filled_with_its_label_in_the_middle(tmp_path: Path) -> None:
     area = marks.Solid(
         path="world/regions/dock",

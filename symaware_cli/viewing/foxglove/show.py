@@ -11,6 +11,7 @@ import numpy as np
 from foxglove_schemas_protobuf.Color_pb2 import Color
 from foxglove_schemas_protobuf.Log_pb2 import Log as LogLine
 from foxglove_schemas_protobuf.SceneEntity_pb2 import SceneEntity
+from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from numpy.typing import NDArray
 
 from symaware_cli.viewing.foxglove import primitives
@@ -79,6 +80,13 @@ class _Things:
         """The colours of so many points of a thing, each fainter than the one before."""
         return _fading(self._colours[thing], self._alphas[thing], count)
 
+    def say(self, stage: Stage, lifetime: float) -> None:
+        """Show the entities of this instant for some time [s], whatever else is up."""
+        for made in self._made.values():
+            made.lifetime.FromNanoseconds(int(1e9 * lifetime))
+        if self._made:
+            stage.say(self._time, f"/{self._mark.layer or self._mark.path}", SceneUpdate(entities=self._made.values()))
+
     def put_up(self, stage: Stage) -> None:
         """Put up the entities of this instant."""
         stage.put_up(self._time, f"/{self._mark.layer or self._mark.path}", self._mark.path, self._made.values())
@@ -86,6 +94,9 @@ class _Things:
 
 def _show_lines(stage: Stage, mark: marks.Lines) -> None:
     lines = _split(mark)
+    if mark.begins is not None:
+        _show_once(stage, mark, lines, mark.begins)
+        return
     if mark.lasting:
         _show_lasting(stage, mark, lines)
         return
@@ -97,6 +108,16 @@ def _show_lines(stage: Stage, mark: marks.Lines) -> None:
             line = primitives.line(lines[thing], shade, mark.width, thickness=mark.thickness)
             things.entity(thing).lines.append(line)
         things.put_up(stage)
+
+
+def _show_once(stage: Stage, mark: marks.Lines, lines: Sequence[Array], begins: NDArray[np.bool_]) -> None:
+    """Show new lines, which vanish after the time that they last and do not move until then."""
+    things = _Things(mark, len(lines))
+    for _, some in things.instants():
+        for thing in some:
+            if begins[thing] and np.isfinite(lines[thing]).all():
+                things.entity(thing).lines.append(primitives.line(lines[thing], things.shade(thing), mark.width))
+        things.say(stage, mark.lasting)
 
 
 def _show_lasting(stage: Stage, mark: marks.Lines, lines: Sequence[Array]) -> None:

@@ -68,6 +68,8 @@ class Lines(_Items):
         thickness: The same [m]; 0 for `width`.
         fades: Whether each grows fainter from its beginning to its end.
         lasting: How long each stays up, whatever comes after [s]; 0 for until the next instant.
+        begins: (m,) whether a line is new at its instant, rather than one that was there before and has moved. A backend
+            with lifetimes shows new ones only, for `lasting`. None if lines are not to be told apart like this.
     """
 
     points: Array
@@ -76,6 +78,7 @@ class Lines(_Items):
     thickness: float = 0.0
     fades: bool = False
     lasting: float = 0.0
+    begins: NDArray[np.bool_] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -117,6 +117,8 @@ class Messages(Drawing):
             width=1.0 if self.run_view.agent_count <= FEW else 0.75,
             names=[f"{agents[sender]} {agents[receiver]}" for sender, receiver in links.tolist()],
             who=who.ravel(),
+            lasting=_SEEN / 1e9,
+            begins=instants == -(-told[:, 0] // self._step),
         )
 
     def _lines(
