@@ -68,8 +68,8 @@ class Lines(_Items):
         thickness: The same [m]; 0 for `width`.
         fades: Whether each grows fainter from its beginning to its end.
         lasting: How long each stays up, whatever comes after [s]; 0 for until the next instant.
-        begins: (m,) whether a line is new at its instant, rather than one that was there before and has moved. A backend
-            with lifetimes shows new ones only, for `lasting`. None if lines are not to be told apart like this.
+        begins: (m,) whether a line is new at its instant, rather than one that was there before and has moved. Only new
+            ones are shown, for `lasting`, by a backend with lifetimes. None if lines are not told apart like this.
     """
 
     points: Array
