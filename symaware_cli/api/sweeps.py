@@ -13,6 +13,7 @@ from symaware_cli.api.changes import Changes, texts
 if TYPE_CHECKING:
     import pyarrow
 
+    from symaware_cli.api.scenario import Scenario
     from symaware_cli.study.folder import SweepFolder
     from symaware_cli.study.request import SweepRequest
     from symaware_cli.study.session import SweepOutcome, SweepProgress
@@ -157,3 +158,54 @@ def _varied(path: str, values: Iterable[Any] | str) -> tuple[str, ...]:
     if isinstance(values, str):
         return (f"{path}={values}",)
     return tuple(f"{path}={text.partition('=')[2][1:-1]}" for text in texts({path: list(values)}))
+
+
+def read_rows(
+    folder: Path,
+    where: str | None = None,
+    sort: str | None = None,
+    limit: int | None = None,
+    columns: Iterable[str] = (),
+) -> tuple[pyarrow.Table, int]:
+    """Read rows of a sweep, also of one that is not finished or is running.
+
+    Args:
+        folder: The folder of the sweep.
+        where: See `symaware_cli.study.sweep_query.query`, as for the next two.
+        sort: See there.
+        limit: See there.
+        columns: The columns; by default all.
+
+    Returns:
+        The rows, and how many runs are planned.
+
+    Raises:
+        SweepError: There is no sweep, or the condition is not valid.
+        UnknownNameError: There is no such column.
+    """
+    require_pyarrow()
+    from symaware_cli.study.folder import SweepFolder
+    from symaware_cli.study.session import rows_so_far
+    from symaware_cli.study.sweep_query import column, query
+
+    sweep = SweepFolder.opened(folder)
+    table = query(rows_so_far(sweep), where, sort, limit)
+    names = [column(table, name) for name in columns]
+    return (table.select(names) if names else table), sweep.plan.count
+
+
+def scenario_of(folder: Path, index: int) -> Scenario:
+    """Return the scenario of one run of a sweep, with its parameters and seed.
+
+    Raises:
+        SweepError: There is no sweep, or no such run.
+    """
+    from symaware_cli.api.scenario import Scenario
+    from symaware_cli.study.folder import SweepError, SweepFolder
+    from symaware_cli.study.sweep_source import texts_of
+
+    sweep = SweepFolder.opened(folder)
+    if not 0 <= index < sweep.plan.count:
+        raise SweepError(f"{folder} has no run {index}: they are numbered from 0 to {sweep.plan.count - 1}")
+    changes = texts_of(sweep.plan.cell(index).changes)
+    return Scenario(sweep.source.scenario, changes, seed=sweep.plan.seed(index))

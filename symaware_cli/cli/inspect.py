@@ -8,12 +8,22 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from symaware_cli.cli.terminal import DATA_LOST, WRONG_INPUT, Json, fail, print_json, printable, span, trouble_shown
+from symaware_cli.cli.terminal import (
+    DATA_LOST,
+    WRONG_INPUT,
+    Json,
+    fail,
+    names,
+    print_json,
+    printable,
+    span,
+    trouble_shown,
+)
 
 if TYPE_CHECKING:
     from symaware_cli.recording.reader import Log
 
-VIEW, FILTER = "What to show instead of the overview", "Which of it"
+VIEW, FILTER, ROWS = "What to show instead of the overview", "Which of it", "Of the table of a sweep"
 
 #: What each filter can be combined with.
 FILTERS = {
@@ -26,6 +36,10 @@ FILTERS = {
     "--from": ("--events", "--messages", "--contacts", "--series"),
     "--to": ("--events", "--messages", "--contacts", "--series"),
     "--limit": ("--events", "--messages", "--contacts", "--series"),
+    "--where": ("the folder of a sweep",),
+    "--sort": ("the folder of a sweep",),
+    "--columns": ("the folder of a sweep",),
+    "--csv": ("the folder of a sweep",),
     "--every": ("--series",),
 }
 
@@ -54,7 +68,7 @@ class StageOption(enum.StrEnum):
 
 
 def inspect(
-    path: Annotated[Path, typer.Argument(help="A log.", metavar="LOG")],
+    path: Annotated[Path, typer.Argument(help="A log, or the folder of a sweep.", metavar="LOG")],
     events: Annotated[
         bool, typer.Option("--events", help="Show events, with tracebacks of failures.", rich_help_panel=VIEW)
     ] = False,
@@ -116,9 +130,19 @@ def inspect(
         typer.Option(help="Show one line per this many seconds of simulated time.", rich_help_panel=FILTER),
     ] = None,
     limit: Annotated[int | None, typer.Option(min=0, help="Greatest number of lines.", rich_help_panel=FILTER)] = None,
+    where: Annotated[
+        str | None,
+        typer.Option(help="A condition on its columns, such as `closest < 0.6`.", rich_help_panel=ROWS),
+    ] = None,
+    sort: Annotated[
+        str | None,
+        typer.Option(help="The column to sort by; with a minus before it, in descending order.", rich_help_panel=ROWS),
+    ] = None,
+    columns: Annotated[str | None, typer.Option(help="The columns, separated by commas.", rich_help_panel=ROWS)] = None,
+    as_csv: Annotated[bool, typer.Option("--csv", help="Print CSV.", rich_help_panel=ROWS)] = False,
     as_json: Json = False,
 ) -> None:
-    """Show what a log contains: agents, times, channels, the scenario, and what is missing."""
+    """Show what a log contains: agents, times, channels, the scenario, what is missing; or the table of a sweep."""
     views = {
         "--events": events,
         "--messages": messages,
@@ -138,6 +162,17 @@ def inspect(
         "--limit": limit,
         "--every": every,
     }
+    of_rows = {"--where": where, "--sort": sort, "--columns": columns, "--csv": as_csv or None}
+    if path.is_dir():
+        for option, value in {**{view: wanted or None for view, wanted in views.items()}, **given}.items():
+            if value is not None and option != "--limit":
+                fail(f"{option} goes with a log, not with the folder of a sweep", WRONG_INPUT, as_json)
+        with trouble_shown(as_json):
+            from symaware_cli.cli.sweep_rows import show_rows
+
+            show_rows(path, where, sort, limit, names(columns), as_json=as_json, as_csv=as_csv)
+        return
+    given |= of_rows
     view = _view([view for view, wanted in views.items() if wanted], given, as_json)
     with trouble_shown(as_json):
         from symaware_cli.recording.reader import open_log

@@ -31,6 +31,7 @@ from symaware_cli.cli.terminal import (
 )
 
 if TYPE_CHECKING:
+    from symaware_cli.api.scenario import Scenario
     from symaware_cli.core import Event
     from symaware_cli.scenario.place import Place
 
@@ -41,6 +42,9 @@ def run(
     scenario: ScenarioPath,
     seed: Seed = None,
     overrides: Overrides = None,
+    index: Annotated[
+        int | None, typer.Option(min=0, help="Of the folder of a sweep, the run to repeat.", metavar="N")
+    ] = None,
     output: Annotated[
         Path | None,
         typer.Option(
@@ -115,8 +119,12 @@ def run(
     with trouble_shown(as_json), _refusals_shown(as_json), output_kept(as_json):
         from symaware_cli.api.scenario import Scenario
 
+        if index is not None or scenario.is_dir():
+            source = _of_sweep(scenario, index, [seed is not None, overrides], as_json)
+        else:
+            source = Scenario(scenario, overrides, seed=seed)
         try:
-            result = Scenario(scenario, overrides, seed=seed).run(
+            result = source.run(
                 output=output,
                 record=not no_record,
                 timeout=timeout,
@@ -149,6 +157,19 @@ def run(
         result.viewer.close()
     finished = VIOLATED if summary.violated else 0
     raise typer.Exit({"finished": finished, "failed": FAILED, "interrupted": INTERRUPTED}[result.status])
+
+
+def _of_sweep(folder: Path, index: int | None, others: Sequence[object], as_json: bool) -> Scenario:
+    """Return the scenario of a run of a sweep; exit if the options are inconsistent."""
+    from symaware_cli.api.sweeps import scenario_of
+
+    if index is None:
+        fail(f"{folder} is a folder: say which run of its sweep to repeat, with --index", WRONG_INPUT, as_json)
+    if not folder.is_dir():
+        fail("--index goes with the folder of a sweep", WRONG_INPUT, as_json)
+    if any(others):
+        fail("--seed and --set would make another run of it", WRONG_INPUT, as_json)
+    return scenario_of(folder, index)
 
 
 def _tell(event: Event) -> None:

@@ -103,8 +103,8 @@ class Runner:
 
 
 def _told(text: str) -> str:
-    """Return what went wrong, without what differs from process to process."""
-    return _ADDRESS.sub("0x...", text)
+    """Return what went wrong, in text that can be stored, without what differs from process to process."""
+    return _ADDRESS.sub("0x...", text.encode("utf-8", "backslashreplace").decode())
 
 
 def _filed(log: Path, logs: Path) -> str | None:

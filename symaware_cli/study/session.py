@@ -11,7 +11,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from symaware_cli.study import sweep_table
 from symaware_cli.study.executor import Blocks, Executor, LocalExecutor
@@ -19,6 +19,9 @@ from symaware_cli.study.folder import JOURNAL, TABLE, TIMES, SweepError, SweepFo
 from symaware_cli.study.row import Row
 from symaware_cli.study.sweep_journal import Counts, SweepJournal
 from symaware_cli.study.worker_pool import WorkerPool
+
+if TYPE_CHECKING:
+    import pyarrow
 
 
 @dataclass(frozen=True, slots=True)
@@ -215,6 +218,20 @@ class _Session:
             yield executor
         finally:
             executor.close()
+
+
+def rows_so_far(folder: SweepFolder) -> pyarrow.Table:
+    """Return the table of all rows that there are: as it was written, or from the journal of an unfinished sweep."""
+    import pyarrow
+    from pyarrow import parquet
+
+    try:
+        return parquet.read_table(folder.path / TABLE)
+    except FileNotFoundError:
+        plan, names = folder.plan, folder.specifications
+        with SweepJournal(folder.path / JOURNAL) as journal:
+            found = list(sweep_table.batches(journal.rows(), plan, names))
+        return pyarrow.Table.from_batches(found, sweep_table.schema(plan, names))
 
 
 def write_table(folder: SweepFolder, journal: SweepJournal) -> None:

@@ -128,3 +128,37 @@ def test_python_gets_the_table_of_the_same_engine(tmp_path: Path) -> None:
     assert table.to_pylist() == rows(tmp_path / "out")
     with pytest.raises(ScenarioError, match="unknown key"):
         symaware_cli.sweep(scenario, over={"agents.robot.cont": "1..3"})
+
+
+def test_a_run_of_a_sweep_is_repeated_with_its_log(tmp_path: Path) -> None:
+    scenario, out, log = tiny(tmp_path), tmp_path / "out", tmp_path / "again.mcap"
+    symaware("sweep", scenario, "-o", out, "--over", "agents.robot.count=2,3", "--runs", 2, "--jobs", 0)
+    row = rows(out)[3]
+    said = json.loads(
+        symaware("run", out, "--index", 3, "-o", log, "--json", status=3 * (row["verdict.near"] == "violated"))
+    )
+    assert (said["seed"], said["agents"]) == (row["seed"], 3)
+    assert said["minimum_separation"]["value"] == row["closest"]
+    assert said["specifications"][0]["robustness"] == row["robustness.near"]
+    assert log.exists()
+    assert "numbered from 0 to 3" in symaware("run", out, "--index", 4, status=2)
+    assert "--index" in symaware("run", out, status=2)
+
+
+def test_inspect_filters_and_sorts_the_table_also_of_a_sweep_that_was_killed(tmp_path: Path) -> None:
+    scenario, out = tiny(tmp_path), tmp_path / "out"
+    symaware("sweep", scenario, "-o", out, "--over", "agents.robot.count=2,3", "--runs", 10, "--jobs", 0)
+    found = json.loads(
+        symaware("inspect", out, "--where", 'count == 3 and verdict.near == "violated"', "--sort", "-closest", "--json")
+    )
+    expected = [row for row in rows(out) if row["agents.robot.count"] == 3 and row["verdict.near"] == "violated"]
+    assert found == sorted(expected, key=lambda row: -row["closest"])
+    shown = symaware("inspect", out, "--where", "closest < 0", "--columns", "index,closest", "--csv").splitlines()
+    assert shown[0] == '"index","closest"'
+    assert len(shown) - 1 == sum(row["closest"] < 0 for row in rows(out))
+    whole = symaware("inspect", out, "--json")
+    (out / "runs.parquet").unlink()  # as after a kill
+    assert symaware("inspect", out, "--json") == whole
+    assert "did you mean `closest`?" in symaware("inspect", out, "--sort", "closet", status=2)
+    assert "neither true nor false" in symaware("inspect", out, "--where", "closest", status=2)
+    assert "goes with a log" in symaware("inspect", out, "--events", status=2)
