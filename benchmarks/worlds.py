@@ -246,7 +246,9 @@ def bare_cars(count: int, steps: int, contacts: bool) -> Measured:
         ground, -1, lateralFriction=1, restitution=1, contactProcessingThreshold=0, physicsClientId=client
     )
     # Setting collision filters, even to the defaults, changes the order in which contacts are solved.
-    pybullet.setCollisionFilterGroupMask(ground, -1, collisions.GROUND, collisions.MEETS[collisions.GROUND], client)
+    pybullet.setCollisionFilterGroupMask(
+        ground, -1, collisions.GROUND, collisions.COLLIDES_WITH[collisions.GROUND], client
+    )
     file = os.path.join(pybullet_data.getDataPath(), "racecar", "racecar.urdf")
     flags = pybullet.URDF_IGNORE_VISUAL_SHAPES | pybullet.URDF_USE_INERTIA_FROM_FILE
     height = WHEEL_RADIUS - 0.05
@@ -255,7 +257,9 @@ def bare_cars(count: int, steps: int, contacts: bool) -> Measured:
     ]
     for car in cars:
         for link in range(-1, pybullet.getNumJoints(car, client)):
-            pybullet.setCollisionFilterGroupMask(car, link, collisions.FREE, collisions.MEETS[collisions.FREE], client)
+            pybullet.setCollisionFilterGroupMask(
+                car, link, collisions.FREE, collisions.COLLIDES_WITH[collisions.FREE], client
+            )
     for car in cars:
         for joint in range(pybullet.getNumJoints(car, client)):
             pybullet.changeDynamics(

@@ -1,7 +1,7 @@
-"""The extended Kalman filter of agents that measure their own state.
+"""The extended Kalman filter for agents that measure their own state: prediction and correction.
 
 Source: Y. Bar-Shalom, X. R. Li, T. Kirubarajan, "Estimation with Applications to Tracking and Navigation", Wiley 2001,
-chapter 5 (the linear filter) and chapter 10 (the extended one). One call serves all agents of a group.
+chapter 5 (the linear filter) and chapter 10 (the extended filter). One call serves all agents of a group.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 
 class Belief(NamedTuple):
-    """What agents believe of their own states; nobody changes the arrays in place.
+    """Estimates of agents' own states; the arrays are never changed in place.
 
     Attributes:
         state: The mean; shape (n, nx).
@@ -30,13 +30,13 @@ class Belief(NamedTuple):
 
 
 def predicted(model: Model, belief: Belief, control_input: Array, step: float) -> Belief:
-    """Carry beliefs forward: x through the model, P as F P F' + Q with the model's own process noise.
+    """Predict beliefs: x through the model, P as F P F' + Q with the model's process noise.
 
     Args:
         model: The dynamics.
-        belief: At the beginning of the step.
-        control_input: What was applied, constant over the step; shape (n, nu).
-        step: Time [s].
+        belief: The beliefs at the beginning of the step.
+        control_input: The applied control inputs, constant over the step; shape (n, nu).
+        step: Duration [s].
     """
     state = integrate(model, belief.state, control_input, step)
     transition = transition_of(model, belief.state, state, control_input, step)
@@ -49,18 +49,18 @@ def predicted(model: Model, belief: Belief, control_input: Array, step: float) -
 
 
 def transition_of(model: Model, before: Array, after: Array, control_input: Array, step: float) -> Array:
-    """How errors of the state are carried over a step, to first order.
+    """Return the transition matrices of errors of the state over a step, to first order.
 
-    The matrix exponential of A = J(x, u) step, half-way between both states, as I + A + A^2/2 + A^3/6 + A^4/24: what a
-    Runge-Kutta step does to a linear model. For integrators and vehicles with a heading A^2 = 0, so that this is
-    I + J step. So it is for models in discrete time by their definition of J.
+    This is the matrix exponential of A = J(x, u) step, at the midpoint between both states, as I + A + A^2/2 + A^3/6 +
+    A^4/24, which equals a Runge-Kutta step of a linear model. For integrators and vehicles with a heading A^2 = 0, so
+    it is I + J step; for models in discrete time it is so by their definition of J.
 
     Args:
         model: The dynamics.
         before: The states at the beginning of the step; shape (n, nx).
-        after: And at its end; shape (n, nx).
-        control_input: Constant over the step; shape (n, nu).
-        step: Time [s].
+        after: The states at its end; shape (n, nx).
+        control_input: The control inputs, constant over the step; shape (n, nu).
+        step: Duration [s].
 
     Returns:
         Shape (n, nx, nx).
@@ -80,23 +80,23 @@ def transition_of(model: Model, before: Array, after: Array, control_input: Arra
 
 
 def wrapped(angle: Array) -> Array:
-    """The same angles in [-pi, pi) [rad]."""
+    """Wrap angles to [-pi, pi) [rad]."""
     turned: Array = np.remainder(angle + np.pi, 2 * np.pi) - np.pi
     return turned
 
 
 def corrected(model: Model, belief: Belief, measured: Array, deviation: Array) -> Belief:
-    """Take account of a measurement of the whole state.
+    """Correct beliefs by a measurement of the whole state.
 
-    The errors of its elements are independent of each other, so they are taken one after the other, which equals
-    taking them all at once and inverts no matrix. With p the column of element j and r the variance of its error, the
-    covariance becomes P - p p' / (P_jj + r). Its row and column j are computed as r / (P_jj + r) times what they were:
-    no difference of numbers that are nearly equal, as in Joseph's form, and nothing is left where r = 0.
+    The errors of its elements are independent of each other, so they are applied one after the other, which equals
+    applying them all at once and inverts no matrix. With p the column of element j and r the variance of its error, the
+    covariance becomes P - p p' / (P_jj + r). Its row and column j are computed as r / (P_jj + r) times their previous
+    values: like Joseph's form, this avoids differences of nearly equal numbers, and it is exactly 0 for r = 0.
 
     Args:
-        model: Which elements are angles; their innovation is taken the short way round.
-        belief: Before.
-        measured: Shape (n, nx).
+        model: The model, which declares the elements that are angles; their innovations are wrapped.
+        belief: The beliefs before the measurement.
+        measured: The measured states; shape (n, nx).
         deviation: Standard deviation of the errors of each element; shape (nx,). Elements of 0 are known exactly.
     """
     if not deviation.any():
@@ -105,7 +105,7 @@ def corrected(model: Model, belief: Belief, measured: Array, deviation: Array) -
     for element, variance in enumerate(np.square(deviation).tolist()):
         column = covariance[:, :, element]
         total = column[:, element] + variance
-        # Where a certain belief meets an exact measurement, the gain is 0/0: the measurement counts.
+        # If both the belief and the measurement are exact, the gain is 0/0: the measurement is used.
         weight = 1.0 / np.where(total > 0.0, total, 1.0)
         innovation = measured[:, element] - state[:, element]
         if element in model.angles:

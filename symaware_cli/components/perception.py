@@ -1,4 +1,4 @@
-"""Perception without error: of oneself, or of everybody."""
+"""Perception without errors: of the own state, or of all agents."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ Array = NDArray[np.float64]
 
 
 class SelfPerception(GroupComponent):
-    """Each agent knows its own state exactly, and nothing of others."""
+    """Gives each agent its own exact state, and nothing about others."""
 
     sees_world = True
 
@@ -23,7 +23,7 @@ class SelfPerception(GroupComponent):
 
 
 class OmniscientPerception(GroupComponent):
-    """Each agent knows the state of every agent exactly.
+    """Gives each agent the exact states of all agents.
 
     All share one read-only snapshot of the world, so a step costs O(n), not O(n^2).
     """

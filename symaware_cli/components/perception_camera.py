@@ -1,4 +1,4 @@
-"""A camera: images of the world as it looks from an agent."""
+"""A camera: images of the world from the poses of agents."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ Pixels = Annotated[int, Field(ge=1, le=4096)]
 
 
 class Camera(Sensor):
-    """Takes an image of each agent's surroundings: colours, depths, and what is seen in each pixel.
+    """Takes images of each agent's surroundings: the colour, depth and body of each pixel.
 
-    It looks forwards along the heading, at a point, or at an agent or entity. It is level however the agent tilts:
-    upwards in the image is upwards in the world. Images are those of PyBullet, on the processor, so that no screen
-    is needed; other worlds have none. What URDF files look like is seen where the world has `visuals: true`.
+    It points forwards along the heading, at a point, or at an agent or entity. It stays level however the agent tilts:
+    upwards in the image is upwards in the world. PyBullet renders the images on the CPU, so no screen is needed; other
+    worlds have no images. Bodies from URDF files look as described there if the world has `visuals: true`.
 
     Errors are normal, without bias, and independent of each other.
 
-    It updates the readings of the group's awareness, under its own name, and nothing else.
+    It stores its images among the readings of the group's awareness, under its own name, and updates nothing else.
     """
 
     bodies: ClassVar = {"look_at": "agent or entity"}
     requires: ClassVar = {"images": "the world `pybullet`, which has them"}
 
     class Parameters(SensorParameters):
-        """What the camera can do, and where it looks."""
+        """Parameters of the camera."""
 
         width: Pixels = Field(160, description="Width of the images [pixels].")
         height: Pixels = Field(120, description="Height of the images [pixels].")
@@ -58,17 +58,17 @@ class Camera(Sensor):
         colour_noise: float = Field(0.0, ge=0, description="Standard deviation of colours, of which 255 is the most.")
 
     def initialise_component(self, group: AgentGroup) -> None:
-        """Look whether there is something to be seen.
+        """Check that the world supports images.
 
         Raises:
-            ValueError: There are no images of this world, or nobody of the name to look at.
+            ValueError: The world has no images, or `look_at` names no agent and no entity.
         """
         super().initialise_component(group)
         environment, whom = self.environment, self.parameters.look_at
         if "images" not in environment.provides:
-            raise ValueError("there are no images of this world; those of `pybullet` there are")
+            raise ValueError("this world has no images; `pybullet` has them")
         if isinstance(whom, str) and whom not in environment.roster and whom not in environment.obstacles:
-            raise ValueError(f"there is neither an agent nor an entity `{whom}` to look at")
+            raise ValueError(f"`look_at` names `{whom}`, which is no agent and no entity")
 
     def measure(self, present: None) -> Frame:
         """Take an image of each agent's surroundings."""
@@ -87,9 +87,9 @@ class Camera(Sensor):
         level = math.cos(parameters.pitch)
         ahead = np.stack([level * cosine, level * sine, np.full(count, math.sin(parameters.pitch))], axis=1)
         targets = positions + ahead
-        middle = self._middle()
+        middle = self._target()
         if middle is not None:
-            # Who looks at itself looks ahead.
+            # An agent that looks at itself looks ahead.
             elsewhere = np.linalg.norm(middle - positions, axis=1) > 1e-6
             targets[elsewhere] = middle
         size = parameters.width, parameters.height
@@ -108,18 +108,18 @@ class Camera(Sensor):
         ]
         for array in (positions, targets):
             array.flags.writeable = False
-        return Frame(self.now, self._blurred(images), parameters.field_of_view, positions, targets)
+        return Frame(self.now, self._with_noise(images), parameters.field_of_view, positions, targets)
 
     def _poses(self) -> tuple[Array, Array]:
-        """Where the agents' bodies are, (n, 3) [m], and their headings, (n,) [rad]."""
+        """Return the positions of the agents' bodies, (n, 3) [m], and their headings, (n,) [rad]."""
         return self.environment.body_positions(self._group.ids), self._headings()
 
     def _headings(self) -> Array:
         heading, state = self._group.model.heading, self.environment.snapshot().states[self._number]
         return np.zeros(len(state)) if heading is None else state[:, heading]
 
-    def _middle(self) -> Array | None:
-        """What it looks at [m]; None forwards."""
+    def _target(self) -> Array | None:
+        """Return the point that it looks at [m]; None for forwards."""
         whom, environment = self.parameters.look_at, self.environment
         if whom is None:
             return None
@@ -128,8 +128,8 @@ class Camera(Sensor):
         middle: Array = environment.body_positions([whom])[0]
         return middle
 
-    def _blurred(self, images: Sequence[Image | None]) -> Sequence[Image | None]:
-        """The images with errors."""
+    def _with_noise(self, images: Sequence[Image | None]) -> Sequence[Image | None]:
+        """Add the measurement errors to images."""
         parameters = self.parameters
         if not parameters.depth_noise and not parameters.colour_noise:
             return images

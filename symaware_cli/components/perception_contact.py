@@ -1,4 +1,4 @@
-"""A contact sensor: whom an agent touches, and how hard it was hit."""
+"""A contact sensor: the number of bodies that touch an agent, and the impulse of impacts."""
 
 from __future__ import annotations
 
@@ -16,33 +16,33 @@ QUANTITIES = (Quantity("touching", "1"), Quantity("impulse", "N s"))
 
 
 class ContactSensor(Sensor):
-    """Feels how many bodies touch the agent, and how hard it was hit since the turn before.
+    """Measures how many bodies touch the agent, and the greatest impulse of an impact since the previous turn.
 
-    Bodies are other agents, entities and the ground; as with all contacts, what already lies on the ground at the start
-    does not count before it has left it. The impulse is the greatest of the contacts that began since the turn before,
-    with a normal error where there was one; in `kinematic`, which has no forces, it is 0.
+    Bodies are other agents, entities and the ground; as with all contacts, the ground does not count for an agent that
+    rests on it at the start, until it has left it. The impulse is the greatest of the contacts that began since the
+    previous turn, with a normal error if there was one; in `kinematic`, which has no forces, it is 0.
 
-    It hands out what it measures under its own name, and updates nothing else.
+    It records its measurements as a signal under its own name, and updates nothing else.
     """
 
     signals = (Signal(MEASUREMENT, "vector", QUANTITIES, description="as measured"),)
 
     class Parameters(SensorParameters):
-        """What the sensor can do."""
+        """Parameters of the sensor."""
 
         noise: float = Field(0.0, ge=0, description="Standard deviation of the impulse [N s].")
 
     def initialise_component(self, group: AgentGroup) -> None:
-        """Begin to listen for contacts."""
+        """Subscribe to the contacts of the world."""
         super().initialise_component(group)
         self._rows = {id: row for row, id in enumerate(group.ids)}
-        #: Whom each agent touches.
+        #: The names of the bodies that each agent touches.
         self._touching: list[set[str]] = [set() for _ in group.ids]
-        #: Who was hit since the turn before, as a row, and how hard.
+        #: The row and impulse of each contact that began since the previous turn.
         self._hits: list[tuple[int, float]] = []
-        self._surroundings.events.subscribe("contact", self._feel, "environment")
+        self._surroundings.events.subscribe("contact", self._on_contact, "environment")
 
-    def _feel(self, event: Event) -> None:
+    def _on_contact(self, event: Event) -> None:
         contact = event.subject
         assert isinstance(contact, Contact)
         for one, other in ((contact.first, contact.second), (contact.second, contact.first)):
@@ -56,7 +56,7 @@ class ContactSensor(Sensor):
                 self._touching[row].discard(other)
 
     def present(self) -> int:
-        """How many hits were felt."""
+        """Return the number of contacts that have begun so far."""
         return len(self._hits)
 
     def _update(self, value: tuple[Array, int]) -> None:
@@ -64,7 +64,7 @@ class ContactSensor(Sensor):
         del self._hits[: value[1]]
 
     def measure(self, present: int) -> Array:
-        """Count who touches."""
+        """Return the number of touching bodies and the greatest impulse of each agent; shape (n, 2)."""
         parameters, hits = self.parameters, np.zeros(len(self._group))
         for row, impulse in self._hits[:present]:
             hits[row] = max(hits[row], impulse)

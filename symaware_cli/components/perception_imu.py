@@ -1,4 +1,4 @@
-"""An inertial measurement unit: what an agent feels of its own motion."""
+"""An inertial measurement unit (IMU): the specific force and angular rates of an agent."""
 
 from __future__ import annotations
 
@@ -23,22 +23,22 @@ QUANTITIES = (
 class InertialUnit(Sensor):
     """Measures the specific force and the angular rates along the axes of the body.
 
-    The specific force is the acceleration less that of gravity: who rests on Earth feels 9.81 m/s^2 upwards. Both are
-    means over the time since the turn before, as a unit that integrates has them: so nothing is felt at the first turn,
-    where the reading is that of an agent which keeps its velocity.
+    The specific force is the acceleration less that of gravity: an agent at rest on Earth measures 9.81 m/s^2 upwards.
+    Both are means over the time since the previous turn, as in a unit that integrates. At the first turn the reading is
+    therefore that of an agent with constant velocity.
 
-    The axes of the body are those of its attitude, where the model has one (`angles`), else those of its heading; x
-    points forwards, z upwards. The unit sits where the position of the agent is.
+    The axes of the body are those of its attitude if the model has one (`angles`), else those of its heading; x points
+    forwards, z upwards. The unit is at the position of the agent.
 
     Errors are a bias, drawn once for each axis and agent, and normal errors that are independent of each other.
 
-    It hands out what it measures under its own name, and updates nothing else.
+    It records its measurements as a signal under its own name, and updates nothing else.
     """
 
     signals = (Signal(MEASUREMENT, "vector", QUANTITIES, description="as measured"),)
 
     class Parameters(SensorParameters):
-        """What the unit can do."""
+        """Parameters of the unit."""
 
         gravity: float | None = Field(
             None,
@@ -55,21 +55,21 @@ class InertialUnit(Sensor):
         rate_bias: float = Field(0.0, ge=0, description="Standard deviation of the bias of angular rates [rad/s].")
 
     def initialise_component(self, group: AgentGroup) -> None:
-        """Draw the biases, and look which way is down."""
+        """Draw the biases, and determine gravity."""
         super().initialise_component(group)
         parameters = self.parameters
-        self._gravity = np.array(self._falling())
+        self._gravity = np.array(self._gravity_vector())
         self._bias = np.zeros((len(group), 6))
         if parameters.acceleration_bias or parameters.rate_bias:
             deviations = np.repeat([parameters.acceleration_bias, parameters.rate_bias], 3)
             self._bias = deviations * self.random.standard_normal(6, "bias")
 
     def present(self) -> tuple[int, Array, Array]:
-        """The instant, with the velocities and the attitudes of now."""
+        """Return the present instant, velocities and attitudes."""
         return self.now, self._velocities(), self._attitudes()
 
     def measure(self, present: tuple[int, Array, Array]) -> Array:
-        """Compare the motion with that at the turn before."""
+        """Measure by comparing the present motion with that at the previous turn; shape (n, 6)."""
         parameters, count = self.parameters, len(self._group)
         _, velocities, attitudes = present
         values = np.zeros((count, 6))
@@ -90,22 +90,22 @@ class InertialUnit(Sensor):
         values.flags.writeable = False
         return values
 
-    def _falling(self) -> Sequence[float]:
-        """How what is free falls, [x, y, z] [m/s^2]."""
+    def _gravity_vector(self) -> Sequence[float]:
+        """Return the acceleration of gravity [x, y, z] [m/s^2]."""
         given, world = self.parameters.gravity, self.environment.gravity
         if given is None and world is not None:
             return world
         return 0.0, 0.0, -(getattr(self._group.model.parameters, "gravity", 9.81) if given is None else given)
 
     def _velocities(self) -> Array:
-        """How fast the agents truly are; shape (n, 3) [m/s]."""
+        """Return the true velocities of the agents [m/s]; shape (n, 3)."""
         known = self.environment.snapshot().velocities[self._start : self._start + len(self._group)]
         velocities = np.zeros((len(known), 3))
         velocities[:, : known.shape[1]] = known
         return velocities
 
     def _attitudes(self) -> Array:
-        """How the agents are truly turned: rotations from the body to the world; shape (n, 3, 3)."""
+        """Return the true attitudes of the agents as rotations from the body to the world; shape (n, 3, 3)."""
         model, state = self._group.model, self.environment.snapshot().states[self._number]
         nothing = np.zeros(len(state))
         angles = getattr(model, "angles", ())
@@ -115,7 +115,7 @@ class InertialUnit(Sensor):
 
 
 def rotations(roll: Array, pitch: Array, yaw: Array) -> Array:
-    """Rotations from the body to the world, first about z, then y, then x; (n,) each to (n, 3, 3)."""
+    """Return rotations from the body to the world, first about z, then y, then x; (n,) each to (n, 3, 3)."""
     (a, b), (c, d), (e, f) = ((np.cos(angle), np.sin(angle)) for angle in (roll, pitch, yaw))
     rows = (
         (e * c, e * d * b - f * a, e * d * a + f * b),
@@ -126,7 +126,7 @@ def rotations(roll: Array, pitch: Array, yaw: Array) -> Array:
 
 
 def rotation_vectors(turned: Array) -> Array:
-    """The axis of rotations (n, 3, 3), as long as the angle [rad], which is below pi; shape (n, 3)."""
+    """Return the rotation vectors (axis times angle [rad], below pi) of rotations (n, 3, 3); shape (n, 3)."""
     sines = 0.5 * np.stack(
         [
             turned[:, 2, 1] - turned[:, 1, 2],

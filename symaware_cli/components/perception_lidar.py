@@ -1,4 +1,4 @@
-"""A lidar: how far it is to whatever stands around, along level rays."""
+"""A lidar: distances to agents and obstacles along horizontal rays."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from symaware_cli.core import AgentGroup, Scan
 
 Array = NDArray[np.float64]
 
-#: More rays than this for each agent are surely a mistake.
+#: More rays for each agent are surely a mistake.
 _MOST = 10_000
 
 
 class Lidar(Sensor):
-    """Measures distances along level rays, which end at agents and obstacles but not at one's own body.
+    """Measures distances along horizontal rays, which end at other agents and obstacles.
 
     The rays are cast through the geometry of the world: outlines seen from above in `kinematic`, the shapes of the
-    engine in `pymunk` and, at the height of the sensor, in `pybullet`. It stays level where its agent tilts.
+    engine in `pymunk` and, at the height of the sensor, in `pybullet`. It stays level when its agent tilts.
 
     Errors are normal, without bias, and independent of each other.
 
-    It updates the readings of the group's awareness, under its own name, and nothing else: let another perception say
-    where one is.
+    It stores its scans among the readings of the group's awareness, under its own name, and updates nothing else: use
+    another perception for the own state.
     """
 
     class Parameters(SensorParameters):
-        """What the sensor can do."""
+        """Parameters of the sensor."""
 
         range: float = Field(10.0, gt=0, le=1e6, description="Greatest distance that is measured [m].")
         rays: Annotated[int, Field(ge=1, le=_MOST)] = Field(180, description="How many rays a scan has.")
@@ -49,7 +49,7 @@ class Lidar(Sensor):
         )
 
     def initialise_component(self, group: AgentGroup) -> None:
-        """Lay out the rays."""
+        """Compute the directions of the rays."""
         super().initialise_component(group)
         self._angles = angles(self.parameters.rays, self.parameters.field_of_view)
         self._angles.flags.writeable = False
@@ -70,7 +70,7 @@ class Lidar(Sensor):
         directions = np.stack([np.cos(facing), np.sin(facing)], axis=2)
         senders = self._start + np.arange(count)
         distances = environment.ray_cast(senders, origins, directions, parameters.range, upwards)
-        self._blur(distances)
+        self._add_noise(distances)
         distances.flags.writeable = False
         poses = np.zeros((count, 4))
         poses[:, :2], poses[:, 3] = origins[:, :2], headings
@@ -78,8 +78,8 @@ class Lidar(Sensor):
         poses.flags.writeable = False
         return Scan(self.now, self._angles, distances, parameters.range, poses)
 
-    def _blur(self, distances: Array) -> None:
-        """Add errors, and miss some, in place; what then would be beyond the range is not seen."""
+    def _add_noise(self, distances: Array) -> None:
+        """Add errors and dropouts in place; distances that then exceed the range become infinite."""
         parameters, width = self.parameters, distances.shape[1]
         if parameters.noise:
             distances += parameters.noise * self.random.standard_normal(width, "noise")
@@ -92,7 +92,7 @@ class Lidar(Sensor):
 def angles(rays: int, field_of_view: float) -> Array:
     """Spread rays over a field of view around the heading; shape (rays,) [rad].
 
-    A full circle begins behind, and its last ray is as far from the first as from its neighbour.
+    A full circle begins behind the agent, and its last ray is as far from the first as from its other neighbour.
     """
     if rays == 1:
         return np.zeros(1)

@@ -1,4 +1,4 @@
-"""Perception as a sensor has it: only so far, only ahead, not through walls, late, with errors and gaps."""
+"""Perception of other agents within range, with a field of view, occlusion, delay, noise and dropouts."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ NotNegative = Annotated[float, Field(ge=0)]
 
 
 class Sight(NamedTuple):
-    """Who sees whom.
+    """The pairs of agents in which one sees the other.
 
     Attributes:
-        snapshot: The world when that was.
-        rows: Who sees, as rows of the group, ascending; shape (m,).
-        others: Whom, as indices in the roster; shape (m,).
+        snapshot: The world at that time.
+        rows: The seeing agent of each pair, as a row of the group, ascending; shape (m,).
+        others: The seen agent of each pair, as an index in the roster; shape (m,).
     """
 
     snapshot: Snapshot
@@ -31,27 +31,27 @@ class Sight(NamedTuple):
 
 
 class RangePerception(GroupComponent):
-    """Sees the others that are near, in view and not hidden, with errors, and one's own state with errors.
+    """Perceives other agents that are near, in view and not hidden, and the own state, all with errors.
 
-    Another is seen if its position is within range, within the field of view (a wedge around the heading; in space it
-    is as high as one likes) and, where obstacles hide, if none of them cuts the straight line between the middles of
-    both: as the world has them, in `pybullet` by their very shapes. Bodies of agents hide nobody.
+    Another agent is seen if its position is within range, within the field of view (a wedge around the heading, of any
+    height in space) and, with `occlusion`, if no obstacle cuts the straight line between the centres of both; in
+    `pybullet` the exact shapes of the obstacles count. Bodies of agents hide nothing.
 
-    All errors are normal, without bias and independent of each other. The error with which one sees another depends on
-    these two and on the turn, whoever else is seen.
+    All errors are normal, without bias and independent of each other. The error in the perception of another agent
+    depends only on the two agents and the turn, not on which other agents are seen.
 
-    Late perception sees the world as it was: others and oneself. Until there is something to see, nothing is
-    measured: agents believe what they believed at the start.
+    With a delay, both the others and the own state are perceived as they were. Until the delay has passed, nothing is
+    measured, and agents keep their initial beliefs.
 
-    It updates the state, the observation (for those who estimate, such as `uncertainty.gaussian`) and the tracks: the
-    others seen at this instant, as they were measured. Whoever is out of sight is forgotten at once, unless an
-    estimator follows that remembers.
+    It updates the state, the observation (for estimators such as `uncertainty.gaussian`) and the tracks: the others
+    seen at this instant, as measured. An agent that is out of sight is forgotten at once, unless an estimator with a
+    memory follows.
     """
 
     sees_world = True
 
     class Parameters(Parameters):
-        """What the sensor can do."""
+        """Parameters of the perception."""
 
         range: float = Field(gt=0, description="Greatest distance between positions at which another is seen [m].")
         field_of_view: float | None = Field(
@@ -81,9 +81,9 @@ class RangePerception(GroupComponent):
         occlusion: bool = Field(False, description="Whether obstacles of the environment hide what is behind them.")
 
     def check(self, group: AgentGroup) -> None:
-        """A field of view needs a heading, and a list of deviations one for each element of the state."""
+        """Check that the model has a heading for the field of view, and a deviation for each element of the state."""
         model, parameters = group.model, self.parameters
-        if self._has_blind_side() and model.heading is None:
+        if self._has_narrow_view() and model.heading is None:
             raise ValueError("`field_of_view` needs a model with a heading, and this one has none")
         deviations = np.shape(parameters.self_noise)
         if deviations not in ((), (len(model.state),)):
@@ -93,34 +93,37 @@ class RangePerception(GroupComponent):
             )
 
     def initialise_component(self, group: AgentGroup) -> None:
-        """Look how the group stands in the world."""
+        """Look up the group in the world's roster."""
         super().initialise_component(group)
         parameters, environment = self.parameters, self.environment
         self._number = environment.roster.groups.index(group.name)
         self._start = environment.roster.start(group.name)
         self._state_deviation = np.broadcast_to(np.asarray(parameters.self_noise, float), len(group.model.state))
         self._delay = round(parameters.delay * 1e9 / environment.time_step) * environment.time_step
-        #: What was seen and is not old enough yet, but for the first.
+        #: What was seen but is not old enough yet, and before it the latest that is.
         self._past: tuple[Sight, ...] = ()
 
     @property
     def turn(self) -> Turn:
-        """What keys the errors: late perception has those that it would have had in time."""
+        """The turn that keys the errors: delayed perception has the same errors as perception without delay."""
         turn = super().turn
         return turn._replace(instant=turn.instant - self._delay)
 
     def _compute(self) -> tuple[Observation, tuple[Sight, ...]]:
         parameters, count = self.parameters, len(self._group)
-        sight, past = self._delayed(self._sight())
+        sight, past = self._delayed(self._visible())
         if sight is None:
             time, state = self.now - self._delay, None
-            nobody, nowhere = np.empty(0, np.intp), np.empty((2, 0, self.environment.snapshot().positions.shape[1]))
-            tracks = self._tracks(time, np.zeros(count, np.intp), nobody, *nowhere)
+            no_others, no_vectors = (
+                np.empty(0, np.intp),
+                np.empty((2, 0, self.environment.snapshot().positions.shape[1])),
+            )
+            tracks = self._tracks(time, np.zeros(count, np.intp), no_others, *no_vectors)
         else:
             snapshot, rows, others = sight
             time, state = snapshot.time, self._own_state(snapshot)
             positions, velocities = snapshot.positions.take(others, 0), snapshot.velocities.take(others, 0)
-            self._blur(rows, others, positions, velocities)
+            self._add_noise(rows, others, positions, velocities)
             if parameters.dropout:
                 drawn = self.random.uniform_of(rows, self.environment.roster.numbers[others], 1, "dropout")[:, 0]
                 noticed = drawn >= parameters.dropout
@@ -141,12 +144,12 @@ class RangePerception(GroupComponent):
         awareness.observation = observation
         awareness.seen = observation.tracks
 
-    def _has_blind_side(self) -> bool:
+    def _has_narrow_view(self) -> bool:
         width = self.parameters.field_of_view
         return width is not None and width < 2 * math.pi
 
     def _delayed(self, present: Sight) -> tuple[Sight | None, tuple[Sight, ...]]:
-        """What could be seen a delay ago, None before there was anything; and what to keep for later."""
+        """Return what was visible one delay ago, None at first, and what to keep for later turns."""
         if not self._delay:
             return present, ()
         past, then = (*self._past, present), self.now - self._delay
@@ -155,15 +158,15 @@ class RangePerception(GroupComponent):
         return (past[0] if old else None), past
 
     def _own_state(self, snapshot: Snapshot) -> Array:
-        """The own states with their errors; shape (n, nx)."""
+        """Return the own states with errors; shape (n, nx)."""
         state = snapshot.states[self._number].copy()
         if self._state_deviation.any():
             state += self._state_deviation * self.random.standard_normal(state.shape[1], "own state")
         state.flags.writeable = False
         return state
 
-    def _sight(self) -> Sight:
-        """Look around."""
+    def _visible(self) -> Sight:
+        """Return the pairs that are within range, in view and not hidden."""
         environment, parameters = self.environment, self.parameters
         snapshot = environment.snapshot()
         positions = snapshot.positions
@@ -171,7 +174,7 @@ class RangePerception(GroupComponent):
         if len(self._group) < len(positions):
             first, last = np.searchsorted(one, (self._start, self._start + len(self._group)))
             one, other = one[first:last], other[first:last]
-        if self._has_blind_side():
+        if self._has_narrow_view():
             seen = self._in_view(snapshot, one, other)
             one, other = one[seen], other[seen]
         if parameters.occlusion:
@@ -180,9 +183,9 @@ class RangePerception(GroupComponent):
         return Sight(snapshot, one - self._start if self._start else one, other)
 
     def _in_view(self, snapshot: Snapshot, one: Indices, other: Indices) -> NDArray[np.bool_]:
-        """Whether others are less than half a field of view off the heading; shape (m,).
+        """Return whether others are within half a field of view of the heading; shape (m,).
 
-        The cosine falls from 0 to pi, so angles need not be computed to be compared.
+        The cosine decreases on [0, pi], so angles are compared without computing them.
         """
         heading = np.ascontiguousarray(snapshot.states[self._number][:, self._group.model.heading])
         row = one - self._start
@@ -192,13 +195,13 @@ class RangePerception(GroupComponent):
         inside: NDArray[np.bool_] = ahead >= distance * math.cos(0.5 * self.parameters.field_of_view)
         return inside
 
-    def _blur(self, rows: Indices, others: Indices, positions: Array, velocities: Array) -> None:
-        """Add the errors of measurement to positions and velocities of others, in place."""
+    def _add_noise(self, rows: Indices, others: Indices, positions: Array, velocities: Array) -> None:
+        """Add measurement errors to positions and velocities of others, in place."""
         parameters, dimensions = self.parameters, positions.shape[1]
         if not parameters.position_noise and not parameters.velocity_noise:
             return
         numbers = self.environment.roster.numbers[others]
-        # Those of velocities come behind those of positions, which are the same with or without them.
+        # Errors of velocities come after those of positions, which are therefore the same with or without them.
         width = 2 * dimensions if parameters.velocity_noise else dimensions
         errors = self.random.standard_normal_of(rows, numbers, width, "others")
         positions += parameters.position_noise * errors[:, :dimensions]
@@ -206,7 +209,7 @@ class RangePerception(GroupComponent):
             velocities += parameters.velocity_noise * errors[:, dimensions:]
 
     def _tracks(self, time: int, counts: Indices, others: Indices, positions: Array, velocities: Array) -> Tracks:
-        """What was seen, as of then."""
+        """Return tracks of what was seen at a time."""
         pointers = np.zeros(len(counts) + 1, np.intp)
         np.cumsum(counts, out=pointers[1:])
         for array in (positions, velocities):

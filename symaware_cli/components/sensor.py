@@ -1,4 +1,4 @@
-"""What sensors have in common: what they measure becomes known later, and they miss some of it."""
+"""Base class of sensors: periodic measurements with a delay and dropouts."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from symaware_cli.core import AgentGroup, GroupComponent, Parameters, nanosecond
 
 
 class SensorParameters(Parameters):
-    """What every sensor can be told."""
+    """Parameters of all sensors."""
 
     delay: float = Field(
         0.0, ge=0, le=1e9, description="How long after it was measured a reading becomes known, at the next turn [s]."
@@ -21,11 +21,11 @@ class SensorParameters(Parameters):
 
 
 class Sensor(GroupComponent):
-    """Measures at each of its turns; what it measured becomes known with its delay.
+    """Measures at each of its turns, and publishes each measurement after its delay.
 
-    How often it measures is the component's `period` in the scenario. A sensor that declares a signal hands out that,
-    for the log and for whoever looks at it (`awareness["radar.returns"]`); scans and images are put among the
-    `readings` of the group's awareness, by the sensor's name.
+    The component's `period` in the scenario is the sampling period. A sensor that declares signals records them, for
+    the log and for other components (`awareness["radar.returns"]`); scans and images are stored among the `readings` of
+    the group's awareness, by the sensor's name.
     """
 
     sees_world = True
@@ -33,13 +33,13 @@ class Sensor(GroupComponent):
     Parameters: ClassVar[type[BaseModel]] = SensorParameters
 
     def initialise_component(self, group: AgentGroup) -> None:
-        """Take up work."""
+        """Start without measurements."""
         super().initialise_component(group)
         self._number = self.environment.roster.groups.index(group.name)
         self._start = self.environment.roster.start(group.name)
         self._delay = nanoseconds(self.parameters.delay)
-        self._late: deque[tuple[int, Any]] = deque()
-        #: What was true at the turn before, as `present` returned it; None before the first.
+        self._pending: deque[tuple[int, Any]] = deque()
+        #: What `present` returned at the previous turn; None before the first.
         self._before: Any = None
 
     @abstractmethod
@@ -50,12 +50,12 @@ class Sensor(GroupComponent):
             present: What `present` returned.
 
         Returns:
-            What the sensor's signal says of each agent, as `record` takes it; with several signals a dictionary of
-            that by their names; or a reading.
+            The values of the sensor's signal, as accepted by `record`; with several signals a dictionary of values by
+            their names; without signals a reading.
         """
 
     def present(self) -> Any:
-        """What is true now that the next measurement will be compared with, for sensors that compare."""
+        """Return true values that the next measurement is compared with, for sensors that need them."""
         return None
 
     def _compute(self) -> tuple[Any, Any]:
@@ -64,14 +64,14 @@ class Sensor(GroupComponent):
 
     def _update(self, value: tuple[Any, Any]) -> None:
         found, self._before = value
-        late, known = self._late, None
-        late.append((self.computed_at, found))
-        while late and late[0][0] + self._delay <= self.computed_at:
-            known = late.popleft()
+        pending, known = self._pending, None
+        pending.append((self.computed_at, found))
+        while pending and pending[0][0] + self._delay <= self.computed_at:
+            known = pending.popleft()
         if known is not None:
-            self._make_known(known[1])
+            self._publish(known[1])
 
-    def _make_known(self, found: Any) -> None:
+    def _publish(self, found: Any) -> None:
         if not self.signals:
             self._group.awareness.readings[self.name] = found
             return

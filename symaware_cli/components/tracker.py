@@ -1,4 +1,4 @@
-"""Tracking: Gaussian beliefs of where others are, kept while they are out of sight."""
+"""Kalman filters that track other agents, also while they are out of sight."""
 
 from __future__ import annotations
 
@@ -11,44 +11,44 @@ Array = NDArray[np.float64]
 
 
 class Tracker:
-    """Tracks of all others that the agents of a group perceive or perceived, each a Kalman filter.
+    """Tracks all others that the agents of a group perceive or have perceived, each by a Kalman filter.
 
-    Others are taken to go straight on, but for white noise of acceleration (Y. Bar-Shalom, X. R. Li, T. Kirubarajan,
-    "Estimation with Applications to Tracking and Navigation", Wiley 2001, section 6.2.2, the continuous white noise
-    acceleration model). With intensity q, over a time T, and for each axis:
+    Others are assumed to move with constant velocity, disturbed by white noise of acceleration (Y. Bar-Shalom, X. R.
+    Li, T. Kirubarajan, "Estimation with Applications to Tracking and Navigation", Wiley 2001, section 6.2.2, the
+    continuous white noise acceleration model). With intensity q, over a time T, and for each axis:
 
         F = [1 T; 0 1],   Q = q [T^3/3 T^2/2; T^2/2 T]
 
-    Two steps of this are exactly one step of the sum, so tracks rest at the instant of the latest observation, and are
-    predicted from there to whenever somebody asks: neither a delay nor being out of sight costs exactness.
+    Two steps of this equal one step over the sum of their times, so tracks are stored at the instant of the latest
+    observation and predicted from there on demand, without loss of accuracy by delays or times out of sight.
 
-    Position and velocity are measured along each axis with the same errors. Hence all axes have the same covariance at
-    all times and none with each other, and each track keeps three numbers instead of a matrix.
+    Position and velocity are measured along each axis with the same errors. Hence all axes always have the same
+    covariance, without correlation between axes, and each track stores three numbers instead of a matrix.
 
     Attributes:
         time: The instant of the latest observation, in nanoseconds.
     """
 
     def __init__(
-        self, agents: int, everybody: int, dimensions: int, intensity: float, memory: int, limit: float
+        self, agents: int, roster_size: int, dimensions: int, intensity: float, memory: int, limit: float
     ) -> None:
-        """Know nobody.
+        """Start without tracks.
 
         Args:
-            agents: How many agents keep tracks.
-            everybody: How many there are in the roster.
-            dimensions: Of the world.
+            agents: The number of agents that track others.
+            roster_size: The number of agents in the roster.
+            dimensions: The number of coordinates of a position.
             intensity: Power spectral density of the acceleration, q [m^2/s^3].
-            memory: For how long another who is out of sight is remembered, in nanoseconds.
-            limit: Standard deviation of the position, along an axis, beyond which it is given up [m].
+            memory: How long an agent that is out of sight is remembered, in nanoseconds.
+            limit: Standard deviation of the position, along an axis, beyond which a track is dropped [m].
         """
         self.time = 0
         self._agents = agents
-        self._everybody = everybody
+        self._roster_size = roster_size
         self._intensity = intensity
         self._memory = memory
         self._limit = limit * limit
-        #: Who is tracked by whom: agent * everybody + other, ascending.
+        #: The tracked pairs: agent * roster_size + other, ascending.
         self._keys = np.empty(0, np.int64)
         self._seen = np.empty(0, np.int64)
         self._positions, self._velocities = np.empty((2, 0, dimensions))
@@ -56,29 +56,29 @@ class Tracker:
         self._spread = np.empty((3, 0))
 
     def observe(self, observation: Observation) -> None:
-        """Take account of whom the agents see, at an instant that is not before the latest one."""
+        """Correct the tracks by an observation, at an instant not before that of the latest one."""
         seen = observation.tracks
         self._positions, self._spread = self._predicted(observation.time - self.time)
         self.time = observation.time
-        keys = seen.observers * self._everybody + seen.others
-        places = np.searchsorted(self._keys, keys)
+        keys = seen.observers * self._roster_size + seen.others
+        indices = np.searchsorted(self._keys, keys)
         known = np.zeros(len(keys), bool)
-        inside = places < len(self._keys)
-        known[inside] = self._keys[places[inside]] == keys[inside]
+        inside = indices < len(self._keys)
+        known[inside] = self._keys[indices[inside]] == keys[inside]
         if known.all():
-            self._correct(places, seen.positions, seen.velocities, observation)
+            self._correct(indices, seen.positions, seen.velocities, observation)
         else:
-            self._correct(places[known], seen.positions[known], seen.velocities[known], observation)
+            self._correct(indices[known], seen.positions[known], seen.velocities[known], observation)
         kept = self._remembered(self.time, self._spread)
         if not (known.all() and kept.all()):
             self._rearrange(kept, ~known, keys, observation)
 
     def tracks(self, now: int, latest: int) -> Tracks:
-        """What the agents believe now of those whom they remember.
+        """Return the present tracks of all others that are remembered.
 
         Args:
-            now: In nanoseconds.
-            latest: The latest instant of which they can have seen something, in nanoseconds.
+            now: The present time, in nanoseconds.
+            latest: The latest instant that an observation can have, in nanoseconds.
         """
         positions, spread = self._predicted(now - self.time)
         kept = self._remembered(latest, spread)
@@ -86,14 +86,14 @@ class Tracker:
         if not kept.all():
             keys, seen = keys[kept], seen[kept]
             positions, velocities, spread = positions[kept], velocities[kept], spread[:, kept]
-        pointers = np.searchsorted(keys, np.arange(self._agents + 1) * self._everybody)
+        pointers = np.searchsorted(keys, np.arange(self._agents + 1) * self._roster_size)
         covariances, ages = _matrices(spread, positions.shape[1]), (now - seen) / 1e9
         for array in (positions, velocities, covariances, ages):
-            array.flags.writeable = False  # spares the tracks a copy; nothing here is changed in place anyway
-        return Tracks(now, pointers, keys % self._everybody, positions, velocities, covariances, ages)
+            array.flags.writeable = False  # spares the tracks a copy; nothing here is changed in axis anyway
+        return Tracks(now, pointers, keys % self._roster_size, positions, velocities, covariances, ages)
 
     def _predicted(self, duration: int) -> tuple[Array, Array]:
-        """Positions and spread after a while; the velocities stay as they are."""
+        """Return positions and spread after a duration; velocities stay the same."""
         if duration == 0:
             return self._positions, self._spread
         time = duration / 1e9
@@ -105,7 +105,7 @@ class Tracker:
         return self._positions + time * self._velocities, spread
 
     def _correct(self, rows: NDArray[np.intp], positions: Array, velocities: Array, observation: Observation) -> None:
-        """Measure the position, then the velocity; their errors are independent, so this equals both at once."""
+        """Apply the measured positions, then the velocities; their errors are independent, so this is exact."""
         if not len(rows):
             return
         believed, moving, spread = self._positions[rows], self._velocities[rows], self._spread[:, rows]
@@ -122,7 +122,7 @@ class Tracker:
         innovation = velocities - moving
         moving += gain[:, None] * innovation
         believed += other_gain[:, None] * innovation
-        # What was handed out stays as it is.
+        # Arrays that were handed out stay unchanged.
         self._positions, self._velocities = self._positions.copy(), self._velocities.copy()
         self._spread, self._seen = self._spread.copy(), self._seen.copy()
         self._positions[rows] = believed
@@ -137,7 +137,7 @@ class Tracker:
     def _rearrange(
         self, kept: NDArray[np.bool_], new: NDArray[np.bool_], keys: NDArray[np.int64], observation: Observation
     ) -> None:
-        """Drop tracks and begin others, from one measurement each."""
+        """Drop tracks, and begin new ones from one measurement each."""
         seen, count = observation.tracks, int(new.sum())
         merged = np.concatenate([self._keys[kept], keys[new]])
         order = np.argsort(merged, kind="stable")
@@ -151,17 +151,17 @@ class Tracker:
 
 
 def _measured(own: Array, between: Array, other: Array, noise: float) -> tuple[Array, Array, Array, Array, Array]:
-    """Measure one of two quantities, given their variances and covariance; each of shape (m,).
+    """Measure one of two quantities with given variances and covariance; each of shape (m,).
 
-    What of the other's variance the measured one does not explain stays; all else shrinks by noise / (own + noise).
-    So written, the result is positive semidefinite whatever the rounding, also without noise.
+    The part of the other variance that the measured quantity does not explain remains; all else shrinks by
+    noise / (own + noise). In this form the result is positive semidefinite despite rounding, also without noise.
 
     Returns:
-        The three numbers after it, and the gains of both quantities.
+        The three numbers after the measurement, and the gains of both quantities.
     """
     total = own + noise
     certain = total <= 0.0
-    # Where a certain belief meets an exact measurement, the gain is 0/0: the measurement counts.
+    # If both the belief and the measurement are exact, the gain is 0/0: the measurement is used.
     weight = 1.0 / np.where(certain, 1.0, total)
     rest = noise * weight
     gain = np.where(certain, 1.0, own * weight)
@@ -171,11 +171,11 @@ def _measured(own: Array, between: Array, other: Array, noise: float) -> tuple[A
 
 
 def _matrices(spread: Array, dimensions: int) -> Array:
-    """The covariance of position and velocity of each track; shape (m, 2d, 2d)."""
+    """Return the covariance of position and velocity of each track; shape (m, 2d, 2d)."""
     matrices = np.zeros((spread.shape[1], 2 * dimensions, 2 * dimensions))
-    for place in range(dimensions):
-        speed = dimensions + place
-        matrices[:, place, place] = spread[0]
-        matrices[:, place, speed] = matrices[:, speed, place] = spread[1]
+    for axis in range(dimensions):
+        speed = dimensions + axis
+        matrices[:, axis, axis] = spread[0]
+        matrices[:, axis, speed] = matrices[:, speed, axis] = spread[1]
         matrices[:, speed, speed] = spread[2]
     return matrices

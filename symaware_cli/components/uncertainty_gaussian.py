@@ -1,4 +1,4 @@
-"""Uncertainty as Gaussian beliefs: of oneself by the model, of others by what one sees of them."""
+"""Gaussian uncertainty: Kalman filters for the own state and for other agents."""
 
 from __future__ import annotations
 
@@ -21,35 +21,35 @@ NotNegative = Annotated[float, Field(ge=0)]
 
 
 class OwnFilter:
-    """The extended Kalman filter of the own states of a group; a shallow copy goes its own way.
+    """The extended Kalman filter of the own states of a group; a shallow copy is independent.
 
     Attributes:
         time: The instant of the belief, in nanoseconds.
     """
 
     def __init__(self, model: Model, belief: Belief, now: int) -> None:
-        """Begin with a belief.
+        """Start with a belief.
 
         Args:
-            model: Of the agents.
-            belief: Of their states.
-            now: In nanoseconds.
+            model: The model of the agents.
+            belief: The belief of their states.
+            now: The present time, in nanoseconds.
         """
         self.time = now
         self._model = model
         self._belief = belief
         self._turned_at = now
-        #: The control inputs since the belief, each with the end of its time.
+        #: The control inputs since the belief, each with the end of its time [ns].
         self._inputs: tuple[tuple[int, Array], ...] = ()
 
     def remember_input(self, now: int, applied: Array, step: int) -> None:
-        """Note the control input that was applied since the last turn, in steps such as the world makes [ns]."""
+        """Store the control input applied since the last turn, for each step of the world [ns]."""
         ends = [*range(self._turned_at + step, now, step), now] if self._turned_at < now else []
         self._inputs += tuple((end, applied) for end in ends)
         self._turned_at = now
 
     def advance(self, time: int) -> None:
-        """Carry the belief forward to an instant, unless it is there already, and forget the inputs until then."""
+        """Predict the belief to an instant, unless it is as late already, and forget the inputs until then."""
         inputs = list(self._inputs)
         while inputs and self.time < time:
             end, control_input = inputs[0]
@@ -61,11 +61,11 @@ class OwnFilter:
         self._inputs = tuple(inputs)
 
     def correct(self, measured: Array, deviation: Array) -> None:
-        """Take account of a measurement of the states; arguments as in `corrected`."""
+        """Correct the belief by a measurement of the states; arguments as in `corrected`."""
         self._belief = corrected(self._model, self._belief, measured, deviation)
 
     def at_present(self) -> Belief:
-        """The belief carried forward through all control inputs."""
+        """Return the belief predicted through all stored control inputs."""
         belief, time = self._belief, self.time
         for end, control_input in self._inputs:
             belief = self._predicted(belief, control_input, end - time)
@@ -77,15 +77,15 @@ class OwnFilter:
 
 
 class Estimate(NamedTuple):
-    """What a turn comes to: the beliefs, and the filters they are from, with what they know by then.
+    """The result of a turn: the beliefs, and the filters after it.
 
     Attributes:
-        belief: Of the own states.
-        tracks: Of others.
+        belief: The belief of the own states.
+        tracks: The tracks of others.
         own: The filter of the own states.
-        tracker: Those of others.
-        observation: The last that counted.
-        lag: How late observations come, at most, in nanoseconds.
+        tracker: The filters of others.
+        observation: The last observation that was used.
+        lag: The greatest delay of observations so far, in nanoseconds.
     """
 
     belief: Belief
@@ -97,23 +97,23 @@ class Estimate(NamedTuple):
 
 
 class GaussianUncertainty(GroupComponent):
-    """Estimates the own state and those of others by Kalman filters, with the covariance of each estimate.
+    """Estimates the own state and the states of others by Kalman filters, with the covariance of each estimate.
 
-    Of oneself: an extended Kalman filter over the agent's own model, its process noise, and the control input that was
-    applied since the last turn. Of each other that is or was in sight: a Kalman filter for a body that goes straight
-    on, but for white noise of acceleration. Both are corrected whenever perception has seen something
-    (`perception.range` says how exactly it measures); if that is late, the filter is corrected then and predicted to
-    now, through the control inputs in between.
+    The own state has an extended Kalman filter over the agent's model, its process noise, and the control input applied
+    since the last turn. Each other agent that is or was in sight has a Kalman filter of constant velocity, disturbed by
+    white noise of acceleration. Both are corrected by each new observation (`perception.range` states its accuracy); if
+    that is delayed, the filter is corrected at the time of the observation and predicted to the present, through the
+    control inputs in between.
 
     It updates the state (the estimate), the uncertainty (at this instant the covariance of the state, row by row) and
-    the tracks, with covariances and ages. Put it after a perception. Without an observation to correct it, it reckons
-    on from the initial state.
+    the tracks, with covariances and ages. It belongs after a perception; without observations it predicts from the
+    initial state.
     """
 
     sees_world = True
 
     class Parameters(Parameters):
-        """What is assumed of oneself at the start, and of others."""
+        """Assumptions about the initial state, and about others."""
 
         initial_deviation: NotNegative | tuple[NotNegative, ...] = Field(
             0.0,
@@ -134,7 +134,7 @@ class GaussianUncertainty(GroupComponent):
         )
 
     def check(self, group: AgentGroup) -> None:
-        """A list of deviations has one for each element of the state."""
+        """Check that a list of deviations has one for each element of the state."""
         deviations, model = np.shape(self.parameters.initial_deviation), group.model
         if deviations not in ((), (len(model.state),)):
             names = ", ".join(quantity.name for quantity in model.state)
@@ -144,7 +144,7 @@ class GaussianUncertainty(GroupComponent):
             )
 
     def series_quantities(self, group: AgentGroup) -> Mapping[str, Sequence[Quantity]]:
-        """The uncertainty is the covariance of the state, row by row."""
+        """Declare the uncertainty as the covariance of the state, row by row."""
         state = group.model.state
         covariance = [
             Quantity(f"cov_{one.name}_{other.name}", f"{one.unit}*{other.unit}") for one in state for other in state
@@ -152,7 +152,7 @@ class GaussianUncertainty(GroupComponent):
         return {"uncertainty": covariance}
 
     def initialise_component(self, group: AgentGroup) -> None:
-        """Begin with what is believed at the start."""
+        """Start the filters with the initial belief."""
         super().initialise_component(group)
         parameters, environment = self.parameters, self.environment
         deviation = np.broadcast_to(np.asarray(parameters.initial_deviation, float), len(group.model.state))
@@ -184,7 +184,7 @@ class GaussianUncertainty(GroupComponent):
             if observation.time >= tracker.time:
                 tracker.observe(observation)
         latest = now - lag
-        # Nothing that is still to come is older than this.
+        # No observation to come is older than this.
         own.advance(latest)
         return Estimate(own.at_present(), tracker.tracks(now, latest), own, tracker, observation, lag)
 
@@ -195,4 +195,4 @@ class GaussianUncertainty(GroupComponent):
         covariance = value.belief.covariance.reshape(len(self._group), 1, -1)
         awareness.uncertainty.set(self.computed_at, covariance)
         if value.observation is not None or awareness.world is None:
-            awareness.seen = value.tracks  # who sees everybody without error has nothing to estimate of others
+            awareness.seen = value.tracks  # with perfect perception of others nothing is estimated

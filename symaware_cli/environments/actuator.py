@@ -1,4 +1,4 @@
-"""Actuators: how physics worlds make bodies do what models say."""
+"""Actuators: the velocities that physics worlds give to bodies so that they move as their models do."""
 
 from __future__ import annotations
 
@@ -15,32 +15,33 @@ Array = NDArray[np.float64]
 
 
 class Actuator:
-    """Says which velocities the bodies of a group are to have in each physics step of a time step.
+    """Computes the velocities that the bodies of a group shall have in each physics step of a time step.
 
-    It moves the model as the kinematic world does, from where the time step begins, and takes the mean velocity over
-    each physics step. A body that has these velocities is, step by step, where the model would be. The velocities are
-    laid out at the beginning of the time step: who is knocked off its way meanwhile goes on in parallel to it.
+    It integrates the model over the time step as the kinematic world does, and takes the mean velocity over each
+    physics step. A body with these velocities is, after each physics step, where the model would be. The velocities
+    are planned at the beginning of the time step: a body that is pushed aside meanwhile continues in parallel to the
+    planned path.
 
-    A model whose state has the velocity itself says an acceleration. Then the actuator adds to the velocity that the
-    body has, and what a collision did to it stays.
+    If the state of a model includes the velocity, the model yields an acceleration. The actuator then adds to the
+    present velocity of the body, so the effects of a collision remain.
 
     Attributes:
-        group: Whom it moves.
-        adds: Whether the velocities are to be added to those of the bodies, because the state has the velocity.
+        group: The group that it moves.
+        adds: Whether the velocities are added to those of the bodies, because the state includes the velocity.
         turns: Whether it turns bodies; those of models without a heading never turn.
     """
 
     def __init__(self, group: EntityGroup, time_step: int, substeps: int, seed: int) -> None:
-        """Look at a model.
+        """Check a model, and prepare for planning.
 
         Args:
-            group: Whom to move.
+            group: The group to move.
             time_step: The environment's time step, in nanoseconds.
-            substeps: How many physics steps that has.
+            substeps: The number of physics steps in a time step.
             seed: The seed of the run.
 
         Raises:
-            WorldError: No body does what the model says.
+            WorldError: No body can move as the model does.
         """
         model = group.model
         path = ("agents", group.name, "model")
@@ -59,48 +60,48 @@ class Actuator:
         self.adds = bool(model.velocities)
         self.turns = model.heading is not None
         columns = [*(model.velocities or model.position), *(() if model.heading is None else (model.heading,))]
-        self._columns = _side_by_side(columns)
-        self._positions, self._velocities = _side_by_side(model.position), _side_by_side(model.velocities)
-        # Without a heading the way is straight enough to be taken in one.
+        self._columns = _as_slice(columns)
+        self._positions, self._velocities = _as_slice(model.position), _as_slice(model.velocities)
+        # Without a heading the path within a time step is straight enough to be integrated in one part.
         self._parts = substeps if model.time_step is None and (self.turns or self.adds) else 1
         self._part = time_step / 1e9 / self._parts
         added = np.arange(len(columns)) < len(model.velocities)
-        #: What makes the change of each element over a part of the time step what is planned for a physics step.
-        self._share = np.where(added, self._parts / substeps, 1.0 / self._part)
+        #: Factor from the change of each element over a part of the time step to its value for a physics step.
+        self._factor = np.where(added, self._parts / substeps, 1.0 / self._part)
         covariance = model.noise_covariance(time_step / 1e9)
         self._noise = None if covariance is None else ProcessNoise(group, covariance, seed)
-        self._noise_share = np.where(added, 1.0 / substeps, 1e9 / time_step)
+        self._noise_factor = np.where(added, 1.0 / substeps, 1e9 / time_step)
         if covariance is not None and self.adds and covariance[list(model.position)].any():
             raise WorldError(
-                "`process_noise` of a position would tear it from its velocity, which the state has too; give each "
-                "element its own, and 0 to positions",
+                "`process_noise` of a position would be inconsistent with the velocity, which the state has too; give "
+                "each element its own, and 0 to positions",
                 *path,
             )
 
     def plan(self, state: Array, control_input: Array, time: int) -> Array:
-        """Lay out the velocities of a time step.
+        """Plan the velocities of a time step.
 
         Args:
-            state: Where the bodies are; shape (n, nx).
+            state: The states at the beginning; shape (n, nx).
             control_input: The saturated control inputs; shape (n, nu).
-            time: When it begins, in nanoseconds.
+            time: The beginning of the time step, in nanoseconds.
 
         Returns:
-            For each physics step the velocity of the position [m/s] and, of bodies that turn, the turn rate [rad/s];
-            shape (substeps, n, d) or (substeps, n, d + 1). Where it is the same in all of them, it stands there once.
+            For each physics step the velocity of the position [m/s] and, for bodies that turn, the turn rate [rad/s];
+            shape (substeps, n, d) or (substeps, n, d + 1). The first axis has length 1 if all physics steps are equal.
         """
         columns, at = self._columns, state
-        planned = np.empty((self._parts, len(state), len(self._share)))
+        planned = np.empty((self._parts, len(state), len(self._factor)))
         for number in range(self._parts):
             after = integrate(self.group.model, at, control_input, self._part)
-            planned[number] = (after[:, columns] - at[:, columns]) * self._share
+            planned[number] = (after[:, columns] - at[:, columns]) * self._factor
             at = after
         if self._noise:
-            planned += self._noise.draw(time)[:, columns] * self._noise_share
+            planned += self._noise.draw(time)[:, columns] * self._noise_factor
         return planned
 
     def state(self, positions: Array, headings: Array, motion: Array) -> Array:
-        """Return the states of agents whose bodies are so, read-only; shape (n, nx).
+        """Return the states of agents from the poses and velocities of their bodies, read-only; shape (n, nx).
 
         Args:
             positions: [m]; shape (n, d) or more.
@@ -119,10 +120,10 @@ class Actuator:
 
 
 def check_time_step(group: EntityGroup, time_step: int) -> None:
-    """See whether a model can take the environment's time step, in nanoseconds.
+    """Check that a model in discrete time has the environment's time step, in nanoseconds.
 
     Raises:
-        WorldError: It is a map over another one.
+        WorldError: It has another one.
     """
     own = group.model.time_step
     if own is not None and nanoseconds(own) != time_step:
@@ -133,8 +134,8 @@ def check_time_step(group: EntityGroup, time_step: int) -> None:
         )
 
 
-def _side_by_side(columns: Sequence[int]) -> slice | list[int]:
-    """Columns as a slice where they are one, which NumPy takes four times faster."""
+def _as_slice(columns: Sequence[int]) -> slice | list[int]:
+    """Return adjacent columns as a slice, which NumPy indexes four times faster than a list."""
     if columns and list(columns) == list(range(columns[0], columns[0] + len(columns))):
         return slice(columns[0], columns[0] + len(columns))
     return list(columns)

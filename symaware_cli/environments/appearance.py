@@ -1,4 +1,4 @@
-"""What the bodies that a spatial world makes of shapes look like."""
+"""Appearance: links and visual shapes of the bodies in the spatial world, for replays and logs."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ def appearances(
     folder: Path,
     height: float,
 ) -> dict[str, Articulation]:
-    """Describe what the bodies of a world consist of, by group and entity, while the files are there.
+    """Describe the links and visual shapes of all bodies, by the name of the group or entity.
 
-    Agents whose shape or model names no file look like their shape, and are left out.
+    Agents whose shape and model refer to no file look like their shape, and are left out.
 
     Args:
-        groups: All of them.
-        obstacles: All of them.
-        vehicles: Those of groups that have some.
-        folder: Where the files lie that a scenario names.
-        height: How high what has no height of its own is [m].
+        groups: All groups.
+        obstacles: All obstacles by name.
+        vehicles: The vehicles of those groups that have some.
+        folder: The folder to which the scenario's file names are relative.
+        height: Height of shapes without one of their own [m].
 
     Raises:
-        WorldError: A file is missing, or makes no sense.
+        WorldError: A file is missing or invalid.
     """
     shapes = {name: obstacle.shape for name, obstacle in obstacles.items()}
     for group in groups:
@@ -50,15 +50,15 @@ def appearances(
 
 
 def appearance(shape: Shape, folder: Path, height: float) -> Articulation:
-    """Describe the body of a shape, as `BulletBodies` makes it.
+    """Describe the body of a shape, as `BodyBuilder` makes it.
 
     Args:
         shape: The shape.
-        folder: Where the files lie that a scenario names.
-        height: How high what has no height of its own is [m].
+        folder: The folder to which the scenario's file names are relative.
+        height: Height of shapes without one of their own [m].
 
     Raises:
-        WorldError: A file that it names is missing, or makes no sense.
+        WorldError: A file that it refers to is missing or invalid.
     """
     if shape.urdf:
         try:
@@ -85,7 +85,7 @@ def _visuals(shape: Shape, folder: Path, height: float) -> Sequence[Visual]:
 
 
 def _segments(wall: Wall, height: float) -> list[Visual]:
-    """A wall's segments, and what rounds their ends."""
+    """A box for each segment of a wall, and a cylinder for each of its points."""
     visuals = []
     for (x, y), (to_x, to_y) in pairwise(wall.points):
         size = (math.dist((x, y), (to_x, to_y)), wall.thickness, height)

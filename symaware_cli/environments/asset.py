@@ -1,4 +1,4 @@
-"""Assets: the files that a scenario names, found where they may lie and nowhere else."""
+"""Assets: finds and checks the mesh and URDF files that a scenario refers to."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ _PACKAGE = "pybullet_data"
 
 
 def find(file: str, folder: Path, *where: str) -> Path:
-    """Find a file.
+    """Return the path of a file.
 
     Args:
-        file: Its path, relative to the folder; or to the package pybullet_data, if it begins with that name.
+        file: Its path, relative to the folder; or to the package pybullet_data if it begins with that name.
         folder: The scenario's folder.
-        where: Where in the scenario it is named, for messages.
+        where: Path in the scenario, for messages.
 
     Raises:
-        WorldError: It is not there, or a link leads out of the folder.
+        WorldError: It does not exist, or a link leads out of the folder.
     """
     parts = PurePosixPath(file).parts
     home, inner = folder.resolve(), parts
@@ -37,16 +37,15 @@ def find(file: str, folder: Path, *where: str) -> Path:
 
 
 def is_packaged(file: str) -> bool:
-    """Whether a file comes with the package pybullet_data."""
+    """Return whether a file comes with the package pybullet_data."""
     return PurePosixPath(file).parts[:1] == (_PACKAGE,)
 
 
 def needed(file: str, folder: Path) -> dict[str, bytes]:
-    """Return all that it takes to use a file elsewhere, by path relative to the folder.
+    """Return the contents of all files needed to use a file elsewhere, by path relative to the folder.
 
-    That is the file itself, the meshes that it names, and what says how these look.
-
-    What comes with pybullet_data is everywhere, and so is left out; so is what cannot be found.
+    These are the file itself, the meshes that it refers to, and their materials and textures. Files of pybullet_data
+    are left out, as they are installed everywhere, and so are files that cannot be found.
     """
     parts = PurePosixPath(file).parts
     if parts[0] == _PACKAGE:
@@ -68,16 +67,16 @@ def needed(file: str, folder: Path) -> dict[str, bytes]:
 
 
 def check_description(path: Path, file: str, folder: Path, *where: str) -> None:
-    """See whether a URDF file can be read, and names no file outside of its folder.
+    """Check that a URDF file can be read, and that all its meshes exist within the folder.
 
     Args:
-        path: Where it is.
-        file: What the scenario calls it.
+        path: The path of the file.
+        file: Its name in the scenario.
         folder: The scenario's folder.
-        where: Where in the scenario it is named, for messages.
+        where: Path in the scenario, for messages.
 
     Raises:
-        WorldError: It is no XML, no robot, or refers to a file that is missing or lies elsewhere.
+        WorldError: It is no XML, describes no robot, or refers to a file that is missing or outside of the folder.
     """
     try:
         root = parsed(path)
@@ -92,7 +91,7 @@ def check_description(path: Path, file: str, folder: Path, *where: str) -> None:
 
 
 def _package(*where: str) -> Path:
-    """The folder of pybullet_data, found without importing it."""
+    """Return the folder of pybullet_data without importing it."""
     found = importlib.util.find_spec(_PACKAGE)
     if found is None or found.origin is None:
         raise WorldError(f"the package {_PACKAGE} is not installed: pip install 'symaware-cli[pybullet]'", *where)

@@ -1,4 +1,4 @@
-"""The body builder: makes bodies of PyBullet out of the shapes of a scenario."""
+"""Body builder: creates PyBullet bodies from the shapes of a scenario."""
 
 from __future__ import annotations
 
@@ -11,25 +11,25 @@ from typing import Any, NamedTuple
 from symaware_cli.core import Entity, Shape, Urdf, Wall, WorldError
 from symaware_cli.environments import asset
 from symaware_cli.environments.bullet import engine, quiet
-from symaware_cli.environments.bullet_collisions import FACED, FIXED, MEETS
+from symaware_cli.environments.bullet_collisions import COLLIDES_WITH, FACED, FIXED
 from symaware_cli.geometry.rotation import attitude
 from symaware_cli.geometry.scenery import HeightRange
 
-#: The joints that move by one number.
+#: The types of joints with one degree of freedom.
 _MOVING = (engine.JOINT_REVOLUTE, engine.JOINT_PRISMATIC)
 
-#: [m] Farther away nothing is looked for.
+#: [m] Larger than any distance between a body and the ground.
 _ANY_DISTANCE = 1e3
 
 
 class BodyPart(NamedTuple):
-    """One body of an entity of several.
+    """One of the bodies that an entity consists of.
 
     Attributes:
-        body: The engine's number of it.
-        x: Where it is in the coordinates of the entity [m].
+        body: The engine's id of the body.
+        x: Position in the coordinates of the entity [m].
         y: The other coordinate [m].
-        heading: How it is turned against the entity [rad].
+        heading: Heading relative to that of the entity [rad].
     """
 
     body: int
@@ -39,16 +39,16 @@ class BodyPart(NamedTuple):
 
 
 class BodyBuilder:
-    """Makes bodies in one world."""
+    """Creates the bodies of one world."""
 
     def __init__(self, client: int, folder: Path, height: float, floor: float | None, loading: int) -> None:
-        """Take note of the world.
+        """Initialise the builder of a world.
 
         Args:
             client: The engine's client.
-            folder: Where the files lie that a scenario names.
-            height: How high what has no height of its own is [m].
-            floor: The height of the ground [m]; None where there is none.
+            folder: The folder to which the scenario's file names are relative.
+            height: Height of shapes without one of their own [m].
+            floor: The height of the ground [m]; None without a ground.
             loading: Flags for loading URDF files.
         """
         self._client = client
@@ -56,14 +56,14 @@ class BodyBuilder:
         self._height = height
         self._floor = floor
         self._loading = loading
-        self._outlines: dict[str, int] = {}
+        self._collision_shapes: dict[str, int] = {}
 
-    def _standing(self, shape: Shape | None) -> float:
-        """How high something of a plane stands; of what a file describes, only that shows when it is there [m]."""
+    def _standing_height(self, shape: Shape | None) -> float:
+        """The height of a planar body that stands on the ground [m]; 0 for files, whose extent is not known yet."""
         return 0.0 if self._floor is None else self._floor + self._half_height(shape)
 
     def _half_height(self, shape: Shape | None) -> float:
-        """How far above the ground the origin of a shape is that stands on it [m]."""
+        """The height of a shape's origin above the ground that it stands on [m]."""
         if shape is None or shape.mesh or shape.urdf:
             return 0.0
         if shape.circle:
@@ -81,27 +81,27 @@ class BodyBuilder:
         *where: str,
         held: bool = False,
     ) -> int:
-        """Make one body of any shape but a wall.
+        """Create a body of any shape but a wall.
 
         Args:
-            mass: Its mass, fixed where it is 0 [kg]; of what a file describes, only whether it is.
-            shape: What it is like.
-            position: Where [m]; with two coordinates it stands on the ground.
+            mass: Its mass [kg], 0 for a fixed body; a body from a URDF file has the masses of the file unless 0.
+            shape: Its shape.
+            position: Its position [m]; with two coordinates it stands on the ground.
             orientation: A quaternion (x, y, z, w).
-            *where: Where the scenario says that.
-            held: Whether the joints of what a file describes are held where they are.
+            *where: Path in the scenario, for messages.
+            held: Whether the joints of a URDF file are held in their positions.
         """
-        place = position if len(position) == 3 else (*position, self._standing(shape))
+        place = position if len(position) == 3 else (*position, self._standing_height(shape))
         if shape is not None and shape.urdf:
             body = self._load(mass, shape.urdf, place, orientation, *where)
             if not held:
-                self._release(body)
+                self._release_joints(body)
         else:
-            body = self._body(mass, self._outline(shape, *where), place, orientation)
-        # How high it stands is known of what is upright alone, and has a shape of its own.
+            body = self._body(mass, self._collision_shape(shape, *where), place, orientation)
+        # `_standing_height` is exact for upright bodies with a shape of their own only.
         known = shape is None or not (shape.mesh or shape.urdf or any(orientation[:2]))
         if len(position) == 2 and self._floor is not None and not known:
-            self._set_down(body, self._floor)
+            self._place_on_ground(body, self._floor)
         return body
 
     def _body(self, mass: float, outline: int, position: Sequence[float], orientation: Sequence[float]) -> int:
@@ -115,7 +115,7 @@ class BodyBuilder:
     ) -> int:
         file = asset.find(urdf.file, self._folder, *where, "shape", "urdf", "file")
         asset.check_description(file, urdf.file, self._folder, *where, "shape", "urdf", "file")
-        with quiet() as said:
+        with quiet() as output:
             try:
                 body: int = engine.loadURDF(
                     str(file),
@@ -129,12 +129,14 @@ class BodyBuilder:
             except engine.error:
                 body = -1
         if body < 0:
-            raise WorldError(f"PyBullet cannot load `{urdf.file}`: {last(said)}", *where, "shape", "urdf", "file")
+            raise WorldError(
+                f"PyBullet cannot load `{urdf.file}`: {last_line(output)}", *where, "shape", "urdf", "file"
+            )
         self._check(body, urdf.file, mass > 0.0, *where, "shape", "urdf", "file")
         return body
 
-    def _release(self, body: int) -> None:
-        """Let joints move as the file says; the engine's own motors would hold them."""
+    def _release_joints(self, body: int) -> None:
+        """Let the joints move with the friction of the file; by default the engine's motors hold them."""
         for number in self.moving_joints(body):
             friction = engine.getJointInfo(body, number, self._client)[7]
             engine.setJointMotorControl2(
@@ -142,13 +144,13 @@ class BodyBuilder:
             )
 
     def moving_joints(self, body: int) -> list[int]:
-        """The engine's numbers of the joints of a body that turn or slide."""
+        """Return the engine's indices of a body's revolute and prismatic joints."""
         joints = range(engine.getNumJoints(body, self._client))
         return [number for number in joints if engine.getJointInfo(body, number, self._client)[2] in _MOVING]
 
-    def _set_down(self, body: int, floor: float) -> None:
-        """Let the lowest of a body be on the ground."""
-        # Boxes around parts that are turned would be too large; how far a plane is from them is exact.
+    def _place_on_ground(self, body: int, floor: float) -> None:
+        """Move a body vertically so that its lowest point touches the ground."""
+        # Bounding boxes of rotated parts would be too large; the distance to a plane is exact.
         plane = engine.createCollisionShape(engine.GEOM_PLANE, physicsClientId=self._client)
         ground = self._body(0.0, plane, (0.0, 0.0, floor), turn(0.0))
         near = engine.getClosestPoints(body, ground, _ANY_DISTANCE, physicsClientId=self._client)
@@ -158,7 +160,7 @@ class BodyBuilder:
         engine.resetBasePositionAndOrientation(body, place, orientation, self._client)
 
     def _check(self, body: int, file: str, moves: bool, *where: str) -> None:
-        """See whether the engine can compute with the masses and the joints of a file."""
+        """Check that the engine supports the masses and the joints of a file."""
         masses = [engine.getDynamicsInfo(body, link, self._client)[0] for link in self._links(body)]
         wrong = [mass for mass in masses if not 0.0 <= mass < math.inf]
         if wrong:
@@ -184,46 +186,46 @@ class BodyBuilder:
             if parent >= 0:
                 carried[parent] += carried[number]
 
-    def _outline(self, shape: Shape | None, *where: str) -> int:
-        """The engine's number of a shape; the same for all that have it."""
+    def _collision_shape(self, shape: Shape | None, *where: str) -> int:
+        """Return the engine's id of a collision shape; equal shapes share one."""
         if shape is None:
             return -1
         key = shape.model_dump_json()
-        if key not in self._outlines:
+        if key not in self._collision_shapes:
             with quiet():
-                number = self._new_outline(shape, *where)
+                number = self._create_collision_shape(shape, *where)
             if number < 0:
                 raise WorldError("PyBullet cannot make a body of this shape", *where, "shape", shape.kind)
-            self._outlines[key] = number
-        return self._outlines[key]
+            self._collision_shapes[key] = number
+        return self._collision_shapes[key]
 
-    def _new_outline(self, shape: Shape, *where: str) -> int:
-        said: dict[str, Any] = {"shapeType": engine.GEOM_MESH}
+    def _create_collision_shape(self, shape: Shape, *where: str) -> int:
+        arguments: dict[str, Any] = {"shapeType": engine.GEOM_MESH}
         if shape.circle:
-            said = {"shapeType": engine.GEOM_SPHERE, "radius": shape.circle.radius}
+            arguments = {"shapeType": engine.GEOM_SPHERE, "radius": shape.circle.radius}
         elif shape.cylinder:
-            said = {
+            arguments = {
                 "shapeType": engine.GEOM_CYLINDER,
                 "radius": shape.cylinder.radius,
                 "height": shape.cylinder.height,
             }
         elif shape.box:
             extents = (shape.box.length, shape.box.width, shape.box.upright)
-            said = {"shapeType": engine.GEOM_BOX, "halfExtents": [0.5 * extent for extent in extents]}
+            arguments = {"shapeType": engine.GEOM_BOX, "halfExtents": [0.5 * extent for extent in extents]}
         elif shape.polygon:
             half = 0.5 * self._height
-            said["vertices"] = [[*corner, height] for corner in shape.polygon.vertices for height in (-half, half)]
+            arguments["vertices"] = [[*corner, height] for corner in shape.polygon.vertices for height in (-half, half)]
         elif shape.mesh:
-            said["fileName"] = str(asset.find(shape.mesh.file, self._folder, *where, "shape", "mesh", "file"))
-            said["meshScale"] = [shape.mesh.scale] * 3
+            arguments["fileName"] = str(asset.find(shape.mesh.file, self._folder, *where, "shape", "mesh", "file"))
+            arguments["meshScale"] = [shape.mesh.scale] * 3
         try:
-            number: int = engine.createCollisionShape(**said, physicsClientId=self._client)
+            number: int = engine.createCollisionShape(**arguments, physicsClientId=self._client)
         except engine.error:
             return -1
         return number
 
-    def finish(self, body: int, friction: float, elasticity: float, damping: float) -> None:
-        """Give a body and its links a surface, and the part of their velocity that they lose in a second."""
+    def set_surface(self, body: int, friction: float, elasticity: float, damping: float) -> None:
+        """Set friction, elasticity and damping [1/s] of a body and its links."""
         for link in self._links(body):
             engine.changeDynamics(
                 body,
@@ -233,28 +235,28 @@ class BodyBuilder:
                 linearDamping=damping,
                 angularDamping=damping,
                 activationState=engine.ACTIVATION_STATE_DISABLE_SLEEPING,
-                # Who is only near is not pushed yet: it would lose of its bounce what is left of the way.
+                # Bodies that are near but do not touch yet are not pushed: they would bounce less.
                 contactProcessingThreshold=0.0,
                 physicsClientId=self._client,
             )
 
-    def meet(self, body: int, kind: int) -> None:
-        """Let a body meet whom its kind meets; what joints move on a fixed base meets whom free bodies meet."""
+    def set_collision_kind(self, body: int, kind: int) -> None:
+        """Set with which bodies a body collides, by its kind; links that move on a fixed base count as free bodies."""
         moved = set(self.moving_joints(body)) if kind == FIXED else set()
         for link in self._links(body):
             if link >= 0 and engine.getJointInfo(body, link, self._client)[16] in moved:
                 moved.add(link)
             own = FACED if link in moved else kind
-            engine.setCollisionFilterGroupMask(body, link, own, MEETS[own], self._client)
+            engine.setCollisionFilterGroupMask(body, link, own, COLLIDES_WITH[own], self._client)
 
     def moment(self, body: int, entity: Entity) -> float:
         """The moment of inertia about the vertical [kg m^2]."""
         moment = float(engine.getDynamicsInfo(body, -1, self._client)[2][2]) if entity.shape else 0.0
-        # A body without a shape turns as a small ball does.
+        # A body without a shape has the inertia of a ball with a radius of 0.1 m.
         return moment or 0.4 * entity.mass * 0.01
 
     def span(self, bodies: Sequence[int], level: float) -> HeightRange:
-        """How high an entity of some bodies reaches whose position is at a height, as the engine has it now."""
+        """Return the vertical extent of an entity's bodies relative to its level [m], as the engine has it now."""
         boxes = [engine.getAABB(body, link, self._client) for body in bodies for link in self._links(body)]
         return HeightRange(level, min(low[2] for low, _ in boxes) - level, max(high[2] for _, high in boxes) - level)
 
@@ -263,11 +265,11 @@ class BodyBuilder:
         return range(-1, engine.getNumJoints(body, self._client))
 
     def make_wall(self, mass: float, wall: Wall, position: Sequence[float], heading: float) -> list[BodyPart]:
-        """Make a body for each of a wall's segments, and for what rounds their ends; fixed if it has no mass.
+        """Create a box for each segment of a wall, and a cylinder for each of its points; fixed if the mass is 0.
 
-        One body of several shapes has no more than 16 in PyBullet.
+        PyBullet allows at most 16 shapes in one body.
         """
-        place = (*position[:2], self._standing(Shape(wall=wall)) if len(position) == 2 else position[2])
+        place = (*position[:2], self._standing_height(Shape(wall=wall)) if len(position) == 2 else position[2])
         half, height, members = 0.5 * wall.thickness, self._height, []
 
         def add(shape: int, x: float, y: float, turned: float) -> None:
@@ -288,13 +290,13 @@ class BodyBuilder:
 
 
 def turn(heading: float, roll: float = 0.0, pitch: float = 0.0) -> Sequence[float]:
-    """The quaternion (x, y, z, w) of a heading, and of a roll and a pitch before that [rad]."""
+    """Return the quaternion (x, y, z, w) of a roll, a pitch and a heading, applied in this order [rad]."""
     if roll or pitch:
         orientation: list[float] = attitude(roll, pitch, heading).tolist()
         return orientation
     return (0.0, 0.0, math.sin(0.5 * heading), math.cos(0.5 * heading))
 
 
-def last(said: Sequence[str]) -> str:
-    """The last thing that the engine complained of."""
-    return next((line.strip() for line in reversed(said) if line.strip()), "it does not say why")
+def last_line(output: Sequence[str]) -> str:
+    """Return the last line that the engine printed."""
+    return next((line.strip() for line in reversed(output) if line.strip()), "it gives no reason")

@@ -1,4 +1,4 @@
-"""Body poses: where bodies of PyBullet are in space, how they are turned, and how their joints stand."""
+"""Body poses: reads and sets positions, orientations and joint positions of PyBullet bodies."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from symaware_cli.geometry.rotation import continued, yaws
 Array = NDArray[np.float64]
 Transform = tuple[Sequence[float], Sequence[float]]
 
-#: What `getDynamicsInfo` calls a body of links.
+#: The body type that `getDynamicsInfo` reports for multibodies.
 _MULTIBODY = 2
 
 
 class BodyPoses:
-    """Reads the poses of bodies when asked, a call or two for each; they cost nothing otherwise."""
+    """Reads and sets the poses of bodies on demand, with one or two calls of the engine for each body."""
 
     def __init__(self, client: int) -> None:
-        """Take note of the world.
+        """Initialise for a world.
 
         Args:
             client: The engine's client.
@@ -32,39 +32,39 @@ class BodyPoses:
         self._client = client
         self._bases: dict[int, Transform | None] = {}
         self._any_apart = False
-        #: The engine's numbers of the joints of a body.
+        #: The engine's indices of the joints of a body.
         self._joints: dict[int, Sequence[int]] = {}
 
     def base(self, body: int) -> Transform | None:
-        """The way from the centre of mass, which the engine tells, to the base; None where that is the same."""
+        """Return the transform from the centre of mass, as the engine reports it, to the base; None if equal."""
         if body not in self._bases:
             dynamics = engine.getDynamicsInfo(body, -1, self._client)
             position, orientation = dynamics[3:5]
-            # Of a body that is no multibody the engine says what happens to stand in its memory.
+            # Of a body that is no multibody the engine returns uninitialised memory.
             apart = dynamics[10] == _MULTIBODY and (any(position) or any(orientation[:3]))
             self._bases[body] = engine.invertTransform(position, orientation) if apart else None
             self._any_apart |= apart
         return self._bases[body]
 
     def pose(self, body: int) -> Transform:
-        """The position [m] and the quaternion (x, y, z, w) of a base."""
+        """Return the position [m] and the quaternion (x, y, z, w) of a base."""
         pose: Transform = engine.getBasePositionAndOrientation(body, self._client)
         base = self.base(body)
         return engine.multiplyTransforms(*pose, *base) if base else pose
 
     def displace(self, body: int, moved: Sequence[float], heading: float, faster: Sequence[float]) -> None:
-        """Put the base of an upright body elsewhere [m], with a heading [rad], and add to its velocity [m/s]."""
+        """Move the base of an upright body [m], set its heading [rad], and add to its velocity [m/s]."""
         position, _ = self.pose(body)
         velocity, spin = engine.getBaseVelocity(body, self._client)
         there = [one + by for one, by in zip(position, moved, strict=True)]
         orientation = (0.0, 0.0, math.sin(0.5 * heading), math.cos(0.5 * heading))
         engine.resetBasePositionAndOrientation(body, *self.centre(body, there, orientation), self._client)
-        # To put it there has stopped it.
+        # Resetting the pose has set the velocity to zero.
         velocity = [one + by for one, by in zip(velocity, faster, strict=True)]
         engine.resetBaseVelocity(body, velocity, spin, self._client)
 
     def centre(self, body: int, position: Sequence[float], orientation: Sequence[float]) -> Transform:
-        """Where the centre of mass of a body is whose base is there, as `resetBasePositionAndOrientation` takes it."""
+        """Return the pose of the centre of mass for a pose of the base, for `resetBasePositionAndOrientation`."""
         base = self.base(body)
         if base is None:
             return position, orientation
@@ -72,7 +72,7 @@ class BodyPoses:
         return there
 
     def poses(self, bodies: Sequence[int]) -> Array:
-        """The positions [m] and quaternions (x, y, z, w) of the bases; shape (n, 7)."""
+        """Return the positions [m] and quaternions (x, y, z, w) of the bases; shape (n, 7)."""
         flat: list[float] = []
         for body in bodies:
             position, orientation = self.pose(body)
@@ -80,12 +80,12 @@ class BodyPoses:
             flat += orientation
         return np.array(flat).reshape(len(bodies), 7)
 
-    def look(self, bodies: Sequence[int], headings: Array) -> tuple[Array, Array, Array, Array]:
-        """Read bodies in one go.
+    def read(self, bodies: Sequence[int], headings: Array) -> tuple[Array, Array, Array, Array]:
+        """Read the poses and velocities of several bodies.
 
         Args:
-            bodies: The engine's numbers of them, for each of which `base` has been asked before.
-            headings: Their headings at the time before, from which the new ones count turns [rad]; shape (n,).
+            bodies: The engine's ids; `base` must have been called for each.
+            headings: Their previous headings, from which turns are counted [rad]; shape (n,).
 
         Returns:
             Positions of the bases [m], shape (n, 3); headings [rad], shape (n,); the velocities of the centres of
@@ -104,15 +104,15 @@ class BodyPoses:
         return values[:, :3], continued(headings, yaws(turned)), values[:, [7, 8, 9, 12]], turned
 
     def joints(self, bodies: Sequence[int], articulation: Articulation) -> Array:
-        """The positions of the joints that move, in the order of an articulation [rad] or [m]; shape (n, joints)."""
+        """Return the positions of the moving joints, in the order of an articulation [rad] or [m]; (n, joints)."""
         flat: list[float] = []
         for body in bodies:
             numbers = self._numbers(body, articulation.joints)
             flat += [state[0] for state in engine.getJointStates(body, numbers, self._client)]
         return np.array(flat).reshape(len(bodies), len(articulation.joints))
 
-    def put(self, bodies: Sequence[int], articulation: Articulation, positions: Array) -> None:
-        """Let the joints stand as those of another world do, as `joints` told it."""
+    def set_joints(self, bodies: Sequence[int], articulation: Articulation, positions: Array) -> None:
+        """Set the positions of the joints, as returned by `joints` in another world."""
         for body, row in zip(bodies, positions.tolist(), strict=True):
             for number, position in zip(self._numbers(body, articulation.joints), row, strict=True):
                 engine.resetJointState(body, number, position, physicsClientId=self._client)

@@ -1,4 +1,4 @@
-"""The engine of the spatial world: a PyBullet client of its own for each world, and quiet."""
+"""The PyBullet engine: a client for each world, with the engine's terminal output captured."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from symaware_cli.core import WorldError
 
 @contextmanager
 def quiet() -> Iterator[list[str]]:
-    """Keep what the engine prints, from C and past Python, off the terminal; at the end it is in the list."""
-    said: list[str] = []
+    """Capture what the engine prints from C; on exit the list holds the lines."""
+    output: list[str] = []
     libc = ctypes.CDLL(None) if os.name == "posix" else None
     # Python has no stream where the process was started without one.
     streams = [stream for stream in (sys.stdout, sys.stderr) if stream is not None]
     if libc is None or len(streams) < 2:
-        yield said
+        yield output
         return
     for stream in streams:
         stream.flush()
@@ -31,14 +31,14 @@ def quiet() -> Iterator[list[str]]:
         for number in (1, 2):
             os.dup2(file.fileno(), number)
         try:
-            yield said
+            yield output
         finally:
             libc.fflush(None)
             for number, own in zip((1, 2), kept, strict=True):
                 os.dup2(own, number)
                 os.close(own)
             file.seek(0)
-            said += file.read().decode(errors="replace").splitlines()
+            output += file.read().decode(errors="replace").splitlines()
 
 
 with quiet():
@@ -46,24 +46,24 @@ with quiet():
 
 __all__ = ["MOST_SHOWN", "Client", "engine", "quiet"]
 
-#: What bounces without loss, however slowly: PyBullet's own 0.2 m/s is that of larger things.
+#: Without gravity: bodies bounce without loss at any speed; PyBullet's default of 0.2 m/s is meant for larger ones.
 _FLOATING = {"restitutionVelocityThreshold": 1e-3, "contactSlop": 0.0}
 
-#: What rests under gravity: within the slop [m] a contact lasts, or stacks would never come to rest. Of the speed of
-#: a bounce as much may be lost as the slop is in a physics step.
+#: With gravity: a contact lasts within the slop [m], or stacks would never come to rest. A bounce may lose as much
+#: speed as one slop per physics step.
 _RESTING = {"restitutionVelocityThreshold": 0.01, "contactSlop": 1e-5}
 
-#: As many bodies the window of PyBullet can show.
+#: The most bodies that the window of PyBullet can show.
 MOST_SHOWN = 1024
 
 
 class Client:
     """A connection to an engine that belongs to one world.
 
-    It is closed by `close`, or when nobody refers to it any more.
+    It is closed by `close`, or when it is garbage-collected.
 
     Attributes:
-        id: What every call of the engine is told as ``physicsClientId``.
+        id: The id to pass to the engine's functions as ``physicsClientId``.
     """
 
     def __init__(self, window: bool) -> None:
@@ -76,7 +76,7 @@ class Client:
             WorldError: There is no screen, or too many worlds are open at once.
         """
         if window and sys.platform.startswith("linux") and not os.environ.get("DISPLAY"):
-            # Without a screen the engine would end the whole process.
+            # Without a screen the engine would terminate the process.
             raise WorldError("there is no screen to show a window on", "environment", "with", "gui")
         with quiet():
             self.id: int = engine.connect(engine.GUI if window else engine.DIRECT)
@@ -88,9 +88,9 @@ class Client:
         """Set how the engine computes.
 
         Args:
-            step_time: A physics step [s].
+            step_time: Duration of a physics step [s].
             gravity: Acceleration [x, y, z] [m/s^2].
-            iterations: How often a physics step goes over all contacts.
+            iterations: Solver iterations in a physics step.
             recovery: Part of an overlap that a physics step undoes.
         """
         engine.setTimeStep(step_time, self.id)
@@ -99,14 +99,14 @@ class Client:
             numSolverIterations=iterations,
             contactERP=recovery,
             **(_RESTING if any(gravity) else _FLOATING),
-            # What undoes overlaps moves bodies apart and leaves their velocities alone, however little they overlap.
+            # Split impulses separate overlapping bodies, however small the overlap, without changing velocities.
             useSplitImpulse=1,
             splitImpulsePenetrationThreshold=0.0,
             physicsClientId=self.id,
         )
 
     def close(self) -> None:
-        """Disconnect; to do it twice does nothing."""
+        """Disconnect; further calls have no effect."""
         self._end()
 
 

@@ -1,4 +1,4 @@
-"""Collisions in the spatial world: who meets whom, and what PyBullet finds of it."""
+"""Collisions in the spatial world: collision filters, and the contacts that PyBullet reports."""
 
 from __future__ import annotations
 
@@ -8,52 +8,52 @@ from typing import Any
 from symaware_cli.environments.bullet import engine
 from symaware_cli.environments.contact_tracker import ContactTracker, Pair, pair
 
-#: What collides with what: the group of each kind of body, and the groups that it meets. Rays are of the first.
-RAY, GROUND, FIXED, LED, FREE, UPRIGHT, SLAB, FACED = (1 << number for number in range(8))
-#: What is not there meets nobody.
-NOWHERE = 0
+#: The kinds of bodies as bits of collision masks, and below the kinds that each collides with. Rays are the first.
+RAY, GROUND, FIXED, ON_PATH, FREE, UPRIGHT, SLAB, FACED = (1 << number for number in range(8))
+#: A body that is absent collides with nothing.
+ABSENT = 0
 _MOVING = FREE | FACED | UPRIGHT
-MEETS = {
-    NOWHERE: 0,
+COLLIDES_WITH = {
+    ABSENT: 0,
     GROUND: RAY | FREE,
     SLAB: FACED,
     FIXED: RAY | _MOVING,
-    LED: RAY | _MOVING,
-    FREE: RAY | GROUND | FIXED | LED | _MOVING,
-    FACED: RAY | SLAB | FIXED | LED | _MOVING,
-    UPRIGHT: RAY | FIXED | LED | _MOVING,
+    ON_PATH: RAY | _MOVING,
+    FREE: RAY | GROUND | FIXED | ON_PATH | _MOVING,
+    FACED: RAY | SLAB | FIXED | ON_PATH | _MOVING,
+    UPRIGHT: RAY | FIXED | ON_PATH | _MOVING,
 }
 
-#: [m] A contact has ended when the gap is wider than this; wheels that roll hop by less.
+#: [m] A contact ends when the gap is wider than this; rolling wheels hop by less.
 _GAP = 5e-3
 
-#: [m] What is deeper in the ground at the start overlaps it. Prisms are 1 mm too large for the engine on all sides.
+#: [m] Deeper in the ground at the start counts as an overlap. The engine enlarges prisms by 1 mm on all sides.
 _SUNK = 2e-3
 
 
 class Collisions:
-    """Tells a tracker what an engine finds of bodies that touch."""
+    """Reports the contacts that an engine finds to a contact tracker."""
 
     def __init__(self, client: int, owner: Mapping[int, int], tracker: ContactTracker, ground: int, step_time: float):
-        """Take note of the world.
+        """Initialise for a world.
 
         Args:
             client: The engine's client.
-            owner: Whose each of the engine's bodies is, as in the tracker.
-            tracker: Who is told.
-            ground: The owner of the ground.
-            step_time: A physics step [s].
+            owner: The tracker's index of each of the engine's bodies.
+            tracker: Receives the contacts.
+            ground: The tracker's index of the ground.
+            step_time: Duration of a physics step [s].
         """
         self._client = client
         self._owner = owner
         self._tracker = tracker
         self._ground = ground
         self._step_time = step_time
-        #: Which of the engine's bodies touch, and whose they are.
+        #: The pairs of the engine's bodies that touch, with the tracker's indices.
         self._touching: dict[tuple[int, int], Pair] = {}
 
     def start(self) -> None:
-        """Tell who overlaps before anything has moved."""
+        """Report the bodies that overlap before the first step."""
         engine.performCollisionDetection(self._client)
         found: dict[Pair, Any] = {}
         for contact in engine.getContactPoints(physicsClientId=self._client):
@@ -61,7 +61,7 @@ class Collisions:
             if bodies[1] == self._ground and contact[8] > -_SUNK:
                 if contact[8] <= _GAP:
                     self._touching[contact[1:3]] = bodies
-                    self._tracker.rest(bodies, _middle(contact))
+                    self._tracker.begin_resting(bodies, _middle(contact))
             elif bodies[0] != bodies[1] and contact[8] < -1e-9:
                 known = found.get(bodies)
                 if known is None or contact[8] < known[8]:
@@ -70,24 +70,24 @@ class Collisions:
             self._tracker.start(bodies, _middle(found[bodies]), -found[bodies][8])
 
     def update(self) -> Collection[tuple[int, int]]:
-        """Tell what the last physics step found, and return which of the engine's bodies pressed on each other."""
+        """Report the contacts of the last physics step, and return the pairs of the engine's bodies that touch."""
         found = engine.getContactPoints(physicsClientId=self._client)
         touching = self._touching
         if not found and not touching:
             return ()
         met = {contact[1:3] for contact in found if contact[8] <= 0.0 or contact[9] > 0.0}
         if not met <= touching.keys():
-            self._begin(met - touching.keys(), found)
-        self._press(found)
+            self._report_begun(met - touching.keys(), found)
+        self._report_impulses(found)
         if len(met) != len(touching):
             near = {contact[1:3] for contact in found if contact[8] <= _GAP}
-            # After those that begin, so that who slides along a wall from part to part stays in contact.
+            # After new contacts, so that a body that slides along a wall from part to part stays in contact.
             for parts in [each for each in touching if each not in near]:
                 self._tracker.end(touching.pop(parts))
         return met
 
-    def _begin(self, new: set[tuple[int, int]], found: Sequence[Any]) -> None:
-        """Tell who begins to touch."""
+    def _report_begun(self, new: set[tuple[int, int]], found: Sequence[Any]) -> None:
+        """Report bodies that begin to touch."""
         contacts: dict[Pair, list[Any]] = {}
         for contact in found:
             if contact[1:3] in new:
@@ -99,19 +99,19 @@ class Collisions:
                 if bodies[0] != bodies[1]:
                     self._tracker.begin(bodies, _middle(nearest), max(0.0, -nearest[8]))
 
-    def _press(self, found: Sequence[Any]) -> None:
-        """Tell how hard those pressed on each other in the last physics step who have just begun to touch."""
+    def _report_impulses(self, found: Sequence[Any]) -> None:
+        """Report the impulses of the last physics step between bodies that have just begun to touch."""
         fresh = self._tracker.fresh
         if fresh:
             for contact in found:
-                # Where there is a gap, the engine solved nothing, and what it tells is of an earlier physics step.
+                # Across a gap the engine solved nothing; the impulse is that of an earlier physics step.
                 if contact[8] <= 0.0 and contact[9] > 0.0:
                     bodies = self._owners(contact[1:3])
                     if bodies in fresh:
-                        self._tracker.press(bodies, contact[9] * self._step_time)
+                        self._tracker.add_impulse(bodies, contact[9] * self._step_time)
 
     def _owners(self, parts: tuple[int, int]) -> Pair:
-        """Whose two of the engine's bodies are."""
+        """The tracker's indices of two of the engine's bodies."""
         return pair(self._owner[parts[0]], self._owner[parts[1]])
 
 

@@ -1,4 +1,4 @@
-"""Sensing in the spatial world: rays and images, as PyBullet has them."""
+"""Ray casting and camera images in the spatial world, by PyBullet."""
 
 from __future__ import annotations
 
@@ -17,24 +17,24 @@ Indices = NDArray[np.intp]
 #: The most rays that PyBullet casts at once.
 _BATCH = engine.MAX_RAY_INTERSECTION_BATCH_SIZE - 1
 
-#: How often a ray that meets the body it comes from is sent on from there.
+#: How often a ray that hits the body it comes from is continued from there.
 _OWN_PARTS = 64
 
-#: [m] How far behind the surface of the own body it goes on; from inside a convex part, its own surface is not seen.
+#: [m] How far behind that surface it continues; from inside, the surface of a convex part is not hit.
 _STEP = 1e-4
 
-#: [m] What is nearer to a camera than the first, or farther than the second, is not seen.
+#: [m] The near and far planes of a camera.
 NEAR, FAR = 0.02, 100.0
 
-#: [m] Nothing may reach beyond this where an image is made: the renderer would not end.
+#: [m] Bodies that reach farther cannot be rendered: the renderer would not terminate.
 _UTMOST = 1e7
-#: [m] A plane, which has no end, is said to have it there.
+#: [m] The engine's bounding box of an infinite plane reaches this far.
 _PLANE = 1e29
 
 #: Hues that differ by the golden section are spread evenly, however many there are.
 _GOLDEN = 0.6180339887
 _GREY = (0.6, 0.6, 0.63)
-#: What is not said to look like anything.
+#: The engine's colour of bodies without one.
 _PLAIN = (1.0, 1.0, 1.0, 1.0)
 
 
@@ -45,14 +45,14 @@ def cast_rays(
 
     Args:
         client: PyBullet's client.
-        owner: Whose each of PyBullet's bodies is.
-        senders: Who sends each ray, as in `owner`; shape (m,).
-        origins: Where they begin [m]; shape (m, 3).
-        directions: Where they point, of length 1; shape (m, 3).
+        owner: The index of the agent or entity that each of PyBullet's bodies belongs to.
+        senders: The index of the agent that casts each ray, as in `owner`; shape (m,).
+        origins: Origins [m]; shape (m, 3).
+        directions: Unit vectors; shape (m, 3).
         reach: The greatest distance [m].
 
     Returns:
-        Distances [m], infinite where there is nothing within reach; shape (m,).
+        Distances [m], infinite if nothing is hit; shape (m,).
     """
     distances = np.full(len(senders), np.inf)
     gone = np.zeros(len(senders))
@@ -73,14 +73,14 @@ def cast_rays(
 
 
 def is_clear(client: int, owner: Mapping[int, int], obstacles: range, starts: Array, ends: Array) -> NDArray[np.bool_]:
-    """Tell which lines meet no obstacle; everything else is passed through.
+    """Return which lines of sight are not blocked by an obstacle; they pass through all other bodies.
 
     Args:
         client: PyBullet's client.
-        owner: Whose each of PyBullet's bodies is.
-        obstacles: Who stands in the way.
-        starts: Where lines begin [m]; shape (m, 3).
-        ends: Where they end [m]; shape (m, 3).
+        owner: The index of the agent or entity that each of PyBullet's bodies belongs to.
+        obstacles: The indices of the obstacles.
+        starts: Starts of the lines [m]; shape (m, 3).
+        ends: Ends of the lines [m]; shape (m, 3).
 
     Returns:
         Shape (m,).
@@ -101,28 +101,28 @@ def is_clear(client: int, owner: Mapping[int, int], obstacles: range, starts: Ar
 
 
 def _hits(client: int, starts: Array, ends: Array) -> tuple[list[int], Array]:
-    """The body that each ray meets first, -1 for none, and after which share of its way; (m, 3) each."""
+    """Return the first body that each ray hits, -1 for none, and the fraction of its length, for (m, 3) each."""
     hits: list[tuple[int, float]] = []
     for first in range(0, len(starts), _BATCH):
         some = slice(first, first + _BATCH)
-        # One thread: the order of rays is that of the answers, and a scan is too short for more.
+        # One thread: keeps the answers in the order of the rays, and a scan is too short for more.
         batch = engine.rayTestBatch(starts[some].tolist(), ends[some].tolist(), numThreads=1, physicsClientId=client)
         hits += [(hit[0], hit[2]) for hit in batch]
     return [body for body, _ in hits], np.array([share for _, share in hits])
 
 
 def colour(client: int, owner: Mapping[int, int], agents: int) -> None:
-    """Give what has no colours some: agents bright ones, of which no two neighbours look alike, and entities grey.
+    """Colour bodies that have no colour: agents in distinct bright hues, entities in grey.
 
     Args:
         client: PyBullet's client.
-        owner: Whose each of PyBullet's bodies is.
-        agents: How many agents there are; they come first.
+        owner: The index of the agent or entity that each of PyBullet's bodies belongs to.
+        agents: The number of agents; they have the first indices.
     """
     for body, index in owner.items():
         looks = engine.getVisualShapeData(body, physicsClientId=client)
         if engine.getNumJoints(body, client) or any(tuple(look[7]) != _PLAIN for look in looks):
-            continue  # of a file, which says what it looks like
+            continue  # from a file, with colours of its own
         colour = _GREY if index >= agents else hsv_to_rgb(index * _GOLDEN % 1.0, 0.7, 0.8)
         engine.changeVisualShape(body, -1, rgbaColor=[*colour, 1.0], physicsClientId=client)
 
@@ -135,9 +135,9 @@ def render(
     size: tuple[int, int],
     field_of_view: float,
 ) -> Image:
-    """Make an image; see `Environment.camera_image`. Upwards in it is upwards in the world.
+    """Render an image, with the world's z axis upwards; see `Environment.camera_image`.
 
-    Depth comes from that of OpenGL, d in [0, 1]: far near / (far - (far - near) d).
+    Depth follows from the depth buffer of OpenGL, d in [0, 1]: far near / (far - (far - near) d).
 
     Raises:
         ValueError: A body or the camera is too far away.
@@ -145,7 +145,7 @@ def render(
     ends = [abs(each) for body in owner for corner in engine.getAABB(body, -1, client) for each in corner]
     reach = max(*map(abs, position), *(each for each in ends if each < _PLANE))
     if not reach <= _UTMOST:
-        raise ValueError(f"there is no image of what reaches as far as {reach:.3g} m; {_UTMOST:g} m are possible")
+        raise ValueError(f"bodies or the camera are as far away as {reach:.3g} m; images are limited to {_UTMOST:g} m")
     width, height = size
     straight = abs(position[0] - target[0]) + abs(position[1] - target[1]) < 1e-9
     view = engine.computeViewMatrix(position, target, (1.0, 0.0, 0.0) if straight else (0.0, 0.0, 1.0))

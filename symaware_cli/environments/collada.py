@@ -1,4 +1,4 @@
-"""Collada: the surface of a .dae file, which viewers do not draw."""
+"""Collada: reads the triangles of a .dae file, a format that viewers do not draw."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from symaware_cli.geometry.rotation import about, rotated
 
 Array = NDArray[np.float64]
 
-#: How deep nodes may lie in each other.
+#: The deepest nesting of nodes.
 _DEEPEST = 64
 
 
 def triangles(data: bytes) -> Array:
     """Read all triangles of a scene (COLLADA 1.4.1 of the Khronos Group, 2008).
 
-    Materials and what moves are passed over; so is which axis points up, as PyBullet and ROS do.
+    Materials and animations are ignored, and so is the up axis, as in PyBullet and ROS.
 
     Args:
         data: The file.
 
     Returns:
-        Three corners of each; (t, 3, 3) [m].
+        The three corners of each [m]; shape (t, 3, 3).
 
     Raises:
-        UrdfError: It is no Collada, or makes no sense.
+        UrdfError: It is no valid Collada file.
     """
     root = tree(data)
     for element in root.iter():
@@ -44,14 +44,14 @@ def triangles(data: bytes) -> Array:
         unit = root.find("asset/unit")
         metres = float(unit.get("meter", "1")) if unit is not None else 1.0
     except (ValueError, IndexError, KeyError) as error:
-        raise UrdfError(f"makes no sense: {error}") from error
+        raise UrdfError(f"is invalid: {error}") from error
     corners = np.concatenate([np.empty((0, 3, 3)), *(placed if scenes else geometries.values())])
     surface: Array = metres * corners
     return surface
 
 
 def _geometry(geometry: Element) -> Array:
-    """The triangles of a mesh; (t, 3, 3)."""
+    """Return the triangles of a mesh; (t, 3, 3)."""
     mesh = geometry.find("mesh")
     if mesh is None:
         return np.empty((0, 3, 3))
@@ -76,7 +76,7 @@ def _geometry(geometry: Element) -> Array:
 
 
 def _faces(part: Element, width: int, offset: int) -> Iterator[list[int]]:
-    """The vertices of each face."""
+    """Yield the vertices of each face."""
     lists = [[int(word) for word in (each.text or "").split()][offset::width] for each in part.iterfind("p")]
     if part.tag == "polygons":
         yield from lists
@@ -98,9 +98,9 @@ def _source(source: Element) -> Array:
 
 
 def _placed(node: Element, geometries: dict[str | None, Array], depth: int = 0) -> Iterator[Array]:
-    """The triangles of a node and those in it, in the frame of what it lies in."""
+    """Yield the triangles of a node and its children, in the frame of the node's parent."""
     if depth > _DEEPEST:
-        raise ValueError("its nodes lie too deep in each other")
+        raise ValueError("its nodes are nested too deeply")
     inner = [geometries[_link(each, "url")] for each in node.iterfind("instance_geometry")]
     for child in node.iterfind("node"):
         inner += _placed(child, geometries, depth + 1)
@@ -112,7 +112,7 @@ def _placed(node: Element, geometries: dict[str | None, Array], depth: int = 0) 
 
 
 def _moved(change: Element, corners: Array) -> Array:
-    """Apply one of the changes of a node, of which the last comes first."""
+    """Apply one of a node's transformations; they are applied from the last to the first."""
     if change.tag not in ("matrix", "translate", "rotate", "scale"):
         return corners
     numbers = np.array((change.text or "").split(), float)

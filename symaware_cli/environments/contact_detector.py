@@ -1,4 +1,4 @@
-"""Contacts: which bodies touch, from when until when."""
+"""Contact detection: reports when bodies begin and cease to overlap, for worlds without a physics engine."""
 
 from __future__ import annotations
 
@@ -17,23 +17,23 @@ Indices = NDArray[np.intp]
 
 
 class ContactDetector:
-    """Tells when two bodies begin and cease to touch.
+    """Reports when two bodies begin and cease to touch.
 
-    Two agents touch, or an agent and an obstacle; obstacles among themselves do not count, and an agent without a
-    shape touches nothing. Bodies touch where they overlap: whoever only grazes another does not.
+    Contacts are between two agents, or between an agent and an obstacle, not between obstacles; an agent without a
+    shape has none. Bodies touch if they overlap: grazing does not count.
 
     Round agents are balls. Boxes and polygons turn with the element of the state that the model calls its heading, or
-    do not turn at all; in space they count as seen from above once the balls that hold them meet. Obstacles are seen
-    from above, too, as high as the world.
+    do not turn at all; in space their outlines seen from above are compared once their bounding balls meet. Obstacles
+    are compared as seen from above, too: they are as high as the world.
     """
 
     def __init__(self, groups: Sequence[EntityGroup], scenery: Scenery, proximity: Proximity) -> None:
-        """Look at who there is.
+        """Prepare for the bodies of a world.
 
         Args:
             groups: The groups in the roster's order.
             scenery: The obstacles.
-            proximity: Which agents are near each other.
+            proximity: Finds the agents that are near each other.
         """
         ids = [id for group in groups for id in group.ids]
         counts = [len(group.ids) for group in groups]
@@ -41,12 +41,12 @@ class ContactDetector:
         self._agents = len(ids)
         self._names = [*ids, *scenery.names]
         self._bodies = BodyOutlines([shape.pieces[0] if shape else None for shape in shapes], counts)
-        #: A body without a shape is so small that not even its centre touches anything.
+        #: Negative infinity for a body without a shape, so that nothing touches it.
         self._radii = np.where(np.repeat([shape is not None for shape in shapes], counts), self._bodies.radii, -np.inf)
         self._cornered, self._any_cornered = self._bodies.cornered, self._bodies.any_cornered
-        #: The farthest apart that two agents can touch.
+        #: The greatest distance at which two agents can touch.
         self._reach = max(0.0, 2.0 * float(self._radii.max(initial=0.0)))
-        self._alike = bool((self._radii == self._radii[:1]).all())
+        self._equal_radii = bool((self._radii == self._radii[:1]).all())
         self._proximity = proximity
         self._among_agents = _TouchingPairs(self._names)
         self._with_obstacles = _TouchingPairs(self._names)
@@ -55,8 +55,8 @@ class ContactDetector:
         """Return the contacts that begin or end, sorted by the names of the bodies.
 
         Args:
-            snapshot: Where the agents are now.
-            scenery: Where the obstacles are now.
+            snapshot: The agents now.
+            scenery: The obstacles now.
         """
         if not self._reach:
             return ()
@@ -64,15 +64,15 @@ class ContactDetector:
         pairs = self._proximity.pairs(positions, self._reach)
         changes: list[Contact] = []
         if pairs.least < self._reach or self._among_agents.touching:
-            changes = self._look_at_agents(snapshot, positions, pairs)
+            changes = self._agent_contacts(snapshot, positions, pairs)
         if scenery.names:
-            changes += self._look_at_obstacles(snapshot, positions, scenery)
+            changes += self._obstacle_contacts(snapshot, positions, scenery)
         if len(changes) > 1:
             changes.sort(key=lambda contact: (contact.first, contact.second))
         return changes
 
-    def _look_at_agents(self, snapshot: Snapshot, positions: Array, pairs: Pairs) -> list[Contact]:
-        if self._alike:
+    def _agent_contacts(self, snapshot: Snapshot, positions: Array, pairs: Pairs) -> list[Contact]:
+        if self._equal_radii:
             near = np.flatnonzero(pairs.distance < self._reach)
         else:
             near = np.flatnonzero(pairs.distance < self._radii.take(pairs.first) + self._radii.take(pairs.second))
@@ -100,21 +100,21 @@ class ContactDetector:
         return self._among_agents.changes(first, second, where)
 
     def _between(self, first: int, second: int, one: Array, other: Array) -> tuple[float, Array]:
-        """How deep two balls at two positions overlap, and the middle of it on the line of their centres."""
+        """Return how deep two balls overlap, and the middle of the overlap on the line of their centres."""
         towards = other - one
         distance = float(np.sqrt(towards @ towards))
         depth = float(self._radii[first] + self._radii[second]) - distance
         share = (self._radii[first] - 0.5 * depth) / distance if distance else 0.0
         return depth, one + share * towards
 
-    def _look_at_obstacles(self, snapshot: Snapshot, positions: Array, scenery: Scenery) -> list[Contact]:
+    def _obstacle_contacts(self, snapshot: Snapshot, positions: Array, scenery: Scenery) -> list[Contact]:
         agent, piece = scenery.candidates(positions, self._radii)
         if not len(agent):
             return self._with_obstacles.changes(agent, piece, _nowhere)
         found = separation(self._placed(snapshot, positions, agent), scenery.pieces.take(piece))
         obstacle = scenery.owner.take(piece)
         overlapping = np.flatnonzero(found.distance < 0.0)
-        # Of the pieces of an obstacle, the one that is overlapped most comes first, and is kept.
+        # Of several pieces of an obstacle, the one that is overlapped most is sorted first, and kept.
         order = np.lexsort((found.distance[overlapping], obstacle[overlapping], agent[overlapping]))
         chosen = overlapping[order]
         changing = np.diff(agent[chosen], prepend=-1) | np.diff(obstacle[chosen], prepend=-1)
@@ -126,14 +126,14 @@ class ContactDetector:
         return self._with_obstacles.changes(agent[chosen], self._agents + obstacle[chosen], where)
 
     def _placed(self, snapshot: Snapshot, positions: Array, agents: Indices) -> Pieces:
-        """The outlines of agents, where they are."""
+        """Return the outlines of agents at their positions."""
         if not self._any_cornered:
             return Pieces.points(positions[:, :2].take(agents, 0), self._radii.take(agents))
         return self._bodies.placed(agents, positions, snapshot.headings)
 
 
 class _TouchingPairs:
-    """Keeps which pairs of bodies touch.
+    """Remembers which pairs of bodies touch.
 
     Attributes:
         touching: The contact of each pair that touches, as it began.
@@ -142,7 +142,7 @@ class _TouchingPairs:
     def __init__(self, names: Sequence[str]) -> None:
         self.touching: dict[int, Contact] = {}
         self._names = names
-        self._seen = b""
+        self._last_keys = b""
 
     def changes(self, first: Indices, second: Indices, where: Callable[[int], tuple[float, Array]]) -> list[Contact]:
         """Return the contacts that begin or end.
@@ -150,13 +150,13 @@ class _TouchingPairs:
         Args:
             first: One body of each pair that touches now, by index; shape (m,). Pairs come in a fixed order.
             second: The other; shape (m,).
-            where: Tells the depth and the point of a row, for those that are new.
+            where: Returns depth and point of a row; called for new contacts only.
         """
         keys = first * len(self._names) + second
-        seen = keys.tobytes()
-        if seen == self._seen:
+        key_bytes = keys.tobytes()
+        if key_bytes == self._last_keys:
             return []
-        self._seen = seen
+        self._last_keys = key_bytes
         before, self.touching, changes = self.touching, {}, []
         for row, key in enumerate(keys.tolist()):
             contact = before.pop(key, None)
@@ -166,13 +166,13 @@ class _TouchingPairs:
                 contact = Contact(names[0], names[1], tuple(point.tolist()), depth)
                 changes.append(contact)
             self.touching[key] = contact
-        # Who is left does not touch any more.
+        # The pairs that remain do not touch any more.
         changes += [Contact(was.first, was.second, was.point, 0.0, begins=False) for was in before.values()]
         return changes
 
 
 def _middle(found: Separation, row: int, height: Array) -> tuple[float, Array]:
-    """How deep two bodies overlap, and the middle of it; at the height of a position, in space."""
+    """Return how deep two bodies overlap, and the middle of the overlap; in space at the height of a position."""
     middle = 0.5 * (found.first[row] + found.second[row])
     return -float(found.distance[row]), np.concatenate([middle, height[2:]])
 

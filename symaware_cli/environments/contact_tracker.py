@@ -1,4 +1,4 @@
-"""Contact tracking: what a physics engine says of bodies that meet, as contacts that begin and end."""
+"""Contact tracking: turns what a physics engine reports in each physics step into contacts that begin and end."""
 
 from __future__ import annotations
 
@@ -7,119 +7,119 @@ from dataclasses import replace
 
 from symaware_cli.core import Contact
 
-#: What contacts call the ground.
+#: The name of the ground in contacts.
 GROUND = "ground"
 
-#: Two bodies, by index, the lesser first.
+#: Two bodies, by index, the smaller first.
 Pair = tuple[int, int]
 
 
 def pair(one: int, other: int) -> Pair:
-    """Put two bodies into order."""
+    """Return two bodies in order."""
     return (one, other) if one < other else (other, one)
 
 
 class ContactTracker:
-    """Keeps which bodies touch, from one physics step to the next.
+    """Tracks which bodies touch, from one physics step to the next.
 
     A body of several parts touches as long as one of them does.
 
     Attributes:
-        agents: How many contacts an agent takes part in.
-        fresh: Those that began to touch in this time step and still do: their place in the news, and how hard, which
-            `press` adds up [N s].
+        agents: The number of present contacts in which an agent takes part.
+        fresh: The contacts that began in this time step and still last: their index in the changes, and their impulse
+            [N s], to which `add_impulse` adds.
         names: The name of each body, by index.
     """
 
     def __init__(self, names: Sequence[str], agents: int) -> None:
-        """Start with nobody touching.
+        """Initialise without contacts.
 
         Args:
             names: The name of each body, by index.
-            agents: How many of them, the first ones, are agents.
+            agents: The number of agents; they have the first indices.
         """
         self.agents = 0
         self._first_other = agents
         self.names = names
         self._touching: dict[Pair, int] = {}
         self._points: dict[Pair, tuple[float, ...]] = {}
-        #: What overlaps at the start was told then; that the engine finds it, too, is no news.
-        self._told: set[Pair] = set()
-        self._news: list[Contact] = []
+        #: Overlaps at the start, already reported; that the engine reports them as well is no change.
+        self._reported_at_start: set[Pair] = set()
+        self._changes: list[Contact] = []
         self.fresh: dict[Pair, tuple[int, float]] = {}
 
     def start(self, bodies: Pair, point: tuple[float, ...], depth: float) -> None:
-        """Tell of bodies that overlap at the start."""
-        if bodies not in self._told:
-            self._told.add(bodies)
+        """Report bodies that overlap at the start."""
+        if bodies not in self._reported_at_start:
+            self._reported_at_start.add(bodies)
             self._points[bodies] = point
-            self._news.append(self._contact(bodies, point, depth))
+            self._changes.append(self._contact(bodies, point, depth))
 
-    def rest(self, bodies: Pair, point: tuple[float, ...]) -> None:
-        """Take note of bodies that touch at the start because one stands on the other, which is no news."""
+    def begin_resting(self, bodies: Pair, point: tuple[float, ...]) -> None:
+        """Store bodies that touch at the start because one stands on the other, which is not reported."""
         if bodies not in self._touching:
-            self._join(bodies)
+            self._begin_contact(bodies)
             self._points[bodies] = point
 
     def begin(self, bodies: Pair, point: tuple[float, ...], depth: float, impulse: float | None = None) -> None:
-        """A part of one begins to touch a part of the other.
+        """Count a part of one body that begins to touch a part of the other.
 
         Args:
-            bodies: Which.
-            point: Where [m].
-            depth: How deep [m].
-            impulse: How hard [N s]; None if `press` tells, of that physics step, too.
+            bodies: The two bodies.
+            point: The point of contact [m].
+            depth: Depth of the overlap [m].
+            impulse: The impulse [N s]; None if `add_impulse` supplies it.
         """
         if bodies in self._touching:
             self._touching[bodies] += 1
             return
-        self._join(bodies)
-        if bodies in self._told:
-            self._told.discard(bodies)
+        self._begin_contact(bodies)
+        if bodies in self._reported_at_start:
+            self._reported_at_start.discard(bodies)
         else:
             self._points[bodies] = point
             if impulse is None:
-                self.fresh[bodies] = len(self._news), 0.0
-            self._news.append(self._contact(bodies, point, depth, impulse=impulse or 0.0))
+                self.fresh[bodies] = len(self._changes), 0.0
+            self._changes.append(self._contact(bodies, point, depth, impulse=impulse or 0.0))
 
-    def press(self, bodies: Pair, impulse: float) -> None:
-        """Add to the impulse of those that are fresh; of others it is no news [N s]."""
+    def add_impulse(self, bodies: Pair, impulse: float) -> None:
+        """Add to the impulse of a contact that began in this time step [N s]; others are ignored."""
         if bodies in self.fresh:
-            place, before = self.fresh[bodies]
-            self.fresh[bodies] = place, before + impulse
+            index, before = self.fresh[bodies]
+            self.fresh[bodies] = index, before + impulse
 
     def end(self, bodies: Pair) -> None:
-        """A part of one ceases to touch a part of the other."""
+        """Count a part of one body that ceases to touch a part of the other."""
         count = self._touching.pop(bodies, 0)
         if count > 1:
             self._touching[bodies] = count - 1
         elif count:
-            self._sum_up(bodies)
+            self._store_impulse(bodies)
             self.agents -= bodies[0] < self._first_other
-            self._part(bodies)
+            self._end_contact(bodies)
 
-    def settle(self) -> None:
-        """End a time step; part those that were told of at the start, and whom the engine does not find to touch."""
+    def end_time_step(self) -> None:
+        """End a time step; contacts of the start that the engine does not confirm end here."""
         for bodies in list(self.fresh):
-            self._sum_up(bodies)
-        for bodies in sorted(self._told):
-            self._part(bodies)
-        self._told.clear()
+            self._store_impulse(bodies)
+        for bodies in sorted(self._reported_at_start):
+            self._end_contact(bodies)
+        self._reported_at_start.clear()
 
-    def take(self) -> Sequence[Contact]:
-        """Return what began and ended since the last time, sorted by the names of the bodies."""
-        news, self._news = self._news, []
-        return sorted(news, key=lambda contact: (contact.first, contact.second))
+    def take_changes(self) -> Sequence[Contact]:
+        """Return and forget the contacts that began or ended since the last call, sorted by the names of the bodies."""
+        changes, self._changes = self._changes, []
+        return sorted(changes, key=lambda contact: (contact.first, contact.second))
 
-    def _part(self, bodies: Pair) -> None:
-        self._news.append(self._contact(bodies, self._points.pop(bodies), 0.0, begins=False))
+    def _end_contact(self, bodies: Pair) -> None:
+        self._changes.append(self._contact(bodies, self._points.pop(bodies), 0.0, begins=False))
 
-    def _sum_up(self, bodies: Pair) -> None:
+    def _store_impulse(self, bodies: Pair) -> None:
         if bodies in self.fresh:
-            place, impulse = self.fresh.pop(bodies)
-            self._news[place] = replace(self._news[place], impulse=impulse)
+            index, impulse = self.fresh.pop(bodies)
+            self._changes[index] = replace(self._changes[index], impulse=impulse)
 
-    def _join(self, bodies: Pair) -> None:
+    def _begin_contact(self, bodies: Pair) -> None:
         self._touching[bodies] = 1
         self.agents += bodies[0] < self._first_other
 

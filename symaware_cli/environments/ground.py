@@ -1,7 +1,7 @@
-"""The ground of the spatial world: a plane for what rolls, and a slab of the same height for what has faces.
+"""The ground of the spatial world: a plane for balls and wheels, and a slab of the same height for all other bodies.
 
-On a plane PyBullet finds one more point of contact of a box in each physics step, so that a box that lands flat is
-tipped first, and one that slides turns. On another box it finds all four at once.
+On a plane PyBullet finds only one more contact point of a box in each physics step, so a box that lands flat is tipped
+first, and a sliding box turns. On another box it finds all four at once.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from symaware_cli.core import Parameters, Shape
 from symaware_cli.environments import bullet_collisions
 from symaware_cli.environments.bullet import engine
 
-#: [m] How far the slab reaches beyond where bodies start, and how thick it is. The larger it is, the less exact is
-#: where round faces touch it: the engine looks for that from the corners.
+#: [m] How far the slab reaches beyond the bodies' initial positions, and its thickness. The larger it is, the less
+#: exact are its contacts with round faces, which the engine computes from the corners.
 _REACH = 1000.0
 
-#: [m] How much higher the slab is than the plane: boxes that only just touch a box are not found to.
+#: [m] How much higher the slab is than the plane: the engine misses the contacts of boxes that only just touch.
 _RAISED = 1e-5
 
 
@@ -31,40 +31,40 @@ class GroundPlane(Parameters):
     elasticity: float = Field(1.0, ge=0, le=1, description="Elasticity, times that of what falls on it.")
 
 
-def footing(shape: Shape | None) -> int:
-    """The kind of a body that nothing holds: whether it meets the plane or the slab."""
+def collision_kind(shape: Shape | None) -> int:
+    """Return the collision kind of a free body: whether it collides with the plane or with the slab."""
     return bullet_collisions.FREE if shape is None or shape.circle else bullet_collisions.FACED
 
 
 def make_plane(client: int, height: float) -> int:
-    """Make what balls and vehicles stand on, without end.
+    """Create the infinite plane that balls and vehicles stand on.
 
     Args:
         client: The engine's client.
-        height: How high it is [m].
+        height: Its height [m].
     """
     shape = engine.createCollisionShape(engine.GEOM_PLANE, physicsClientId=client)
-    return _made(client, shape, (0.0, 0.0, height))
+    return _create(client, shape, (0.0, 0.0, height))
 
 
 def make_slab(client: int, height: float, starts: Iterable[Sequence[float]]) -> int:
-    """Make what everything else stands on, around where it starts.
+    """Create the slab that all other bodies stand on, around their initial positions.
 
     Args:
         client: The engine's client.
-        height: How high its top is [m].
-        starts: Where bodies start that are to stand on it; at least one.
+        height: The height of its top [m].
+        starts: Initial positions of these bodies; at least one.
     """
     places = np.array([start[:2] for start in starts])
     low, high = places.min(axis=0), places.max(axis=0)
     half = [*(0.5 * (high - low) + _REACH).tolist(), 0.5 * _REACH]
     shape = engine.createCollisionShape(engine.GEOM_BOX, halfExtents=half, physicsClientId=client)
     x, y = (0.5 * (low + high)).tolist()
-    # What is seen is the plane. Of a body that is said to look like nothing, its shape would be seen.
+    # The plane is visible instead. Without a visual shape of its own the slab would be drawn as its collision shape.
     speck = engine.createVisualShape(engine.GEOM_SPHERE, radius=1e-3, physicsClientId=client)
-    return _made(client, shape, (x, y, height + _RAISED - 0.5 * _REACH), speck)
+    return _create(client, shape, (x, y, height + _RAISED - 0.5 * _REACH), speck)
 
 
-def _made(client: int, shape: int, position: Sequence[float], look: int = -1) -> int:
+def _create(client: int, shape: int, position: Sequence[float], look: int = -1) -> int:
     body: int = engine.createMultiBody(0.0, shape, look, position, useMaximalCoordinates=1, physicsClientId=client)
     return body

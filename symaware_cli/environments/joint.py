@@ -1,4 +1,4 @@
-"""Joints of the planar world: what holds bodies together, by name."""
+"""Joints of the planar world: pins, slides, pivots, springs and motors between bodies."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _Point = tuple[_Coordinate, _Coordinate]
 
 
 class Joint(Parameters):
-    """What holds two bodies together, or one to the world."""
+    """A joint between two bodies, or between a body and the world."""
 
     kind: Literal["pin", "slide", "pivot", "spring", "motor"] = Field(
         description="pin: a rod that keeps two anchors as far apart as they are; slide: a rope that keeps them no "
@@ -52,16 +52,16 @@ class Joint(Parameters):
         return self
 
 
-def joined(joints: Mapping[str, Joint], bodies: Mapping[str, pymunk.Body], world: pymunk.Body) -> list[Any]:
-    """Make joints.
+def make_joints(joints: Mapping[str, Joint], bodies: Mapping[str, pymunk.Body], world: pymunk.Body) -> list[Any]:
+    """Create the engine's constraints.
 
     Args:
-        joints: By name.
+        joints: The joints by name.
         bodies: All bodies by name.
-        world: What does not move.
+        world: The static body.
 
     Raises:
-        WorldError: There is no body of a name, or nothing that could move.
+        WorldError: A body does not exist, or neither of two can move.
     """
     made, errors = [], ErrorCollector()
     for name, joint in sorted(joints.items()):
@@ -69,12 +69,12 @@ def joined(joints: Mapping[str, Joint], bodies: Mapping[str, pymunk.Body], world
         with errors.catch():
             missing = [each for each in joint.between if each is not None and each not in bodies]
             if missing:
-                message = f"the joint `{name}` names `{missing[0]}`, and there is no such agent or entity"
+                message = f"the joint `{name}` refers to `{missing[0]}`, which is no agent and no entity"
                 raise WorldError(message, *where, "between")
             one, other = (world if each is None else bodies[each] for each in joint.between)
             if pymunk.Body.DYNAMIC not in (one.body_type, other.body_type):
-                raise WorldError(f"the joint `{name}` is between bodies that nothing moves: give one a mass", *where)
-            constraint = _made(joint, one, other)
+                raise WorldError(f"the joint `{name}` is between two immovable bodies: give one a mass", *where)
+            constraint = _create_constraint(joint, one, other)
             if joint.max_force is not None:
                 constraint.max_force = joint.max_force
             constraint.collide_bodies = joint.collide
@@ -83,7 +83,7 @@ def joined(joints: Mapping[str, Joint], bodies: Mapping[str, pymunk.Body], world
     return made
 
 
-def _made(joint: Joint, one: pymunk.Body, other: pymunk.Body) -> Any:
+def _create_constraint(joint: Joint, one: pymunk.Body, other: pymunk.Body) -> Any:
     anchors = joint.anchors
     match joint.kind:
         case "pin":

@@ -1,4 +1,4 @@
-"""The kinematic world: models integrated as they are, with neither forces nor friction."""
+"""The kinematic world: integrates each model as it is, without forces or friction."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class KinematicEnvironment(ColumnEnvironment):
     """
 
     class Parameters(EnvironmentParameters):
-        """How the kinematic world moves."""
+        """Parameters of the kinematic world."""
 
         integrator: Literal["exact", "rk4", "euler"] = Field(
             "exact",
@@ -49,11 +49,11 @@ class KinematicEnvironment(ColumnEnvironment):
         )
 
     def initialise(self, groups: Sequence[EntityGroup], obstacles: Mapping[str, Obstacle], seed: int) -> None:
-        """Put everybody in place.
+        """Set all groups to their initial states.
 
         Raises:
-            WorldError: An entity is to move by forces, which there are none of, or a model is a map over another time
-                step than that of the environment.
+            WorldError: An entity is to move by forces, which this world does not have, or a model in discrete time has
+                another time step than the environment.
         """
         super().initialise(groups, obstacles, seed)
         errors = ErrorCollector()
@@ -61,8 +61,8 @@ class KinematicEnvironment(ColumnEnvironment):
             with errors.catch():
                 if obstacle.velocity or obstacle.turn_rate:
                     raise WorldError(
-                        "what moves at the start goes on by its mass, in physics worlds only: `pymunk` and "
-                        "`pybullet`; here, give it a path",
+                        "only physics worlds, `pymunk` and `pybullet`, move an entity by its `velocity` and "
+                        "`turn_rate`; here, give it a path",
                         *("environment", "entities", name),
                     )
         for group in self.groups:
@@ -88,7 +88,7 @@ class KinematicEnvironment(ColumnEnvironment):
         self._snapshot = self._contacts = None
 
     def push(self, group: EntityGroup, rows: Sequence[int], change: Array) -> None:
-        """Change the true states of some agents all at once."""
+        """Add to the true states of some agents instantaneously."""
         number = self._number[group.name]
         state = self._states[number].copy()
         state[list(rows)] += change
@@ -97,7 +97,7 @@ class KinematicEnvironment(ColumnEnvironment):
         self._snapshot = None
 
     def _advance(self, model: Model, state: Array, control_input: Array) -> Array:
-        """The states after one time step, without noise; shape (n, nx)."""
+        """Return the states after one time step, without noise; shape (n, nx)."""
         step, integrator, parts = self.parameters.time_step, self.parameters.integrator, self.parameters.substeps
         if integrator == "exact" or model.time_step is not None:
             after = model.exact_step(state, control_input, step)
@@ -110,6 +110,6 @@ class KinematicEnvironment(ColumnEnvironment):
     def contacts(self) -> Sequence[Contact]:
         """The contacts that began or ended with the last step."""
         if self._contacts is None:
-            # Not within the step: who asks has made sure by then that all states are finite.
+            # Not within the step: the caller has by now made sure that all states are finite.
             self._contacts = self._detector.update(self.snapshot(), self.scenery)
         return self._contacts

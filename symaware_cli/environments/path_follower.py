@@ -1,4 +1,4 @@
-"""Entities that follow a path in the spatial world, put where they are in each physics step."""
+"""Path follower: moves entities along their paths in the spatial world, in each physics step."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ def follow(
     tilt: tuple[float, float],
     fall: Sequence[float],
 ) -> None:
-    """Put the bodies of an entity where it is, with the velocities that bring them where it is after a physics step.
+    """Set the poses of an entity's bodies, and velocities that bring them to the path's pose after a physics step.
 
     Args:
         client: The engine's client.
-        poses: Who knows where bodies have their mass.
+        poses: Supplies the centres of mass of the bodies.
         members: The bodies.
-        level: How high the entity is where its path has two coordinates [m].
-        course: Where it is, and how it moves.
+        level: Height of the entity if its path has two coordinates [m].
+        course: Pose and velocities of the entity.
         tilt: Its roll and its pitch [rad].
-        fall: By how much gravity changes a velocity in a physics step, which is made up for [m/s].
+        fall: Change of the velocity by gravity in a physics step, which is compensated [m/s].
     """
     x, y, z = (*course.position, level)[:3]
     velocity_x, velocity_y, velocity_z = (

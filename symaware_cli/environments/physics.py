@@ -1,4 +1,4 @@
-"""What physics worlds have in common: physics steps, actuators, and what is read back from bodies."""
+"""Base class of physics worlds: time steps in physics steps, forces by actuators, and states read from bodies."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ from symaware_cli.core import (
 )
 from symaware_cli.core.stateful import StateError
 from symaware_cli.environments.actuator import Actuator
-from symaware_cli.environments.column_environment import ColumnEnvironment, followed
+from symaware_cli.environments.column_environment import ColumnEnvironment, shared_array
 from symaware_cli.environments.contact_tracker import GROUND, ContactTracker
 
 Array = NDArray[np.float64]
 
 
 class BodyStates:
-    """What a world reads of bodies, a row for each.
+    """Poses and velocities of bodies, a row for each.
 
     Attributes:
         positions: [m]; shape (m, d).
         headings: Counting turns [rad]; shape (m,).
         motion: Velocities [m/s], and in the last column turn rates about the vertical [rad/s]; shape (m, d + 1).
-        orientations: Quaternions (x, y, z, w), where bodies turn about more than the vertical; shape (m, 4).
+        orientations: Quaternions (x, y, z, w), if bodies turn about more than the vertical; shape (m, 4).
     """
 
     __slots__ = ("headings", "motion", "orientations", "positions")
@@ -51,13 +51,13 @@ class BodyStates:
 class PhysicsEnvironment(ColumnEnvironment):
     """A world in which forces move bodies.
 
-    A time step has a number of physics steps. In each the actuator of an agent applies the force and the torque that
-    bring its body to the velocity which its model says, as far as `max_force` and `max_torque` of the body allow;
-    gravity and damping act on free bodies only. What became of the bodies is read back into the states of the agents.
+    A time step has a number of physics steps. In each, the actuator of an agent applies the force and the torque that
+    give its body the velocity of the model, within `max_force` and `max_torque` of the body; gravity and damping act on
+    free bodies only. The resulting poses and velocities are read back into the states of the agents.
 
     Attributes:
-        dimensions: How many coordinates a position has at most.
-        step_time: A physics step [s].
+        dimensions: The largest number of coordinates of a position.
+        step_time: Duration of a physics step [s].
     """
 
     dimensions: ClassVar[int]
@@ -65,7 +65,7 @@ class PhysicsEnvironment(ColumnEnvironment):
     uncaptured: ClassVar[Collection[str]] = "*"
 
     class Parameters(EnvironmentParameters):
-        """How a physics world moves."""
+        """Parameters of a physics world."""
 
         substeps: int = Field(10, ge=1, le=1000, description="How many physics steps a time step is divided into.")
         damping: float = Field(
@@ -73,22 +73,22 @@ class PhysicsEnvironment(ColumnEnvironment):
         )
 
     def captured(self) -> NoReturn:
-        """Refuse: what engines let one save of themselves is not all that they go on from, in another process at least.
+        """Refuse: engines do not save all of their state, at least not for another process.
 
         Raises:
             StateError: Always.
         """
-        raise StateError("its engine does not tell all that it goes on from; the kinematic world does")
+        raise StateError("its engine does not expose all of its state; the kinematic world does")
 
     def restored(self, state: object) -> None:
-        """Never called, as there is no state."""
+        """Do nothing; never called, as no state is captured."""
 
     def initialise(self, groups: Sequence[EntityGroup], obstacles: Mapping[str, Obstacle], seed: int) -> None:
-        """Put everybody in place.
+        """Create all bodies in their initial states.
 
         Raises:
             ValueError: An obstacle has the name of a group.
-            WorldError: The world cannot do what a model or an entity asks of it.
+            WorldError: The world does not support a model or an entity.
         """
         super().initialise(groups, obstacles, seed)
         self.step_time = seconds(self.time_step) / self.parameters.substeps
@@ -98,7 +98,7 @@ class PhysicsEnvironment(ColumnEnvironment):
             with errors.catch():
                 if len(group.model.position) > self.dimensions:
                     raise WorldError(
-                        f"a model that moves in {len(group.model.position)} dimensions has no place in a plane",
+                        f"a model that moves in {len(group.model.position)} dimensions cannot move in a plane",
                         *("agents", group.name, "model"),
                     )
                 self._actuators.append(self._actuator(group, seed))
@@ -122,23 +122,23 @@ class PhysicsEnvironment(ColumnEnvironment):
             raise
 
     def _actuator(self, group: EntityGroup, seed: int) -> Actuator | None:
-        """What moves a group; None where its model does that by itself."""
+        """Return the actuator of a group; None if its model moves the bodies itself."""
         return Actuator(group, self.time_step, self.parameters.substeps, seed)
 
     def _prepare(self) -> None:
-        """Set up the arrays of those that have an actuator, in the order of the roster."""
+        """Set up the arrays of the agents with an actuator, in the order of the roster."""
         driven = [actuator for actuator in self._actuators if actuator]
         counts = [len(actuator.group) for actuator in driven]
         count, width = sum(counts), self.dimensions + 1
         rows = [self.roster.start(actuator.group.name) + np.arange(len(actuator.group)) for actuator in driven]
-        #: The roster's index of each.
+        #: The roster's index of each agent with an actuator.
         self._driven = np.concatenate([np.empty(0, np.intp), *rows])
         starts = np.cumsum([0, *counts]).tolist()
         self._parts = [
             (actuator, self._number[actuator.group.name], slice(start, end))
             for actuator, start, end in zip(driven, starts, starts[1:], strict=False)
         ]
-        #: What a force or torque must be for each unit of velocity that it adds in a physics step; shape (m, d + 1).
+        #: Force or torque that changes the velocity by one unit in a physics step; shape (m, d + 1).
         self._inertia = np.zeros((count, width))
         self._adds = np.zeros((count, width), bool)
         self._limits = np.full((count, 2), np.inf)
@@ -148,25 +148,25 @@ class PhysicsEnvironment(ColumnEnvironment):
             self._adds[part, : len(actuator.group.model.position)] = actuator.adds
             for column, limit in enumerate((entity.max_force, entity.max_torque)):
                 self._limits[part, column] = np.inf if limit is None else limit
-        #: Whether the velocities that are wanted stay the same within a time step.
+        #: Whether the planned velocities are constant within a time step.
         self._steady = not any(actuator.turns or actuator.adds for actuator in driven)
         self._any_adds, self._any_limits = bool(self._adds.any()), bool(np.isfinite(self._limits).any())
-        #: The velocities that bodies have, as far as is known without asking; shape (m, d + 1).
+        #: The last known velocities of the bodies; shape (m, d + 1).
         self._velocity = np.zeros((count, width))
-        #: Whether there is something to apply in each physics step, forces or not.
+        #: Whether `_push` must be called in each physics step, even without forces.
         self._pushes = False
         #: The part of a velocity that the engine's damping leaves after a physics step.
         self._retained = 1.0
-        #: The velocities that bodies are to have, for each physics step or once for all.
+        #: The planned velocities, for each physics step or once for all.
         self._plan = np.zeros((1 if self._steady else self.parameters.substeps, count, width))
 
     @property
     def _absent(self) -> Sequence[int]:
-        """Which of those that have an actuator are not there, ascending."""
+        """The rows of absent agents with an actuator, ascending."""
         return [] if self.present is None else np.flatnonzero(~self.present[self._driven]).tolist()
 
     def admit(self, group: EntityGroup, rows: Sequence[int]) -> None:
-        """Let agents enter who were not there: their bodies meet others from now on."""
+        """Let absent agents enter: their bodies collide from now on."""
         super().admit(group, rows)
         velocities = np.zeros((len(group), self.dimensions))
         velocities[:, : len(group.model.velocities)] = group.initial_state[:, list(group.model.velocities)]
@@ -175,7 +175,7 @@ class PhysicsEnvironment(ColumnEnvironment):
         self._read_between_steps()
 
     def dismiss(self, group: EntityGroup, rows: Sequence[int]) -> None:
-        """Let agents leave for good: their bodies meet nobody any more."""
+        """Let agents leave for good: their bodies do not collide any more."""
         super().dismiss(group, rows)
         for row in rows:
             self._vanish(self._part_of(group).start + row)
@@ -186,52 +186,52 @@ class PhysicsEnvironment(ColumnEnvironment):
 
     @abstractmethod
     def _appear(self, row: int, velocity: Sequence[float]) -> None:
-        """Let what is driven be there, where it was when it was built, with a velocity [m/s]."""
+        """Make an agent's body appear at its initial pose, with a velocity [m/s]."""
 
     @abstractmethod
     def _vanish(self, row: int) -> None:
-        """Let what is driven stand still and meet nobody, nor any ray."""
+        """Stop an agent's body, and exclude it from collisions and rays."""
 
     @abstractmethod
     def _build(self) -> None:
-        """Make all bodies in the engine."""
+        """Create all bodies in the engine."""
 
     @abstractmethod
     def _find_overlaps(self) -> None:
-        """Tell the tracker who overlaps at the start."""
+        """Report bodies that overlap at the start to the tracker."""
 
     @abstractmethod
     def _refresh(self) -> None:
-        """Read the velocities of those that the last physics step may have diverted into `_velocity`."""
+        """Update `_velocity` of the bodies that the last physics step may have diverted."""
 
     @abstractmethod
     def _push(self, forces: Array | None) -> None:
-        """Apply forces [N] and, in the last column, torques [N m] to what is driven; none at all for None."""
+        """Apply forces [N] and, in the last column, torques [N m] to the bodies with an actuator; none for None."""
 
     @abstractmethod
     def _advance(self, number: int, last: int) -> tuple[int, bool]:
-        """Make physics steps until something may have diverted what is driven, and tell the tracker of contacts.
+        """Make physics steps until a contact or joint may have diverted a body, and report contacts to the tracker.
 
         Args:
-            number: The number in the time step of the first one; there is at least one.
-            last: That of the one after the last.
+            number: The index, within the time step, of the first physics step.
+            last: The index after the last physics step; greater than `number`.
 
         Returns:
-            The number of the one that is next, and whether something may have diverted what is driven.
+            The index of the next physics step, and whether a body with an actuator may have been diverted.
         """
 
     @abstractmethod
     def _read_driven(self) -> BodyStates:
-        """Read what is driven."""
+        """Read the bodies with an actuator."""
 
     @abstractmethod
     def _read_free(self) -> BodyStates:
-        """Read what is free; only if somebody asks, so that must make no difference."""
+        """Read the free bodies; called on demand only, so it must not change anything."""
 
     def step(self) -> None:
-        """Advance by one time step: so many physics steps under the saturated control inputs."""
+        """Advance by one time step, that is by `substeps` physics steps, under the saturated control inputs."""
         self._apply_inputs()
-        self._lay_out()
+        self._plan_velocities()
         self._plan[:, self._absent] = 0.0
         settled = diverted = False
         at_once, substeps = not self._any_limits and self._retained == 1.0, self.parameters.substeps
@@ -239,22 +239,22 @@ class PhysicsEnvironment(ColumnEnvironment):
         while number < substeps:
             if diverted:
                 self._refresh()
-            # Who has the velocity that it wants, and keeps wanting it, needs no force until something diverts it.
+            # Bodies that have their planned velocities, and keep them, need no force until something diverts them.
             forces = None if settled and not diverted else self._forces(number)
             settled = self._steady and (forces is None or at_once)
             if forces is not None or self._pushes:
                 self._push(forces)
             number, diverted = self._advance(number, substeps if settled and not self._pushes else number + 1)
-        self._shake(self._time)
+        self._add_process_noise(self._time)
         self._time += self.time_step
-        self._tracker.settle()
+        self._tracker.end_time_step()
         self._read()
 
-    def _shake(self, time: int) -> None:
-        """Add the noise of a step that began then [ns] to groups without an actuator."""
+    def _add_process_noise(self, time: int) -> None:
+        """Add the process noise of the step that began at a time [ns] to groups without an actuator."""
 
     def push(self, group: EntityGroup, rows: Sequence[int], change: Array) -> None:
-        """Put the bodies of some agents elsewhere all at once, and give them another velocity."""
+        """Displace the bodies of some agents instantaneously, and change their velocities."""
         number, model = self._number[group.name], group.model
         part = next((part for _, driven, part in self._parts if driven == number), None)
         if part is None:
@@ -271,17 +271,17 @@ class PhysicsEnvironment(ColumnEnvironment):
     def _read_between_steps(self) -> None:
         contacts = self._contacts
         self._read()
-        # What began or ended with the last step is no other for that.
+        # This does not change what began or ended with the last step.
         self._contacts = contacts
 
     @abstractmethod
     def _displace(self, row: int, moved: Array, turned: float, faster: Array) -> None:
-        """Put one that is driven elsewhere [m], turn it about the vertical [rad], and add to its velocity [m/s]."""
+        """Move an agent's body [m], turn it about the vertical [rad], and add to its velocity [m/s]."""
 
     def _push_others(self, number: int, rows: Sequence[int], change: Array) -> None:
         """Change the states of some agents of a group without an actuator."""
 
-    def _lay_out(self) -> None:
+    def _plan_velocities(self) -> None:
         """Plan the velocities of the time step."""
         for actuator, number, part in self._parts:
             planned = actuator.plan(self._states[number], self._applied[number], self._time)
@@ -291,7 +291,7 @@ class PhysicsEnvironment(ColumnEnvironment):
                 self._plan[:, part, -1] = planned[..., -1]
 
     def _forces(self, number: int) -> Array | None:
-        """The forces and torques of a physics step; None if none is needed."""
+        """Return the forces and torques of a physics step; None if none is needed."""
         now, wanted = self._velocity, self._plan[0 if self._steady else number]
         if not len(now):
             return None
@@ -312,7 +312,7 @@ class PhysicsEnvironment(ColumnEnvironment):
         return forces
 
     def _read(self) -> None:
-        """Take over what the engine made of everything."""
+        """Read the states of all agents from the engine."""
         self._free_known = None
         driven = self._read_driven()
         velocities = np.zeros((len(self.roster), self._width))
@@ -332,46 +332,46 @@ class PhysicsEnvironment(ColumnEnvironment):
         self._snapshot = self._contacts = None
 
     def share(self) -> Mapping[str, Array]:
-        """Take what all worlds take, how free bodies move, and where the engine has everything."""
+        """Return the states of all groups, and the poses and velocities of all moving bodies."""
         free = self._free_bodies
         own = {"velocities": self._velocities, "free": np.column_stack([free.positions, free.headings, free.motion])}
         return {**super().share(), **own, **self._placement()}
 
     def follow(self, time: int, shared: Mapping[str, Array], contacts: Sequence[Contact]) -> None:
-        """Become as the world of another process is; the engine's bodies are put there for rays and pictures.
+        """Adopt the state of the world of another process; the engine's bodies are moved for rays and pictures.
 
         Raises:
-            ValueError: That is not of a world like this one.
+            ValueError: The arrays are not of a world like this one.
         """
         super().follow(time, shared, contacts)
-        self._velocities = followed(shared, "velocities", self._velocities.shape)
+        self._velocities = shared_array(shared, "velocities", self._velocities.shape)
         width = self.dimensions
-        free = followed(shared, "free", (len(self._free), 2 * width + 2))
-        self._place({name: followed(shared, name, known.shape) for name, known in self._placement().items()})
+        free = shared_array(shared, "free", (len(self._free), 2 * width + 2))
+        self._place({name: shared_array(shared, name, known.shape) for name, known in self._placement().items()})
         turned = self._read_free().orientations if self._free else None
         self._free_known = BodyStates(free[:, :width], free[:, width], free[:, width + 1 :], turned)
 
     @abstractmethod
     def _placement(self) -> Mapping[str, Array]:
-        """Where the engine has the bodies that move, for `_place`."""
+        """Return the poses of the engine's moving bodies, for `_place`."""
 
     @abstractmethod
     def _place(self, placement: Mapping[str, Array]) -> None:
-        """Put the engine's bodies where those of another process are."""
+        """Move the engine's bodies to the poses of those of another process."""
 
     @property
     def _free_bodies(self) -> BodyStates:
-        """What is free, in the order of `_free`."""
+        """The free bodies, in the order of `_free`."""
         if self._free_known is None:
             self._free_known = self._read_free()
         return self._free_known
 
     def _read_others(self, velocities: Array) -> None:
-        """Take over the states of groups without an actuator, and put their velocities into those of all."""
+        """Read the states of groups without an actuator, and write their velocities into those of all agents."""
 
     @property
     def scenery(self) -> Scenery:
-        """The obstacles where they are now; shared by all who ask within a step."""
+        """The obstacles now; all callers within a step share one object."""
         names = [*self._free, *self._moving]
         if names and self._scenery.time != self._time:
             index = {name: number for number, name in enumerate(self._scenery.names)}
@@ -379,11 +379,11 @@ class PhysicsEnvironment(ColumnEnvironment):
         return self._scenery
 
     def moves(self, name: str) -> bool:
-        """Tell whether an obstacle ever moves: along a path, or because it is free."""
+        """Return whether an obstacle ever moves: along a path, or because it is free."""
         return name in self._free_rows or super().moves(name)
 
     def pose(self, name: str) -> Pose:
-        """Return where an obstacle is now."""
+        """Return the pose and velocities of an obstacle now."""
         row = self._free_rows.get(name)
         if row is None:
             return self.obstacles[name].pose(seconds(self._time))
@@ -396,7 +396,7 @@ class PhysicsEnvironment(ColumnEnvironment):
         )
 
     def entity_poses(self, names: Sequence[str]) -> Array:
-        """Where entities are now, and how they are turned; of those that are free all at once."""
+        """Return the poses of entities now; those of all free entities in one call."""
         if list(names) != self._free:
             return super().entity_poses(names)
         bodies = self._free_bodies
@@ -406,13 +406,13 @@ class PhysicsEnvironment(ColumnEnvironment):
         return np.column_stack(columns)
 
     def _course(self, name: str, number: int) -> Pose:
-        """Where something with a path is when a physics step of the time step begins, and how it moves in it."""
+        """Return pose and velocities of an entity with a path at the beginning of a physics step of the time step."""
         obstacle = self.obstacles[name]
         assert obstacle.path is not None
         return obstacle.path.course(seconds(self._time) + number * self.step_time, self.step_time, obstacle.heading)
 
     def contacts(self) -> Sequence[Contact]:
-        """The contacts that began or ended with the last step, and those of the start before the first."""
+        """Return the contacts that began or ended with the last step; before the first step those of the start."""
         if self._contacts is None:
-            self._contacts = self._tracker.take()
+            self._contacts = self._tracker.take_changes()
         return self._contacts

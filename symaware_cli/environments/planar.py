@@ -13,7 +13,7 @@ from pymunk import batch
 
 from symaware_cli.core import Entity, Obstacle, Shape
 from symaware_cli.environments.contact_tracker import Pair, pair
-from symaware_cli.environments.joint import Joint, joined
+from symaware_cli.environments.joint import Joint, make_joints
 from symaware_cli.environments.physics import BodyStates, PhysicsEnvironment
 from symaware_cli.geometry.pieces import Pieces, separation
 
@@ -23,10 +23,10 @@ Indices = NDArray[np.intp]
 #: [m] How deep resting bodies may overlap, so that they stay in contact; Pymunk's own 0.1 is meant for pixels.
 _SLOP = 5e-4
 
-#: [m] Who overlaps by less at the start only touches.
+#: [m] Smaller overlaps at the start count as touching only.
 _TINY = 1e-9
 
-#: [m] How large a body without a shape is, as far as its inertia goes.
+#: [m] Radius that a body without a shape has for its inertia.
 _POINT = 0.1
 
 _POSE = batch.BodyFields.POSITION | batch.BodyFields.ANGLE | batch.BodyFields.VELOCITY
@@ -49,7 +49,7 @@ class PymunkEnvironment(PhysicsEnvironment):
     dimensions = 2
 
     class Parameters(PhysicsEnvironment.Parameters):
-        """How the planar world moves."""
+        """Parameters of the planar world."""
 
         gravity: tuple[_Component, _Component] = Field(
             (0.0, 0.0), description="Acceleration of free bodies [x, y] [m/s^2]; agents follow their models instead."
@@ -61,12 +61,12 @@ class PymunkEnvironment(PhysicsEnvironment):
 
     @property
     def gravity(self) -> Sequence[float] | None:
-        """That of a plane seen from the side; seen from above, it has none."""
+        """The gravity of a plane seen from the side; None for one seen from above."""
         x, y = self.parameters.gravity
         return (x, y, 0.0) if x or y else None
 
     def _build(self) -> None:
-        """Bodies come in a fixed order: agents, free entities, moving ones, and last those that stay."""
+        """Create bodies in a fixed order: agents, free entities, entities with a path, and static ones."""
         parameters = self.parameters
         space = self._space = pymunk.Space()
         space.iterations = parameters.iterations
@@ -76,11 +76,11 @@ class PymunkEnvironment(PhysicsEnvironment):
         self._buffer, self._wrench = batch.Buffer(), batch.Buffer()
         self._indices: dict[int, int] = {}
         self._hit = False
-        #: Whose whole outline is a circle, which touches anything at one point.
+        #: The bodies whose outline is one circle, which touches any other body at one point.
         self._discs: set[int] = set()
         self._ended: list[Pair] = []
         self._named: dict[str, pymunk.Body] = {}
-        positions, headings = self._places()
+        positions, headings = self._initial_poses()
         for actuator, _, part in self._parts:
             entity = actuator.group.entity
             for row in range(part.start, part.stop):
@@ -97,30 +97,33 @@ class PymunkEnvironment(PhysicsEnvironment):
             obstacle = self.obstacles[name]
             body = pymunk.Body(obstacle.mass or 0.0, _moment(obstacle))
             body.velocity, body.angular_velocity = _flat(obstacle.velocity or (0.0, 0.0)), obstacle.turn_rate
-            self._put(index[name], body, obstacle)
+            self._place_obstacle(index[name], body, obstacle)
         self._movers = [
-            (self._put(index[name], pymunk.Body(body_type=pymunk.Body.KINEMATIC), self.obstacles[name]), name)
+            (
+                self._place_obstacle(index[name], pymunk.Body(body_type=pymunk.Body.KINEMATIC), self.obstacles[name]),
+                name,
+            )
             for name in self._moving
         ]
         for name, obstacle in self.obstacles.items():
             if not obstacle.is_free and not obstacle.path:
-                self._put(index[name], pymunk.Body(body_type=pymunk.Body.STATIC), obstacle)
-        constraints = joined(parameters.joints, self._named, space.static_body)
+                self._place_obstacle(index[name], pymunk.Body(body_type=pymunk.Body.STATIC), obstacle)
+        constraints = make_joints(parameters.joints, self._named, space.static_body)
         space.add(*constraints)
         self._jointed = bool(constraints)
         dynamic = len(self._driven) + len(self._free)
-        #: What is applied in each physics step, for all that Pymunk goes through; shape (dynamic and more, 3).
+        #: Forces and torques of a physics step, for all bodies that Pymunk traverses; shape (dynamic and more, 3).
         self._wrenches = np.zeros((dynamic + len(self.obstacles), 3))
         self._wrench.set_float_buf(self._wrenches)
-        # Gravity is for free bodies; what is driven gets back what it takes.
-        self._lift = np.zeros((len(self._driven), 3))
-        self._lift[:, :2] = -np.array(parameters.gravity) * self._inertia[:, :2] * self.step_time
+        # Gravity is for free bodies; the forces on agents compensate it.
+        self._compensation = np.zeros((len(self._driven), 3))
+        self._compensation[:, :2] = -np.array(parameters.gravity) * self._inertia[:, :2] * self.step_time
         self._retained = (1.0 - parameters.damping) ** self.step_time
-        self._pushes = bool(self._lift.any())
+        self._pushes = bool(self._compensation.any())
         space.on_collision(begin=self._on_begin, separate=self._on_separate)
 
-    def _places(self) -> tuple[Array, Array]:
-        """Where the agents start; and how fast, which goes into `_velocity`."""
+    def _initial_poses(self) -> tuple[Array, Array]:
+        """Return initial positions and headings of the agents, and set their initial `_velocity`."""
         positions, headings = np.zeros((len(self._driven), 2)), np.zeros(len(self._driven))
         for actuator, number, part in self._parts:
             model, state = actuator.group.model, self._states[number]
@@ -131,7 +134,7 @@ class PymunkEnvironment(PhysicsEnvironment):
                 self._velocity[part, :2] = state[:, model.velocities]
         return positions, headings
 
-    def _put(self, index: int, body: pymunk.Body, obstacle: Obstacle) -> pymunk.Body:
+    def _place_obstacle(self, index: int, body: pymunk.Body, obstacle: Obstacle) -> pymunk.Body:
         pose = obstacle.pose()
         body.position, body.angle = _flat(pose.position), pose.heading
         self._add(index, body, obstacle.shape, obstacle)
@@ -142,13 +145,13 @@ class PymunkEnvironment(PhysicsEnvironment):
         for each in shapes:
             each.friction, each.elasticity = surface.friction, surface.elasticity
             each.owner = index
-            # So that a ray can pass through the body that sends it; parts of one body never collide anyway.
+            # The group lets a ray pass through the body that casts it; parts of one body never collide anyway.
             each.filter = pymunk.ShapeFilter(group=index + 1)
         if len(shapes) == 1 and isinstance(shapes[0], pymunk.Circle):
             self._discs.add(index)
         self._indices[body.id] = index
         self._named[self._tracker.names[index]] = body
-        # Shapes that are not in the space change nothing for others, not even the order in which pairs are solved.
+        # Shapes outside of the space do not affect others, not even the order in which pairs are solved.
         there = self.present is None or index >= len(self.roster) or self.present[index]
         self._space.add(body, *(shapes if there else ()))
 
@@ -167,7 +170,7 @@ class PymunkEnvironment(PhysicsEnvironment):
         self._space.remove(*(shape for shape in body.shapes if shape.space is not None))
 
     def close(self) -> None:
-        """Take the space apart."""
+        """Remove everything from the space."""
         space = self.__dict__.pop("_space", None)
         if space is not None:
             space.on_collision(begin=pymunk.empty_callback, separate=pymunk.empty_callback)
@@ -180,20 +183,20 @@ class PymunkEnvironment(PhysicsEnvironment):
         wrenches = self._wrenches[: len(self._driven)]
         wrenches[:] = 0.0 if forces is None else forces
         if self._pushes:
-            wrenches += self._lift
+            wrenches += self._compensation
         batch.set_space_bodies(self._space, _FORCE, self._wrench)
 
     def _advance(self, number: int, last: int) -> tuple[int, bool]:
         step, step_time, tracker = self._space.step, self.step_time, self._tracker
         while True:
             for body, name in self._movers:
-                self._lead(body, name, number)
+                self._move_along_path(body, name, number)
             step(step_time)
             number += 1
             if self._hit or tracker.fresh:
-                self._take_hits()
+                self._report_contacts()
             if self._ended:
-                # After those that begin, so that who slides along a wall from part to part stays in contact.
+                # After new contacts, so that a body that slides along a wall from part to part stays in contact.
                 for bodies in self._ended:
                     tracker.end(bodies)
                 self._ended.clear()
@@ -201,8 +204,8 @@ class PymunkEnvironment(PhysicsEnvironment):
             if diverted or number == last:
                 return number, diverted
 
-    def _lead(self, body: pymunk.Body, name: str, number: int) -> None:
-        """Give an entity with a path the velocity that brings it where the path is after this physics step."""
+    def _move_along_path(self, body: pymunk.Body, name: str, number: int) -> None:
+        """Give an entity with a path the velocity that brings it to the path's pose after this physics step."""
         course = self._course(name, number)
         body.position, body.angle = _flat(course.position), course.heading
         body.velocity, body.angular_velocity = _flat(course.velocity), course.turn_rate
@@ -249,7 +252,7 @@ class PymunkEnvironment(PhysicsEnvironment):
             space.reindex_shapes_for_body(body)
 
     def _rows(self, fields: batch.BodyFields, width: int) -> Array:
-        """What Pymunk has of all bodies, a row for each; to be copied before the next such call."""
+        """Return fields of all bodies, a row for each; callers must copy it before the next call."""
         self._buffer.clear()
         batch.get_space_bodies(self._space, fields, self._buffer)
         return np.frombuffer(self._buffer.float_buf()).reshape(-1, width)
@@ -267,7 +270,7 @@ class PymunkEnvironment(PhysicsEnvironment):
         return distances
 
     def _find_overlaps(self) -> None:
-        """Measure those that Pymunk has near each other; of bodies in the same place it says that they only touch."""
+        """Report overlaps, measured here: Pymunk reports no depth for bodies at the same position."""
         near = []
         for shape in self._space.shapes:
             if shape.body is not None and shape.body.body_type == pymunk.Body.DYNAMIC:
@@ -292,35 +295,35 @@ class PymunkEnvironment(PhysicsEnvironment):
         one, other = arbiter.shapes
         self._ended.append(pair(one.owner, other.owner))
 
-    def _take_hits(self) -> None:
-        """Tell the tracker of contacts that began in the last physics step, and how hard bodies hit each other."""
+    def _report_contacts(self) -> None:
+        """Report the contacts that began in the last physics step, and their impulses, to the tracker."""
         self._buffer.clear()
         batch.get_space_arbiters(self._space, _HIT, self._buffer)
         numbers = np.frombuffer(self._buffer.int_buf(), np.uintp).reshape(-1, 3)
         hits = np.frombuffer(self._buffer.float_buf()).reshape(-1, 9)
-        # The engine has them in the order of their addresses, and what floats add up to depends on their order.
+        # The engine orders them by memory address, and sums of floats depend on the order: sort.
         if self._hit:
             self._hit = False
             begun = numbers[:, 2].nonzero()[0]
-            self._begin(sorted(zip(self._pairs(numbers[begun]), hits[begun].tolist(), strict=True)))
+            self._report_begun(sorted(zip(self._pairs(numbers[begun]), hits[begun].tolist(), strict=True)))
         fresh = self._tracker.fresh
         if fresh:
             pairs = enumerate(self._pairs(numbers))
             for bodies, row in sorted((bodies, hits[row, :4].tolist()) for row, bodies in pairs if bodies in fresh):
-                self._tracker.press(bodies, _impulse(row))
+                self._tracker.add_impulse(bodies, _impulse(row))
 
     def _pairs(self, numbers: NDArray[np.uintp]) -> list[Pair]:
         index = self._indices
         return [pair(index[one], index[other]) for one, other in numbers[:, :2].tolist()]
 
-    def _begin(self, parts: list[tuple[Pair, list[float]]]) -> None:
-        """Tell of those that begin to touch; a disc has all of its impulse in the physics step in which it does."""
+    def _report_begun(self, parts: list[tuple[Pair, list[float]]]) -> None:
+        """Report contacts that begin; that of a disc has all of its impulse in its first physics step."""
         found: dict[Pair, tuple[tuple[float, float], float, float]] = {}
         for bodies, hit in parts:
             a_x, a_y, b_x, b_y, gap = hit[4:]
             point, depth, impulse = (0.5 * (a_x + b_x), 0.5 * (a_y + b_y)), max(0.0, -gap), _impulse(hit)
             if bodies in found:
-                # Of several parts that touch, the deepest tells where.
+                # If several parts touch, the deepest contact supplies the point.
                 point, depth = max((depth, point), found[bodies][1::-1])[::-1]
                 impulse += found[bodies][2]
             found[bodies] = point, depth, impulse
@@ -330,13 +333,13 @@ class PymunkEnvironment(PhysicsEnvironment):
 
 
 def _impulse(hit: Sequence[float]) -> float:
-    """How hard two bodies pressed on each other in a physics step [N s]."""
+    """Return the normal impulse between two bodies in a physics step [N s]."""
     by_x, by_y, along_x, along_y = hit[:4]
     return abs(by_x * along_x + by_y * along_y)
 
 
 def _shape(body: pymunk.Body, core: Sequence[Sequence[float]], radius: float) -> Any:
-    """One convex piece of a body's outline."""
+    """Create one convex piece of a body's outline."""
     if len(core) == 1:
         return pymunk.Circle(body, radius, _flat(core[0]))
     if len(core) == 2:
@@ -345,12 +348,12 @@ def _shape(body: pymunk.Body, core: Sequence[Sequence[float]], radius: float) ->
 
 
 def _flat(position: Sequence[float]) -> tuple[float, float]:
-    """The coordinates in the plane."""
+    """Return the coordinates in the plane."""
     return position[0], position[1]
 
 
 def _moment(entity: Entity | Obstacle) -> float:
-    """The moment of inertia about the position, which is taken to be the centre of mass [kg m^2]."""
+    """Return the moment of inertia about the position, which is assumed to be the centre of mass [kg m^2]."""
     assert entity.mass is not None
     if entity.shape is None:
         return pymunk.moment_for_circle(entity.mass, 0.0, _POINT)
@@ -361,7 +364,7 @@ def _moment(entity: Entity | Obstacle) -> float:
 
 
 def _outline(shape: Any) -> tuple[Sequence[Sequence[float]], float]:
-    """A piece of a body as `Shape.pieces` has them, where it is."""
+    """Return a piece of a body in world coordinates, in the form of `Shape.pieces`."""
     if isinstance(shape, pymunk.Circle):
         core = [shape.offset]
     else:

@@ -1,4 +1,4 @@
-"""Process noise: the part of the motion that is chance."""
+"""Process noise: random changes that worlds add to the states of agents in each step."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 class ProcessNoise:
     """Draws the noise that a group's model adds to the states of its agents in each step.
 
-    What an agent draws is keyed by its id and the step, so nobody else changes its noise.
+    What an agent draws is keyed by its id and the step, so it does not depend on other agents.
     """
 
     def __init__(self, group: EntityGroup, covariance: Array, seed: int) -> None:
@@ -23,7 +23,7 @@ class ProcessNoise:
         self._factor = None if _is_diagonal(covariance) else cholesky(covariance)
 
     def draw(self, time: int) -> Array:
-        """The noise of one step; shape (n, nx).
+        """Return the noise of one step; shape (n, nx).
 
         Args:
             time: When the step begins, in nanoseconds.
@@ -38,15 +38,15 @@ class ProcessNoise:
 
 
 def process_noise(group: EntityGroup, step: float, seed: int) -> ProcessNoise | None:
-    """Return what draws the noise of a group over steps [s]; None where its model has none."""
+    """Return the process noise of a group over steps [s]; None if its model has none."""
     covariance = group.model.noise_covariance(step)
     return None if covariance is None else ProcessNoise(group, covariance, seed)
 
 
 def cholesky(covariance: Array) -> Array:
-    """Return the lower triangular L with L L' = covariance; unlike NumPy's, for singular ones too.
+    """Return the lower triangular L with L L' = covariance; unlike NumPy's, also for singular matrices.
 
-    Source: G. H. Golub and C. F. Van Loan, Matrix Computations, section 4.2.8: a pivot of zero has a column of zeros.
+    Source: G. H. Golub and C. F. Van Loan, Matrix Computations, section 4.2.8: a zero pivot gives a column of zeros.
     """
     count = len(covariance)
     factor = np.zeros((count, count))

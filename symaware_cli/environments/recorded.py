@@ -1,4 +1,4 @@
-"""A world that follows a log."""
+"""A world that replays the recorded states of a log."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from symaware_cli.environments.column_environment import Array, ColumnEnvironmen
 
 
 class RecordedEnvironment(ColumnEnvironment):
-    """Stands in for another world: it has the states that were recorded there, and moves nobody by itself."""
+    """Replaces another world: it adopts the states recorded there, and moves nothing by itself."""
 
     def __init__(self, original: Environment) -> None:
-        """Take the place of a world that was not initialised.
+        """Replace a world that has not been initialised.
 
         Args:
-            original: That world.
+            original: The world to replace.
         """
         super().__init__()
         self.time_step = original.time_step
@@ -24,7 +24,7 @@ class RecordedEnvironment(ColumnEnvironment):
         self.provides = original.provides  # type: ignore[misc]
 
     def show(self, time: int, states: Mapping[str, Array], inputs: Mapping[str, Array]) -> None:
-        """Become as the world was.
+        """Adopt recorded states.
 
         Args:
             time: The instant, in nanoseconds.
@@ -42,5 +42,5 @@ class RecordedEnvironment(ColumnEnvironment):
         self._snapshot = None
 
     def step(self) -> None:
-        """Refuse: what comes next is in the log."""
-        raise NotImplementedError("a recorded world makes no steps")
+        """Refuse: the next states are in the log."""
+        raise NotImplementedError("a recorded world cannot be stepped")

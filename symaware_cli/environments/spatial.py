@@ -13,12 +13,12 @@ from symaware_cli.core import Entity, EntityGroup, ErrorCollector, Image, Obstac
 from symaware_cli.environments import bullet_collisions, bullet_sensing
 from symaware_cli.environments.actuator import Actuator
 from symaware_cli.environments.appearance import appearances
-from symaware_cli.environments.body_builder import BodyBuilder, BodyPart, last, turn
+from symaware_cli.environments.body_builder import BodyBuilder, BodyPart, last_line, turn
 from symaware_cli.environments.body_poses import BodyPoses
 from symaware_cli.environments.bullet import MOST_SHOWN, Client, engine, quiet
 from symaware_cli.environments.bullet_collisions import Collisions
 from symaware_cli.environments.contact_tracker import GROUND
-from symaware_cli.environments.ground import GroundPlane, footing, make_plane, make_slab
+from symaware_cli.environments.ground import GroundPlane, collision_kind, make_plane, make_slab
 from symaware_cli.environments.path_follower import follow
 from symaware_cli.environments.physics import BodyStates, PhysicsEnvironment
 from symaware_cli.environments.process_noise import process_noise
@@ -31,10 +31,10 @@ Indices = NDArray[np.intp]
 
 _Component = Annotated[float, Field(ge=-1e9, le=1e9)]
 
-#: [kg] and [kg m^2]: what nothing moves or tilts, and the engine can still compute with.
+#: [kg] and [kg m^2]: the mass and inertia of bodies that nothing moves or tilts; larger ones upset the engine.
 _IMMOVABLE = 1e9
 
-#: [m] How far below its place a body is kept that is not there.
+#: [m] How far below its pose the body of an absent agent is kept.
 _BURIED = 1e4
 
 
@@ -49,7 +49,7 @@ class PyBulletEnvironment(PhysicsEnvironment):
     provides = ("images", "tilt", "vehicles")
 
     class Parameters(PhysicsEnvironment.Parameters):
-        """How the spatial world moves."""
+        """Parameters of the spatial world."""
 
         gravity: tuple[_Component, _Component, _Component] = Field(
             (0.0, 0.0, -9.81),
@@ -76,9 +76,9 @@ class PyBulletEnvironment(PhysicsEnvironment):
         gui: bool = Field(False, description="Whether to show the window of PyBullet; it needs a screen.")
 
     def initialise(self, groups: Sequence[EntityGroup], obstacles: Mapping[str, Obstacle], seed: int) -> None:
-        """Put everybody in place."""
+        """Create all bodies in their initial states."""
         step = seconds(self.time_step)
-        #: What shakes the groups of vehicles; where there is an actuator, that does.
+        #: The process noise of groups of vehicles; actuators add that of all others.
         self._noises = {
             group.name: process_noise(group, step, seed) for group in groups if group.model.vehicle() is not None
         }
@@ -86,7 +86,7 @@ class PyBulletEnvironment(PhysicsEnvironment):
 
     @property
     def gravity(self) -> Sequence[float]:
-        """That of the parameters."""
+        """The gravity of the parameters."""
         given: Sequence[float] = self.parameters.gravity
         return given
 
@@ -94,7 +94,7 @@ class PyBulletEnvironment(PhysicsEnvironment):
         return super()._actuator(group, seed) if group.model.vehicle() is None else None
 
     def _build(self) -> None:
-        """Bodies come in a fixed order: the ground, agents, and entities by name."""
+        """Create bodies in a fixed order: the ground, agents, and entities by name."""
         parameters = self.parameters
         count = len(self.roster) + len(self.obstacles)
         if parameters.gui and count > MOST_SHOWN:
@@ -105,9 +105,9 @@ class PyBulletEnvironment(PhysicsEnvironment):
         self._client = Client(parameters.gui)
         client = self._id = self._client.id
         self._client.set(self.step_time, parameters.gravity, parameters.iterations, parameters.recovery)
-        self._fall = np.array([*parameters.gravity, 0.0]) * self.step_time
-        self._falls = bool(self._fall.any())
-        self._pushes = self._falls or any(actuator is None for actuator in self._actuators)
+        self._gravity_step = np.array([*parameters.gravity, 0.0]) * self.step_time
+        self._has_gravity = bool(self._gravity_step.any())
+        self._pushes = self._has_gravity or any(actuator is None for actuator in self._actuators)
         pictures = parameters.gui or parameters.visuals
         self._loading = 0 if pictures else engine.URDF_IGNORE_VISUAL_SHAPES
         self._index: dict[int, int] = {}
@@ -115,13 +115,13 @@ class PyBulletEnvironment(PhysicsEnvironment):
         self._builder = BodyBuilder(client, self.folder, parameters.height, self.ground, self._loading)
         self._body_poses = BodyPoses(client)
         if parameters.ground:
-            self._lay_ground(parameters.ground)
+            self._add_ground(parameters.ground)
         self._vehicles: list[tuple[Vehicle, int]] = []
         self._agents = [-1] * len(self._driven)
-        #: As what each meets others, and where those stand that are not there.
-        self._kinds = [bullet_collisions.NOWHERE] * len(self._driven)
-        self._entrances: dict[int, tuple[Sequence[float], Sequence[float]]] = {}
-        #: The rows of those whom something can divert.
+        #: The collision kind of each agent's body, and the initial poses of absent agents.
+        self._collision_kinds = [bullet_collisions.ABSENT] * len(self._driven)
+        self._absent_poses: dict[int, tuple[Sequence[float], Sequence[float]]] = {}
+        #: The rows of the agents that contacts can divert, by body.
         self._row_of: dict[int, int] = {}
         self._headings = np.zeros(len(self._driven))
         self._heights = np.zeros(len(self._driven))
@@ -147,7 +147,7 @@ class PyBulletEnvironment(PhysicsEnvironment):
         self._body_of = {index: body for body, index in self._index.items()}
         ground = len(self.roster) + len(self.obstacles)
         self._collisions = Collisions(client, self._index, self._tracker, ground, self.step_time)
-        self._painted = False
+        self._coloured = False
         owned: dict[int, list[int]] = {}
         for body, index in self._index.items():
             owned.setdefault(index, []).append(body)
@@ -158,27 +158,27 @@ class PyBulletEnvironment(PhysicsEnvironment):
 
     # -- bodies
 
-    def _lay_ground(self, ground: GroundPlane) -> None:
-        """Make what everything falls on, of whatever there is to stand on it."""
+    def _add_ground(self, ground: GroundPlane) -> None:
+        """Create the plane, and the slab if bodies stand on it."""
         named: dict[str, tuple[str, ...]] = {group.name: ("agents",) for group in self.groups}
         named |= dict.fromkeys(self.obstacles, ("environment", "entities"))
         if GROUND in named:
-            raise WorldError(f"contacts call the ground `{GROUND}`; give this another name", *named[GROUND], GROUND)
+            raise WorldError(f"`{GROUND}` names the ground in contacts; give this another name", *named[GROUND], GROUND)
         index = len(self.roster) + len(self.obstacles)
-        self._finish(make_plane(self._id, ground.height), index, ground, bullet_collisions.GROUND)
+        self._register(make_plane(self._id, ground.height), index, ground, bullet_collisions.GROUND)
         free = [self.obstacles[name] for name in self._free]
-        # What joints of a fixed base move may reach the ground, too.
+        # Joints on a fixed base may move links to the ground, too.
         free += [each for each in self.obstacles.values() if each.shape.urdf and not each.is_free and not each.path]
-        starts = [each.pose().position for each in free if footing(each.shape) == bullet_collisions.FACED]
+        starts = [each.pose().position for each in free if collision_kind(each.shape) == bullet_collisions.FACED]
         for actuator, number, _ in self._parts:
-            # Who moves in a plane does not touch the ground.
+            # Agents that move in a plane do not touch the ground.
             if (
                 len(actuator.group.model.position) == 3
-                and footing(actuator.group.entity.shape) == bullet_collisions.FACED
+                and collision_kind(actuator.group.entity.shape) == bullet_collisions.FACED
             ):
                 starts += self._states[number][:, list(actuator.group.model.position)].tolist()
         if starts:
-            self._finish(make_slab(self._id, ground.height, starts), index, ground, bullet_collisions.SLAB)
+            self._register(make_slab(self._id, ground.height, starts), index, ground, bullet_collisions.SLAB)
 
     def _add_driven(self, group: EntityGroup, state: Array, part: slice) -> None:
         model, entity = group.model, group.entity
@@ -187,19 +187,19 @@ class PyBulletEnvironment(PhysicsEnvironment):
         for row, own in zip(range(part.start, part.stop), state, strict=True):
             position = own[list(model.position)].tolist()
             heading = float(own[model.heading]) if model.heading is not None else 0.0
-            # Its base is told how to move, and links that hang on it would not feel that: it moves as one.
+            # The actuator sets the base's velocity, which links on moving joints would not feel: hold the joints.
             body = self._builder.make(entity.mass, entity.shape, position, turn(heading), *where, held=True)
             inertia = self._builder.moment(body, entity)
             turning = inertia if turns else _IMMOVABLE
-            # What is driven stays upright: nothing tilts it.
+            # Agents stay upright: nothing tilts them.
             upright = [_IMMOVABLE, _IMMOVABLE, turning]
             engine.changeDynamics(body, -1, mass=entity.mass, localInertiaDiagonal=upright, physicsClientId=self._id)
-            kind = bullet_collisions.UPRIGHT if planar else footing(entity.shape)
-            self._finish(body, int(self._driven[row]), entity, kind, damping=0.0)
+            kind = bullet_collisions.UPRIGHT if planar else collision_kind(entity.shape)
+            self._register(body, int(self._driven[row]), entity, kind, damping=0.0)
             if model.velocities:
                 self._velocity[row, : len(model.velocities)] = own[list(model.velocities)]
                 engine.resetBaseVelocity(body, self._velocity[row, :3].tolist(), (0, 0, 0), self._id)
-            self._agents[row], self._headings[row], self._kinds[row] = body, heading, kind
+            self._agents[row], self._headings[row], self._collision_kinds[row] = body, heading, kind
             if entity.shape:
                 self._row_of[body] = row
             self._heights[row], self._planar[row] = self._body_poses.pose(body)[0][2], planar
@@ -207,16 +207,16 @@ class PyBulletEnvironment(PhysicsEnvironment):
 
     def _appear(self, row: int, velocity: Sequence[float]) -> None:
         body = self._agents[row]
-        engine.resetBasePositionAndOrientation(body, *self._entrances.pop(row), self._id)
+        engine.resetBasePositionAndOrientation(body, *self._absent_poses.pop(row), self._id)
         engine.resetBaseVelocity(body, velocity, (0, 0, 0), self._id)
-        self._builder.meet(body, self._kinds[row])
+        self._builder.set_collision_kind(body, self._collision_kinds[row])
 
     def _vanish(self, row: int) -> None:
         body = self._agents[row]
         position, orientation = engine.getBasePositionAndOrientation(body, self._id)
-        self._entrances[row] = position, orientation
-        self._builder.meet(body, bullet_collisions.NOWHERE)
-        # Cameras see whatever is near, whether it meets anybody or not.
+        self._absent_poses[row] = position, orientation
+        self._builder.set_collision_kind(body, bullet_collisions.ABSENT)
+        # Cameras see all bodies that are near, whatever they collide with.
         buried = position[0], position[1], position[2] - _BURIED
         engine.resetBasePositionAndOrientation(body, buried, orientation, self._id)
         engine.resetBaseVelocity(body, (0, 0, 0), (0, 0, 0), self._id)
@@ -226,7 +226,7 @@ class PyBulletEnvironment(PhysicsEnvironment):
         vehicle = group.model.vehicle()
         assert vehicle is not None
         if group.present is not None:
-            raise WorldError("the vehicles of this world neither enter nor leave", "agents", group.name, "present")
+            raise WorldError("vehicles cannot enter or leave this world", "agents", group.name, "present")
         if vehicle.needs_ground and self.ground is None:
             where = ("environment", "with", "ground")
             raise WorldError(f"the vehicles of `{group.name}` drive on the ground, and there is none", *where)
@@ -235,32 +235,32 @@ class PyBulletEnvironment(PhysicsEnvironment):
         flags = vehicle.flags | self._loading
         for row, own in enumerate(self._states[number]):
             position, orientation = vehicle.pose(own)
-            with quiet() as said:
+            with quiet() as output:
                 body = engine.loadURDF(file, position, orientation, flags=flags, physicsClientId=self._id)
             if body < 0:
-                raise WorldError(f"PyBullet cannot load {file}: {last(said)}", "agents", group.name, "model")
+                raise WorldError(f"PyBullet cannot load {file}: {last_line(output)}", "agents", group.name, "model")
             self._index[body] = start + row
             bodies.append(body)
             if not self._loading:
                 vehicle.dress(engine, self._id, body)
         for body in bodies:
-            self._builder.meet(body, bullet_collisions.FREE)
+            self._builder.set_collision_kind(body, bullet_collisions.FREE)
         try:
             vehicle.attach(engine, self._id, bodies, self._states[number], self.step_time)
         except WorldError as error:
             within = error.path if error.path[0] == "with" else ()
             raise WorldError(str(error), "agents", group.name, "model", *within) from error
         if self._noises[group.name] and type(vehicle).displace is Vehicle.displace:
-            raise WorldError("its vehicle takes no process noise", "agents", group.name, "model")
+            raise WorldError("its vehicle does not support process noise", "agents", group.name, "model")
         self._vehicles.append((vehicle, number))
 
     def _add_obstacle(self, index: int, name: str, obstacle: Obstacle) -> None:
         pose = obstacle.pose()
         where = ("environment", "entities", name)
         kind = (
-            footing(obstacle.shape)
+            collision_kind(obstacle.shape)
             if obstacle.is_free
-            else bullet_collisions.LED
+            else bullet_collisions.ON_PATH
             if obstacle.path
             else bullet_collisions.FIXED
         )
@@ -275,7 +275,7 @@ class PyBulletEnvironment(PhysicsEnvironment):
             members = [BodyPart(body)]
             self._entities[name] = body
         for member in members:
-            self._finish(member.body, index, obstacle, kind)
+            self._register(member.body, index, obstacle, kind)
         self._members[name] = members
         self._levels[name] = self._body_poses.pose(members[0].body)[0][2]
         if obstacle.is_free:
@@ -284,20 +284,20 @@ class PyBulletEnvironment(PhysicsEnvironment):
 
     def _prepare(self) -> None:
         super()._prepare()
-        #: Entities of one body, which all but walls are.
+        #: The body of each entity that has one; all but walls.
         self._entities: dict[str, int] = {}
         self._members: dict[str, Sequence[BodyPart]] = {}
-        #: How high entities were put [m].
+        #: The initial heights of entities [m].
         self._levels: dict[str, float] = {}
 
-    def _finish(
+    def _register(
         self, body: int, index: int, surface: Entity | Obstacle | GroundPlane, kind: int, damping: float | None = None
     ) -> None:
-        """Say what a body is: whose, of which surface, and whom it meets."""
+        """Register a body with its owner, surface and collision kind."""
         self._index[body] = index
         lost = self.parameters.damping if damping is None else damping
-        self._builder.finish(body, surface.friction, surface.elasticity, lost)
-        self._builder.meet(body, kind)
+        self._builder.set_surface(body, surface.friction, surface.elasticity, lost)
+        self._builder.set_collision_kind(body, kind)
         self._body_poses.base(body)
 
     # -- steps
@@ -308,10 +308,10 @@ class PyBulletEnvironment(PhysicsEnvironment):
         if client is not None:
             client.close()
 
-    def _lay_out(self) -> None:
-        super()._lay_out()
+    def _plan_velocities(self) -> None:
+        super()._plan_velocities()
         if self._drifts:
-            # Who moves in a plane is brought back to its height within the time step.
+            # Agents that move in a plane are brought back to their height within the time step.
             step = seconds(self.time_step)
             self._plan[:, self._planar, 2] = (self._heights - self._positions[:, 2])[self._planar] / step
         for vehicle, number in self._vehicles:
@@ -324,15 +324,15 @@ class PyBulletEnvironment(PhysicsEnvironment):
             self._velocity[row] = (*velocity, spin[2])
 
     def _push(self, forces: Array | None) -> None:
-        """Give each body the velocity that the force would within this physics step, before contacts are solved."""
+        """Set the velocities that the forces would cause in this physics step, before contacts are solved."""
         for vehicle, _ in self._vehicles:
             vehicle.push()
         rows: Sequence[int] = range(len(self._agents))
-        if not self._falls:
+        if not self._has_gravity:
             rows = [] if forces is None else np.flatnonzero(forces.any(axis=1)).tolist()
         if not rows:
             return
-        velocities = (self._velocity - self._fall).tolist()
+        velocities = (self._velocity - self._gravity_step).tolist()
         for row in rows:
             *velocity, turn_rate = velocities[row]
             engine.resetBaseVelocity(self._agents[row], velocity, (0.0, 0.0, turn_rate), self._id)
@@ -341,7 +341,7 @@ class PyBulletEnvironment(PhysicsEnvironment):
         rows, client, step, update = self._row_of, self._id, engine.stepSimulation, self._collisions.update
         while True:
             for name in self._moving:
-                self._lead(name, number)
+                self._move_along_path(name, number)
             step(client)
             number += 1
             met = update()
@@ -350,25 +350,25 @@ class PyBulletEnvironment(PhysicsEnvironment):
                 if self._touched or number == last:
                     return number, bool(self._touched)
 
-    def _lead(self, name: str, number: int) -> None:
-        """Put an entity with a path where it is, with the velocity that brings it where the path is next."""
+    def _move_along_path(self, name: str, number: int) -> None:
+        """Set the pose of an entity with a path, and the velocity that brings it to the next pose of the path."""
         bodies, level, obstacle = self._members[name], self._levels[name], self.obstacles[name]
         tilt, course = (obstacle.roll, obstacle.pitch), self._course(name, number)
-        follow(self._id, self._body_poses, bodies, level, course, tilt, self._fall.tolist())
+        follow(self._id, self._body_poses, bodies, level, course, tilt, self._gravity_step.tolist())
 
     def _find_overlaps(self) -> None:
         self._collisions.start()
 
-    # -- what is read back
+    # -- states read from bodies
 
     def _read_driven(self) -> BodyStates:
-        driven = BodyStates(*self._body_poses.look(self._agents, self._headings))
+        driven = BodyStates(*self._body_poses.read(self._agents, self._headings))
         self._positions, self._headings = driven.positions, driven.headings
         return driven
 
     def _read_free(self) -> BodyStates:
-        """Their headings are within half a turn of those at the start: turns are not counted."""
-        return BodyStates(*self._body_poses.look(self._free_members, self._free_headings))
+        """Headings stay within half a turn of the initial ones: turns are not counted."""
+        return BodyStates(*self._body_poses.read(self._free_members, self._free_headings))
 
     def _displace(self, row: int, moved: Array, turned: float, faster: Array) -> None:
         self._headings[row] += turned
@@ -379,7 +379,7 @@ class PyBulletEnvironment(PhysicsEnvironment):
         vehicle.displace(rows, np.tile(change, (len(rows), 1)))
 
     def _placement(self) -> Mapping[str, Array]:
-        """Where the centres of mass of bodies are that move, how they are turned, and how their joints stand."""
+        """Return the poses of the centres of mass of moving bodies, and the positions of their joints."""
         poses = read_bodies(engine, self._id, self._mobile)[:, :7]
         names = [name for name in self._articulations if self._articulations[name].joints]
         joints = {f"joints/{name}": self.joint_positions(name) for name in names}
@@ -390,9 +390,9 @@ class PyBulletEnvironment(PhysicsEnvironment):
             engine.resetBasePositionAndOrientation(body, pose[:3], pose[3:], self._id)
         for name, described in self._articulations.items():
             if described.joints:
-                self._body_poses.put(self._bodies_of(name), described, placement[f"joints/{name}"])
+                self._body_poses.set_joints(self._bodies_of(name), described, placement[f"joints/{name}"])
         for name in self._moving:
-            self._lead(name, 0)
+            self._move_along_path(name, 0)
 
     @property
     def _mobile(self) -> Sequence[int]:
@@ -400,7 +400,7 @@ class PyBulletEnvironment(PhysicsEnvironment):
         agents = [self._body_of[index] for index in range(len(self.roster))]
         return [*agents, *(self._entities[name] for name in self._free)]
 
-    def _shake(self, time: int) -> None:
+    def _add_process_noise(self, time: int) -> None:
         for vehicle, number in self._vehicles:
             noise = self._noises[self.groups[number].name]
             if noise:
@@ -416,11 +416,11 @@ class PyBulletEnvironment(PhysicsEnvironment):
             velocities[start : start + len(group), :dimensions] = velocity[:, :dimensions]
 
     def articulations(self) -> Mapping[str, Articulation]:
-        """What bodies consist of; agents whose shape or model names no file look like their shape."""
+        """Return links and visual shapes of bodies; agents without a file look like their shape."""
         return self._articulations
 
     def body_poses(self, name: str) -> Array | None:
-        """Where vehicles and free entities are, and how they are turned; what is driven stays upright."""
+        """Return the poses of vehicles and free entities; None for other agents, which stay upright."""
         if name not in self._free_rows:
             vehicles = {self.groups[number].name for _, number in self._vehicles}
             if name not in vehicles:
@@ -430,19 +430,19 @@ class PyBulletEnvironment(PhysicsEnvironment):
         return self._body_poses.poses(self._bodies_of(name))
 
     def joint_positions(self, name: str) -> Array | None:
-        """How the joints of what a file describes stand."""
+        """Return the joint positions of bodies from URDF files."""
         described = self._articulations.get(name)
         return self._body_poses.joints(self._bodies_of(name), described) if described and described.joints else None
 
     def _bodies_of(self, name: str) -> Sequence[int]:
-        """The engine's bodies of a group, or of an entity that has one."""
+        """Return the engine's bodies of a group, or of an entity with one body."""
         if name in self._entities:
             return [self._entities[name]]
         start = self.roster.start(name)
         return [self._body_of[start + row] for row in range(len(self.groups[self._number[name]]))]
 
     def ray_cast(self, senders: Indices, origins: Array, directions: Array, reach: float, height: float = 0.0) -> Array:
-        """Measure level rays against the shapes of the engine, from as high as the bodies are that send them."""
+        """Measure horizontal rays against the shapes of the engine, from the heights of the bodies that cast them."""
         count, width = directions.shape[:2]
         starts, towards = np.zeros((count, width, 3)), np.zeros((count, width, 3))
         starts[..., :2], towards[..., :2] = origins[:, None, :2], directions
@@ -451,7 +451,7 @@ class PyBulletEnvironment(PhysicsEnvironment):
         return bullet_sensing.cast_rays(self._id, self._index, *rays, reach).reshape(count, width)
 
     def in_sight(self, ones: Indices, others: Indices) -> NDArray[np.bool_]:
-        """Look along lines between the middles of bodies, for the shapes of the engine."""
+        """Test the lines between the centres of bodies against the shapes of the engine."""
         count = len(self.roster)
         middles, obstacles = self.body_positions(self.roster.ids), range(count, count + len(self.obstacles))
         # Both directions share a line.
@@ -461,7 +461,7 @@ class PyBulletEnvironment(PhysicsEnvironment):
         return free
 
     def body_positions(self, names: Sequence[str]) -> Array:
-        """Return where bodies are in space; of walls, which are made of several, where the entity is."""
+        """Return the positions of bodies in space; for walls, which consist of several bodies, that of the entity."""
         places = super().body_positions(names)
         for row, name in enumerate(names):
             body = self._entities.get(name)
@@ -476,8 +476,8 @@ class PyBulletEnvironment(PhysicsEnvironment):
     def camera_image(
         self, position: Sequence[float], target: Sequence[float], size: tuple[int, int], field_of_view: float
     ) -> Image:
-        """Look at a point from another, by PyBullet's renderer on the processor."""
-        if not self._painted:
-            self._painted = True
+        """Render an image from a position towards a target, by PyBullet's renderer on the CPU."""
+        if not self._coloured:
+            self._coloured = True
             bullet_sensing.colour(self._id, self._index, len(self.roster))
         return bullet_sensing.render(self._id, self._index, position, target, size, field_of_view)

@@ -1,4 +1,4 @@
-"""Descriptions of robots: URDF files, read once for what refers to other files and for what the robot looks like."""
+"""URDF: reads robot descriptions for their links, joints and looks, and for the files that they refer to."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ import numpy as np
 from symaware_cli.geometry.articulation import Articulation, Link, Visual
 from symaware_cli.geometry.rotation import attitude
 
-#: [bytes] No description is longer.
-_LONGEST = 16 << 20
+#: The maximum size of a file [bytes].
+_LARGEST_FILE = 16 << 20
 
-#: How joints move what they carry. Others, which PyBullet does not move by one number either, count as fixed.
+#: Joint types and their motions. Joints of other types, which PyBullet does not move by one number, count as fixed.
 _MOTIONS = {"revolute": "turn", "continuous": "turn", "prismatic": "slide"}
 
-#: What says how large a shape is: attributes, how many numbers each has, and what they are where nothing is said.
+#: The attributes with the size of each shape: name, number of values, and default.
 _SIZES: Mapping[str, Sequence[tuple[str, int, tuple[float, ...] | None]]] = {
     "box": [("size", 3, None)],
     "sphere": [("radius", 1, None)],
@@ -32,37 +32,37 @@ _SIZES: Mapping[str, Sequence[tuple[str, int, tuple[float, ...] | None]]] = {
 
 
 class UrdfError(ValueError):
-    """A file describes no robot."""
+    """A file cannot be read, or describes no robot."""
 
 
-class _Plain(ElementTree.TreeBuilder):
-    """Builds trees of documents that declare nothing: entities could make a small file fill the memory."""
+class _SafeTreeBuilder(ElementTree.TreeBuilder):
+    """Rejects document type declarations: their entities could make a small file fill the memory."""
 
     def doctype(self, name: str, public: str | None, system: str | None) -> None:
         raise UrdfError("cannot be read: it declares a document type")
 
 
 def tree(data: bytes) -> Element:
-    """Read XML that declares nothing.
+    """Parse XML without a document type declaration.
 
     Raises:
-        UrdfError: It is none.
+        UrdfError: It is no such XML.
     """
     try:
-        return ElementTree.fromstring(data, ElementTree.XMLParser(target=_Plain()))
+        return ElementTree.fromstring(data, ElementTree.XMLParser(target=_SafeTreeBuilder()))
     except (ElementTree.ParseError, UnicodeDecodeError, LookupError) as error:
         raise UrdfError(f"cannot be read: {error}") from error
 
 
 def parsed(path: Path) -> Element:
-    """Read a URDF file.
+    """Parse a URDF file.
 
     Raises:
-        UrdfError: It cannot be read, is too long, is no XML, or no robot.
+        UrdfError: It cannot be read, is too long, is no XML, or describes no robot.
     """
     try:
-        if path.stat().st_size > _LONGEST:
-            raise UrdfError(f"cannot be read: it is longer than {_LONGEST >> 20} MiB")
+        if path.stat().st_size > _LARGEST_FILE:
+            raise UrdfError(f"cannot be read: it is longer than {_LARGEST_FILE >> 20} MiB")
         root = tree(path.read_bytes())
     except OSError as error:
         raise UrdfError(f"cannot be read: {error}") from error
@@ -72,28 +72,28 @@ def parsed(path: Path) -> Element:
 
 
 def meshes(root: Element, path: Path) -> dict[str, Path]:
-    """The meshes that a description names, by these names, and where they should be."""
+    """Return the paths of the meshes that a description refers to, by the names it uses."""
     names = [mesh.get("filename") or "" for mesh in root.iter("mesh")]
     return {name: _beside(path, name) for name in names}
 
 
 def articulation(path: Path, scale: float = 1.0) -> Articulation:
-    """Read links, joints and what they look like out of a URDF file, which an engine has accepted.
+    """Read links, joints and visual shapes from a URDF file that an engine has accepted.
 
-    Meshes are named by their paths. What is said of a look and makes no sense is passed over, as engines do.
+    Meshes are named by their paths. Invalid visual elements are ignored, as engines do.
 
     Args:
         path: The file.
-        scale: By how much everything in it is enlarged.
+        scale: Scale factor of all lengths.
 
     Raises:
-        UrdfError: It cannot be read, or its links carry each other in a circle.
+        UrdfError: It cannot be read, or its joints form a loop.
     """
     return _Reader(parsed(path), path, scale).articulation
 
 
 class _Reader:
-    """What is read out of one description."""
+    """Reads one description."""
 
     def __init__(self, root: Element, path: Path, scale: float) -> None:
         self._path, self._scale = path, scale
@@ -113,7 +113,7 @@ class _Reader:
     def _links(
         self, base: str, elements: Mapping[str, Element], carried: Mapping[str, Sequence[tuple[str, Element]]]
     ) -> Iterator[Link]:
-        """The links in the order in which they carry each other; parents before children."""
+        """Yield the links, parents before children."""
         waiting: list[tuple[str, int, Element | None]] = [(base, -1, None)]
         count = 0
         while waiting:
@@ -122,9 +122,9 @@ class _Reader:
                 continue
             visuals = tuple(each for visual in elements[name].iterfind("visual") if (each := self._visual(visual)))
             yield Link(name=name, parent=parent, visuals=visuals, **({} if joint is None else self._joint(joint)))
-            # A link that carries itself would go round for ever.
+            # A loop of joints would never end.
             if count > len(elements):
-                raise UrdfError("makes no sense: its links carry each other in a circle")
+                raise UrdfError("is invalid: its joints form a loop")
             waiting += [(child, count, each) for child, each in carried.get(name, ())]
             count += 1
 
@@ -165,25 +165,25 @@ class _Reader:
 
 
 def materials(path: Path) -> list[str]:
-    """What an OBJ file names beside it that says how it looks: libraries of materials, and pictures that they name."""
+    """Return the material libraries of an OBJ file and the textures that these refer to, as relative paths."""
     found: list[str] = []
-    for library in _said(path, ".obj", rb"^mtllib[ \t]+(.+)"):
-        pictures = _said(path.parent / library, ".mtl", rb"^[ \t]*map_\w+[ \t]+(?:.*[ \t])?(\S+)")
+    for library in _find_all(path, ".obj", rb"^mtllib[ \t]+(.+)"):
+        pictures = _find_all(path.parent / library, ".mtl", rb"^[ \t]*map_\w+[ \t]+(?:.*[ \t])?(\S+)")
         found += [library, *(os.path.join(os.path.dirname(library), picture) for picture in pictures)]
     return found
 
 
-def _said(path: Path, kind: str, pattern: bytes) -> list[str]:
-    """What lines of a file say that look so; nothing if it is of another kind or cannot be read."""
+def _find_all(path: Path, kind: str, pattern: bytes) -> list[str]:
+    """Return the group of each match in a file; nothing if it has another suffix or does not exist."""
     if path.suffix.lower() != kind or not path.is_file():
         return []
     with open(path, "rb") as file:
-        said = re.findall(pattern, file.read(1 << 16), re.MULTILINE)
-    return [name.decode(errors="replace").strip() for name in said]
+        found = re.findall(pattern, file.read(1 << 16), re.MULTILINE)
+    return [name.decode(errors="replace").strip() for name in found]
 
 
 def material_colour(path: Path) -> tuple[float, float, float, float] | None:
-    """The colour of the first material of an OBJ file, as the file beside it says."""
+    """Return the colour of the first material of an OBJ file, from its material library."""
     if path.suffix.lower() != ".obj" or not path.is_file():
         return None
     with open(path, "rb") as file:
@@ -194,11 +194,11 @@ def material_colour(path: Path) -> tuple[float, float, float, float] | None:
     if not library.is_file() or library.parent != path.parent:
         return None
     with open(library, "rb") as file:
-        said = re.search(rb"^[ \t]*Kd[ \t]+(\S+)[ \t]+(\S+)[ \t]+(\S+)", file.read(1 << 16), re.MULTILINE)
-    if said is None:
+        match = re.search(rb"^[ \t]*Kd[ \t]+(\S+)[ \t]+(\S+)[ \t]+(\S+)", file.read(1 << 16), re.MULTILINE)
+    if match is None:
         return None
     try:
-        red, green, blue = (min(max(float(said[number]), 0.0), 1.0) for number in (1, 2, 3))
+        red, green, blue = (min(max(float(match[number]), 0.0), 1.0) for number in (1, 2, 3))
     except ValueError:
         return None
     return red, green, blue, 1.0
@@ -209,24 +209,24 @@ def _beside(path: Path, name: str) -> Path:
 
 
 def _colour(material: Element) -> tuple[float, float, float, float] | None:
-    said = _numbers(material.find("color"), "rgba", 4, ())
-    if not said:
+    numbers = _numbers(material.find("color"), "rgba", 4, ())
+    if not numbers:
         return None
-    red, green, blue, opacity = (min(max(each, 0.0), 1.0) for each in said)
+    red, green, blue, opacity = (min(max(each, 0.0), 1.0) for each in numbers)
     return red, green, blue, opacity
 
 
 def _numbers(
     element: Element | None, key: str, count: int, default: tuple[float, ...] | None = None
 ) -> tuple[float, ...]:
-    """The first numbers of an attribute, as the engine takes them: it is content with commas and with more of them."""
-    said = "" if element is None else element.get(key) or ""
+    """Return the first numbers of an attribute; like the engine, accept commas and additional numbers."""
+    text = "" if element is None else element.get(key) or ""
     try:
-        numbers = tuple(float(each) for each in said.replace(",", " ").split()[:count])
+        numbers = tuple(float(each) for each in text.replace(",", " ").split()[:count])
     except ValueError:
         numbers = ()
     if len(numbers) == count and all(map(math.isfinite, numbers)):
         return numbers
     if default is None:
-        raise UrdfError(f"makes no sense: `{key}` has {count} numbers, not `{said}`")
+        raise UrdfError(f"is invalid: `{key}` has {count} numbers, not `{text}`")
     return default

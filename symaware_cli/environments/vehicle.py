@@ -1,4 +1,4 @@
-"""Vehicles: bodies that move by wheels, joints or rotors of their own in a world of rigid bodies in space."""
+"""Vehicles: bodies with wheels, joints or rotors of their own in the spatial world."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ Array = NDArray[np.float64]
 
 
 class Vehicle(ABC):
-    """How the bodies of a group move in the world `pybullet`, for models that no mere velocity describes.
+    """Moves the bodies of a group in the world `pybullet`, for models with wheels, joints or rotors.
 
-    A model makes one for its group in `Model.vehicle`. The world loads the bodies, calls `dress` for each if it can be
-    seen, `attach` once, `actuate` at the beginning of each time step, `push` before each physics step, and reads the
-    states back by `read`.
+    `Model.vehicle` creates one for a group. The world loads the bodies, calls `dress` for each if it is visible,
+    `attach` once, `actuate` at the beginning of each time step, `push` before each physics step, and `read` for the
+    states.
 
     Attributes:
-        flags: What ``loadURDF`` is told besides.
+        flags: Additional flags for ``loadURDF``.
         needs_ground: Whether it drives on the ground, so that a world without one is refused.
-        ground: The height of the ground [m], which the world says before all else; None where there is none.
+        ground: The height of the ground [m], which the world sets before all calls; None without a ground.
     """
 
     flags: int = 0
@@ -32,18 +32,18 @@ class Vehicle(ABC):
 
     @abstractmethod
     def description(self) -> Path:
-        """The URDF file of one body."""
+        """Return the URDF file of one body."""
 
     @abstractmethod
     def pose(self, state: Array) -> tuple[Sequence[float], Sequence[float]]:
-        """Return where a body starts: the position of its base [m] and its orientation as a quaternion (x, y, z, w).
+        """Return the initial position of a body's base [m] and its orientation as a quaternion (x, y, z, w).
 
         Args:
             state: The state of one agent; shape (nx,).
         """
 
-    def dress(self, engine: Any, client: int, body: int) -> None:  # noqa: B027 (most are as the file has them)
-        """Change what a body looks like, just after it was loaded together with that.
+    def dress(self, engine: Any, client: int, body: int) -> None:  # noqa: B027 (most keep the looks of the file)
+        """Change how a body looks, just after it was loaded with its visual shapes.
 
         Args:
             engine: The module ``pybullet``.
@@ -53,58 +53,58 @@ class Vehicle(ABC):
 
     @abstractmethod
     def attach(self, engine: Any, client: int, bodies: Sequence[int], state: Array, step_time: float) -> None:
-        """Take over the bodies.
+        """Adopt the bodies.
 
         Args:
             engine: The module ``pybullet``.
             client: The client's id, for every call.
             bodies: The id of each agent's body.
             state: The initial states; shape (n, nx).
-            step_time: A physics step [s].
+            step_time: Duration of a physics step [s].
 
         Raises:
-            WorldError: The world is none for it; the path may be that of a parameter, as ``("with", "gravity")``.
+            WorldError: It does not support the world; the path may be that of a parameter: ``("with", "gravity")``.
         """
 
     @abstractmethod
     def actuate(self, control_input: Array) -> None:
-        """Take over the saturated control inputs of a time step; shape (n, nu)."""
+        """Set the saturated control inputs of a time step; shape (n, nu)."""
 
     def push(self) -> None:  # noqa: B027 (most have nothing to do)
-        """Apply what has to be applied anew in each physics step."""
+        """Apply forces and torques that last for one physics step only."""
 
     @abstractmethod
     def read(self) -> tuple[Array, Array]:
         """Return the states, shape (n, nx), and the velocities [m/s], shape (n, 3)."""
 
     def displace(self, rows: Sequence[int], change: Array) -> None:
-        """Put bodies elsewhere all at once, and give them another velocity: what process noise and pushes do.
+        """Displace bodies instantaneously, and change their velocities; used for process noise and pushes.
 
         Args:
-            rows: Which agents.
-            change: What to add to the state of each; shape (k, nx).
+            rows: The rows of the agents in the group.
+            change: The change of each state; shape (k, nx).
 
         Raises:
-            NotImplementedError: The vehicle cannot do that.
+            NotImplementedError: The vehicle does not support this.
         """
         raise NotImplementedError(f"{type(self).__name__} cannot be displaced")
 
 
 def place_body(engine: Any, client: int, body: int, values: Sequence[float]) -> None:
-    """Put a body somewhere, with a velocity; its joints stay as they are.
+    """Set the pose and velocity of a body; its joints stay as they are.
 
     Args:
         engine: The module ``pybullet``.
         client: The client's id.
-        body: Its id.
-        values: What `read_bodies` returns of it.
+        body: The body's id.
+        values: Pose and velocities, as returned by `read_bodies`.
     """
     engine.resetBasePositionAndOrientation(body, values[:3], values[3:7], client)
     engine.resetBaseVelocity(body, values[7:10], values[10:13], client)
 
 
 def read_bodies(engine: Any, client: int, bodies: Sequence[int]) -> Array:
-    """Read where bodies are and how they move, of their centres of mass.
+    """Read the poses and velocities of bodies' centres of mass.
 
     Args:
         engine: The module ``pybullet``.
@@ -116,7 +116,7 @@ def read_bodies(engine: Any, client: int, bodies: Sequence[int]) -> Array:
         the world's coordinates; shape (n, 13).
     """
     pose, motion = engine.getBasePositionAndOrientation, engine.getBaseVelocity
-    # One list and one array at the end: rows of an array that are filled one by one cost twice as much.
+    # One list and one array at the end: filling an array row by row costs twice as much.
     flat: list[float] = []
     for body in bodies:
         position, orientation = pose(body, client)

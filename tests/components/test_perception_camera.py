@@ -136,5 +136,5 @@ def test_a_world_without_images_is_refused():
 
 
 def test_nobody_to_look_at_is_refused():
-    with pytest.raises(RunError, match="neither an agent nor an entity `moon`"):
+    with pytest.raises(RunError, match="`look_at` names `moon`"):
         begun({"look_at": "moon"})

@@ -34,13 +34,13 @@ def test_a_contact_tracker_adds_up_how_hard_until_bodies_part_or_the_time_step_e
     tracker.begin((0, 1), (0.0, 0.0), 0.1)
     tracker.begin((0, 2), (0.0, 0.0), 0.1)
     for bodies, impulse in (((0, 1), 1.0), ((0, 2), 5.0), ((1, 2), 9.0), ((0, 1), 2.0)):
-        tracker.press(bodies, impulse)
+        tracker.add_impulse(bodies, impulse)
     tracker.end((0, 1))
-    tracker.press((0, 1), 7.0)  # has parted
-    tracker.press((0, 2), 0.5)
-    tracker.settle()
-    tracker.press((0, 2), 7.0)  # in the next time step
-    news = {(each.first, each.second): each.impulse for each in tracker.take() if each.begins}
+    tracker.add_impulse((0, 1), 7.0)  # has parted
+    tracker.add_impulse((0, 2), 0.5)
+    tracker.end_time_step()
+    tracker.add_impulse((0, 2), 7.0)  # in the next time step
+    news = {(each.first, each.second): each.impulse for each in tracker.take_changes() if each.begins}
     assert news == {("a", "b"): 3.0, ("a", "c"): 5.5}
 
 

@@ -547,7 +547,7 @@ def test_a_model_with_more_than_a_body_has_is_refused(kind):
 
 
 def test_a_plane_has_no_place_for_who_moves_in_space():
-    with pytest.raises(WorldError, match="no place in a plane"):
+    with pytest.raises(WorldError, match="cannot move in a plane"):
         world(PymunkEnvironment, [group(made(SingleIntegrator, dimensions=3), [0, 0, 0])])
 
 

@@ -1,1 +1,1 @@
-"""Communication: what agents tell each other, and what they make of it."""
+"""Components that exchange messages between agents, and update awareness and knowledge by them."""

@@ -1,4 +1,4 @@
-"""What agents tell of their bodies, by which others know where they are."""
+"""Fields of messages that describe the sender's body, and the covariance of its position."""
 
 from __future__ import annotations
 
@@ -12,29 +12,29 @@ from symaware_cli.core import Model, TimeSeries
 
 Array = NDArray[np.float64]
 
-#: Names under which a message tells of its sender's body and awareness, and so nothing that the sender knows.
-OF_THE_BODY = frozenset({"position", "velocity", "state", "covariance", "awareness"})
+#: The fields of a message that describe its sender's body and awareness; all other fields are knowledge.
+BODY_FIELDS = frozenset({"position", "velocity", "state", "covariance", "awareness"})
 
 
-def _told_along(name: str) -> str:
-    if name in OF_THE_BODY:
-        raise ValueError(f"knowledge cannot be told along as `{name}`, which is what the sender tells of itself")
+def _check_name(name: str) -> str:
+    if name in BODY_FIELDS:
+        raise ValueError(f"knowledge cannot be sent as `{name}`: messages use this name for the sender's own state")
     return name
 
 
-#: The name of knowledge that is told along with what the sender tells of itself.
-ToldAlong = Annotated[str, AfterValidator(_told_along)]
+#: The name of knowledge that is sent along with the sender's state.
+KnowledgeName = Annotated[str, AfterValidator(_check_name)]
 
 
 def position_covariance(model: Model, uncertainty: TimeSeries) -> Array:
-    """The covariance of the position, where an uncertainty is that of the state; shape (d, d), else NaN.
+    """Return the covariance of the position; shape (d, d). NaN if the uncertainty is not that of the state.
 
     Args:
-        model: Whose state it is.
-        uncertainty: At its first instant the covariance of the state, row by row, if it is one at all.
+        model: The model with the state.
+        uncertainty: At its first instant the covariance of the state, row by row, or something else.
     """
-    size, places = len(model.state), np.array(model.position)
+    size, columns = len(model.state), np.array(model.position)
     if not len(uncertainty) or uncertainty.values.shape[1] != size * size:
-        return np.full((len(places), len(places)), np.nan)
-    covariance: Array = uncertainty.values[0].reshape(size, size)[np.ix_(places, places)]
+        return np.full((len(columns), len(columns)), np.nan)
+    covariance: Array = uncertainty.values[0].reshape(size, size)[np.ix_(columns, columns)]
     return covariance

@@ -1,4 +1,4 @@
-"""Telling all others what one is aware of and what one knows."""
+"""Broadcasts: each agent sends its awareness and chosen knowledge to all its neighbours."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 from pydantic import Field
 
-from symaware_cli.components.communication.body import ToldAlong, position_covariance
+from symaware_cli.components.communication.body import KnowledgeName, position_covariance
 from symaware_cli.core import EVERYBODY, AgentGroup, CommunicationSender, Message, Parameters
 
 #: The kind of its messages.
@@ -15,26 +15,26 @@ BROADCAST = "broadcast"
 
 
 class Broadcast(CommunicationSender):
-    """Tells all whom an agent reaches its whole awareness of itself, and chosen knowledge of any kind.
+    """Sends an agent's whole awareness of itself, and chosen knowledge of any kind, to all agents it reaches.
 
-    The awareness has state, intent, uncertainty and risk, as they are at its turn; position and velocity, and the
-    covariance of the position where it is estimated, are told with it, for those who do not know the sender's model.
-    `communication.inbox` reads its messages; for states alone `communication.state` is many times as fast.
+    The awareness has state, intent, uncertainty and risk, as they are at the agent's turn. Position and velocity, and
+    the covariance of the position if it is estimated, are sent as well, for receivers that do not know the sender's
+    model. `communication.inbox` reads the messages; for states alone `communication.state` is many times as fast.
     """
 
     class Parameters(Parameters):
-        """What is told."""
+        """Contents of the messages."""
 
         awareness: bool = Field(True, description="Whether the agent's awareness of itself is told.")
-        knowledge: tuple[ToldAlong, ...] = Field((), description="Which knowledge is told, by name.")
+        knowledge: tuple[KnowledgeName, ...] = Field((), description="Which knowledge is told, by name.")
 
     def check(self, group: AgentGroup) -> None:
-        """What is told is known."""
+        """Check that the agents have the knowledge that is to be sent."""
         for name in self.parameters.knowledge:
             if any(name not in known for known in group.knowledge):
                 raise ValueError(f"the agents do not know `{name}`")
         if not self.parameters.awareness and not self.parameters.knowledge:
-            raise ValueError("there is nothing to tell: neither `awareness` nor `knowledge`")
+            raise ValueError("there is nothing to send: neither `awareness` nor `knowledge`")
 
     def _compute(self) -> Iterable[Message]:
         agent = self._agent

@@ -1,4 +1,4 @@
-"""Equality: whether what an agent knows is still what it knew before."""
+"""Equality of knowledge: detects whether a value has changed."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ _PARTS = {AwarenessVector: AwarenessVector.__slots__, TimeSeries: ("times", "val
 
 
 def same(one: Any, other: Any) -> bool:
-    """Whether two values say the same; NaN and NaN do.
+    """Return whether two values are equal; NaN equals NaN.
 
     Args:
-        one: Plain values, lists, mappings, arrays, time series or awareness vectors. What cannot be compared is only
-            the same as itself.
+        one: Plain values, lists, mappings, arrays, time series or awareness vectors. A value that cannot be compared
+            equals only itself.
         other: Likewise.
     """
     if isinstance(one, np.ndarray) or isinstance(other, np.ndarray):

@@ -1,4 +1,4 @@
-"""Flooding: what one tells reaches everybody, over however many links."""
+"""Flooding: spreads knowledge to all agents of the network over multiple hops."""
 
 from __future__ import annotations
 
@@ -22,22 +22,22 @@ from symaware_cli.core import (
 #: The kind of its messages.
 FLOOD = "flood"
 
-#: Of what each origin told so much is remembered, so that memory is bounded.
-_MOST = 4096
+#: The number of messages remembered of each origin, to bound memory.
+_MOST_REMEMBERED = 4096
 
 
 class Flooding(CommunicationReceiver):
-    """Tells knowledge to all whom an agent reaches, who tell it on to all whom they reach, each once.
+    """Sends knowledge to all neighbours of an agent, which each forward it once to theirs.
 
-    What is new goes out at the agent's next turn, and on, one link a turn, until its time to live is over. Where it
-    comes to an agent several ways, all but the first are suppressed. It goes into the knowledge that the agent has of
-    the origin. Give it to those who only pass things on, too, with nothing to tell.
+    A change is sent at the agent's next turn, and forwarded by one link in each turn until its time to live is reached.
+    If it arrives over several paths, all but the first copy are discarded. It is stored in the receiver's knowledge of
+    the origin. Agents that only forward need this component, too, without `names`.
     """
 
-    events: ClassVar[Mapping[str, str]] = {"heard": "something new came to the agent"}
+    events: ClassVar[Mapping[str, str]] = {"heard": "the agent received something new"}
 
     class Parameters(Parameters):
-        """What is told, and how far it goes."""
+        """Which knowledge is sent, when, and how far."""
 
         names: tuple[str, ...] = Field((), description="Which knowledge is told: at first and when it has changed.")
         interval: float | None = Field(
@@ -47,7 +47,7 @@ class Flooding(CommunicationReceiver):
 
     @property
     def kinds(self) -> Collection[str]:
-        """What is flooded."""
+        """The kind of its messages."""
         return (FLOOD,)
 
     def initialise_component(
@@ -56,40 +56,40 @@ class Flooding(CommunicationReceiver):
         initial_awareness_database: AwarenessDatabase,
         initial_knowledge_database: Mapping[str, KnowledgeDatabase],
     ) -> None:
-        """Nothing was told or heard yet."""
+        """Start without any messages sent or received."""
         super().initialise_component(agent, initial_awareness_database, initial_knowledge_database)
-        self._told: dict[str, Any] | None = None
-        self._told_at = -1
-        #: When that was told, in nanoseconds, which was heard of each component of each origin; in that order.
-        self._heard: dict[tuple[str, str], dict[int, None]] = {}
+        self._sent_values: dict[str, Any] | None = None
+        self._sent_at = -1
+        #: The send times [ns] of messages received from each component of each origin, in order of arrival.
+        self._received: dict[tuple[str, str], dict[int, None]] = {}
         self._latest: dict[tuple[str, str], int] = {}
 
     def _update(self, value: Sequence[Message]) -> None:
         for message in value:
-            self._hear(message)
+            self._receive(message)
         known, names = self._agent.self_knowledge, self.parameters.names
         present = {name: known[name] for name in names if name in known}
-        if present and self._is_news(present):
-            # The time tells apart what is told, also from what was told before a restart: each is of another instant.
-            self._told, self._told_at = present, max(self.now, self._told_at + 1)
-            origin = {"origin": self._agent.id, "component": self.name, "time": self._told_at}
+        if present and self._is_due(present):
+            # The time identifies a message, also after a restart: each is sent at another instant.
+            self._sent_values, self._sent_at = present, max(self.now, self._sent_at + 1)
+            origin = {"origin": self._agent.id, "component": self.name, "time": self._sent_at}
             self._send({**origin, "hops": 1, "told": present}, ())
 
-    def _is_news(self, present: Mapping[str, Any]) -> bool:
-        told, interval = self._told, self.parameters.interval
-        if told is None or not same(told, present):
+    def _is_due(self, present: Mapping[str, Any]) -> bool:
+        sent, interval = self._sent_values, self.parameters.interval
+        if sent is None or not same(sent, present):
             return True
-        return interval is not None and self.now - self._told_at >= nanoseconds(interval)
+        return interval is not None and self.now - self._sent_at >= nanoseconds(interval)
 
-    def _hear(self, message: Message) -> None:
+    def _receive(self, message: Message) -> None:
         payload, agent = message.payload, self._agent
         origin, time, hops = payload["origin"], payload["time"], payload["hops"]
         source = (origin, payload["component"])
-        heard = self._heard.setdefault(source, {})
+        heard = self._received.setdefault(source, {})
         if origin == agent.id or time in heard:
             return
         heard[time] = None
-        if len(heard) > _MOST:
+        if len(heard) > _MOST_REMEMBERED:
             del heard[next(iter(heard))]
         if time > self._latest.get(source, -1):
             self._latest[source] = time
@@ -98,8 +98,8 @@ class Flooding(CommunicationReceiver):
         if hops < self.parameters.time_to_live:
             self._send({**payload, "hops": hops + 1}, (message.sender, origin))
 
-    def _send(self, payload: Mapping[str, Any], known_to: Collection[str]) -> None:
+    def _send(self, payload: Mapping[str, Any], excluded: Collection[str]) -> None:
         exchange, own = self._surroundings.exchange, self._agent.id
         for id in exchange.neighbours(own):
-            if id not in known_to:
+            if id not in excluded:
                 exchange.send(Message(own, id, payload, FLOOD))

@@ -1,4 +1,4 @@
-"""Becoming aware of others by what they say."""
+"""The inbox: turns received messages into tracks and knowledge of other agents."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
-from symaware_cli.components.communication.body import OF_THE_BODY
+from symaware_cli.components.communication.body import BODY_FIELDS
 from symaware_cli.components.communication.broadcast import BROADCAST
 from symaware_cli.components.communication.position_reports import PositionReports
 from symaware_cli.components.communication.state import STATE
@@ -31,25 +31,25 @@ Array = NDArray[np.float64]
 
 
 class Inbox(GroupCommunicationReceiver):
-    """Keeps what others tell of themselves, and makes tracks of it, older messages being less certain.
+    """Stores the messages of other agents, and makes tracks of them, with more uncertainty for older messages.
 
-    A message says where its sender was. Now it is taken to be farther on, straight ahead, and the variance of where it
-    is grows with the age T of the message as that of a body whose acceleration is white noise of intensity q (see
-    `uncertainty.gaussian`): v + s T^2 + q T^3 / 3, where v is what the sender says of its own uncertainty, or
-    `position_noise`, and s stands for `velocity_noise`.
+    A message contains the position of its sender when it was sent. The position now is extrapolated with constant
+    velocity, and its variance grows with the age T of the message as for a body with white noise of acceleration of
+    intensity q (see `uncertainty.gaussian`): v + s T^2 + q T^3 / 3, where v is the variance that the sender states, or
+    else `position_noise` squared, and s is `velocity_noise` squared.
 
-    With the policy `latest`, of each sender the message counts that was sent last, whenever it came. With `window` and
-    `all`, the messages kept are averaged, each with the inverse of its variance as its weight, and nobody becomes more
-    certain by that than by the best of them, because their errors are not independent.
+    With the policy `latest`, only the message of each sender that was sent last counts, whenever it arrived. With
+    `window` and `all`, the stored messages are averaged with the inverse of their variances as weights; the result is
+    never more certain than the best of them, because their errors are not independent.
 
-    What one sees wins over what one is told, unless that is more recent. A broadcast tells the same of its sender, and
-    besides an intent and a risk, which are in the awareness that the receiver has of it for as long as the sender is
-    remembered. Knowledge that is told along goes into the knowledge that an agent has of others; whatever the policy,
-    what was sent last stays, also when the sender is forgotten.
+    Perception takes precedence over messages, unless a message is more recent. A broadcast contains also an intent and
+    a risk, which the receiver's awareness of the sender has for as long as the sender is remembered. Further knowledge
+    in a message is stored in the agent's knowledge of the sender; with any policy the knowledge that was sent last
+    stays, also when the sender is forgotten.
     """
 
     class Parameters(Parameters):
-        """What is kept, and how certain it is."""
+        """Which messages are kept, and their uncertainty."""
 
         policy: Literal["latest", "window", "all"] = Field(
             "latest", description="Which messages of each sender count: the latest, those of a while, or all."
@@ -59,7 +59,7 @@ class Inbox(GroupCommunicationReceiver):
         )
         memory: float = Field(5.0, gt=0, description="For how long a sender is remembered that says nothing more [s].")
         position_noise: float = Field(
-            0.0, ge=0, description="Standard deviation of positions of which nothing is said, along each axis [m]."
+            0.0, ge=0, description="Standard deviation of positions of which nothing is stated, along each axis [m]."
         )
         velocity_noise: float = Field(0.0, ge=0, description="Standard deviation of velocities, along each axis [m/s].")
         acceleration_noise: float = Field(
@@ -69,25 +69,25 @@ class Inbox(GroupCommunicationReceiver):
             "[m/s^2/sqrt(Hz)].",
         )
 
-    #: With the policy `all`, so many messages of one sender are kept, that memory is bounded.
+    #: The most messages of one sender that the policy `all` keeps, to bound memory.
     _MOST = 1000
 
     @property
     def kinds(self) -> Collection[str]:
-        """States and broadcasts."""
+        """The kinds of messages that it reads: states and broadcasts."""
         return (STATE, BROADCAST)
 
     def initialise_component(self, group: AgentGroup) -> None:
-        """Begin with an empty inbox."""
+        """Start with an empty inbox."""
         super().initialise_component(group)
         environment = self.environment
-        self._everybody = len(environment.roster)
+        self._roster_size = len(environment.roster)
         self._start = environment.roster.start(group.name)
-        self._reports = PositionReports.nothing(environment.snapshot().positions.shape[1])
-        #: The number of the latest message that told each knowledge, by its name, then by receiver and sender.
+        self._reports = PositionReports.empty(environment.snapshot().positions.shape[1])
+        #: The sequence number of the latest message with each knowledge, by its name, then by receiver and sender.
         self._learnt: defaultdict[str, dict[int, int]] = defaultdict(dict)
-        #: When each awareness vector that counts was sent, and its message's number, by the receiver's row and the id.
-        self._heard: dict[tuple[int, str], tuple[int, int]] = {}
+        #: Send time and sequence number of each awareness vector in use, by the receiver's row and the id.
+        self._received: dict[tuple[int, str], tuple[int, int]] = {}
         group.awareness.told = None
         for agent in vars(group).get("agents", ()):
             for id in list(agent.awareness_database.told):
@@ -95,37 +95,37 @@ class Inbox(GroupCommunicationReceiver):
 
     @property
     def kept(self) -> PositionReports:
-        """The messages in the inbox."""
+        """The stored messages."""
         return self._reports
 
     def _update(self, value: Sequence[Delivery]) -> None:
         further: list[PositionReports] = []
         for each in value:
             if each.batch.kind == STATE:
-                further.append(self._of_states(each))
+                further.append(self._state_reports(each))
             else:
                 for message in each.messages(self.environment.roster.ids):
-                    further += self._of_broadcast(message)
+                    further += self._broadcast_reports(message)
         parameters, awareness = self.parameters, self._group.awareness
         if further:
-            self._reports = self._reports.joined(further, latest=parameters.policy == "latest")
+            self._reports = self._reports.merged(further, latest=parameters.policy == "latest")
         self._forget()
         if len(self._reports.keys) or awareness.told is not None:
             awareness.told = self._reports.tracks(
                 self.computed_at,
                 len(self._group),
-                self._everybody,
+                self._roster_size,
                 parameters.velocity_noise**2,
                 parameters.acceleration_noise**2,
             )
 
-    def _of_states(self, delivery: Delivery) -> PositionReports:
-        """What states tell of their senders; takes over the knowledge that is told along."""
+    def _state_reports(self, delivery: Delivery) -> PositionReports:
+        """Return the reports in messages of states, and store the knowledge in them."""
         columns = delivery.batch.columns
-        told = [name for name in columns if name not in OF_THE_BODY]
-        keys = (delivery.receivers - self._start).astype(np.int64) * self._everybody + delivery.senders
-        if told:
-            self._learn_from(delivery, keys, told)
+        names = [name for name in columns if name not in BODY_FIELDS]
+        keys = (delivery.receivers - self._start).astype(np.int64) * self._roster_size + delivery.senders
+        if names:
+            self._store_knowledge_of_states(delivery, keys, names)
         covariance = delivery.column("covariance") if "covariance" in columns else None
         return PositionReports(
             keys,
@@ -135,16 +135,16 @@ class Inbox(GroupCommunicationReceiver):
             self._variance(covariance, len(delivery)),
         )
 
-    def _of_broadcast(self, message: Message) -> Sequence[PositionReports]:
-        """What a broadcast tells of its sender, if anything; takes over the awareness vector, and knowledge."""
+    def _broadcast_reports(self, message: Message) -> Sequence[PositionReports]:
+        """Return the report in a broadcast, if any, and store its awareness vector and knowledge."""
         roster, payload = self.environment.roster, message.payload
         row, sender = roster.index(message.receiver) - self._start, roster.index(message.sender)
-        agent, key = self._group.agents[row], row * self._everybody + sender
+        agent, key = self._group.agents[row], row * self._roster_size + sender
         for name, value in payload.items():
             if isinstance(value, AwarenessVector):
-                self._hear(agent, message, value)
-            elif name not in OF_THE_BODY:
-                self._learn(agent, message.sender, key, message.sequence, name, value)
+                self._store_awareness(agent, message, value)
+            elif name not in BODY_FIELDS:
+                self._store_knowledge(agent, message.sender, key, message.sequence, name, value)
         if "position" not in payload or "velocity" not in payload:
             return ()
         covariance = payload.get("covariance")
@@ -159,28 +159,28 @@ class Inbox(GroupCommunicationReceiver):
         ]
 
     def _in_space(self, values: ArrayLike) -> Array:
-        """Vectors with as many columns as the world; who moves in the plane stands at height 0."""
+        """Return vectors with as many columns as the world; planar agents are at height 0."""
         vectors = np.asarray(values, float)
         missing = self._reports.positions.shape[1] - vectors.shape[1]
         return np.pad(vectors, ((0, 0), (0, missing))) if missing else vectors
 
     def _variance(self, covariance: ArrayLike | None, count: int) -> Array:
-        """How sure senders are of their positions, as they say, or as is assumed where they say nothing."""
+        """Return the variances of senders' positions: as stated, or else as assumed."""
         own = self.parameters.position_noise**2
         if covariance is None:
             return np.full(count, own)
         matrices = np.asarray(covariance, float)
-        said = np.trace(matrices, axis1=1, axis2=2) / matrices.shape[1]
-        variance: Array = np.where(np.isnan(said), own, said)
+        stated = np.trace(matrices, axis1=1, axis2=2) / matrices.shape[1]
+        variance: Array = np.where(np.isnan(stated), own, stated)
         return variance
 
-    def _hear(self, agent: Agent, message: Message, vector: AwarenessVector) -> None:
-        """Take over an awareness vector, unless one is known that was sent later."""
-        heard, key, sent = self._heard, (agent.row, vector.id), (message.sent_time, message.sequence)
-        if vector.id == agent.id or heard.get(key, sent) > sent:
+    def _store_awareness(self, agent: Agent, message: Message, vector: AwarenessVector) -> None:
+        """Store an awareness vector, unless a later one is known."""
+        received, key, sent = self._received, (agent.row, vector.id), (message.sent_time, message.sequence)
+        if vector.id == agent.id or received.get(key, sent) > sent:
             return
-        heard[key] = sent
-        # Its uncertainty is that of then, and says when that was.
+        received[key] = sent
+        # Its uncertainty is of the time when it was sent.
         uncertainty = vector.uncertainty
         if not len(uncertainty):
             uncertainty = TimeSeries.sampled([message.sent_time], [self.parameters.position_noise])
@@ -190,17 +190,17 @@ class Inbox(GroupCommunicationReceiver):
         told = vector.replaced(state=state, uncertainty=uncertainty)
         agent.awareness_database.hear(told, message.sent_time, alone="position" not in payload)
 
-    def _learn_from(self, delivery: Delivery, keys: NDArray[np.int64], names: Sequence[str]) -> None:
-        """Take over what senders tell of what they know."""
+    def _store_knowledge_of_states(self, delivery: Delivery, keys: NDArray[np.int64], names: Sequence[str]) -> None:
+        """Store the knowledge in messages."""
         ids, agents, start = self.environment.roster.ids, self._group.agents, self._start
         columns = (delivery.receivers, delivery.senders, keys, delivery.sequences)
         messages = list(zip(*(column.tolist() for column in columns), strict=True))
         for name in names:
             for (receiver, sender, key, sequence), value in zip(messages, delivery.column(name), strict=True):
-                self._learn(agents[receiver - start], ids[sender], key, sequence, name, value)
+                self._store_knowledge(agents[receiver - start], ids[sender], key, sequence, name, value)
 
-    def _learn(self, agent: Agent, sender: str, key: int, sequence: int, name: str, value: object) -> None:
-        """Take over something that another knows, unless it told something later."""
+    def _store_knowledge(self, agent: Agent, sender: str, key: int, sequence: int, name: str, value: object) -> None:
+        """Store a piece of another agent's knowledge, unless a later one is known."""
         learnt = self._learnt[name]
         if learnt.get(key, -1) <= sequence:
             learnt[key] = sequence
@@ -210,18 +210,18 @@ class Inbox(GroupCommunicationReceiver):
             known[sender][name] = value
 
     def _forget(self) -> None:
-        """Throw away what is too old to count."""
+        """Drop messages that are too old."""
         parameters, kept = self.parameters, self._reports
         memory = nanoseconds(parameters.memory)
-        for (row, id), (sent, _) in list(self._heard.items()):
+        for (row, id), (sent, _) in list(self._received.items()):
             if self.computed_at - sent > memory:
-                del self._heard[row, id]
+                del self._received[row, id]
                 self._group.agents[row].awareness_database.forget(id)
         if not len(kept.keys):
             return
         recent = self.computed_at - kept.sent <= memory
         if parameters.policy != "latest":
-            # How many messages of the same sender are not older, and whether the sender is remembered.
+            # The number of messages of the same sender that are not older, and whether the sender is remembered.
             ends = np.searchsorted(kept.keys, kept.keys, "right")
             ranks, recent = ends - np.arange(len(ends)), recent[ends - 1]
             if parameters.policy == "window":
@@ -229,4 +229,4 @@ class Inbox(GroupCommunicationReceiver):
             else:
                 recent &= ranks <= self._MOST
         if not recent.all():
-            self._reports = kept.some(recent)
+            self._reports = kept.select(recent)

@@ -1,4 +1,4 @@
-"""Asking others for what they know, and answering."""
+"""Requests: agents ask others for knowledge, and answer their requests."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ REQUEST, REPLY = "request", "reply"
 
 
 class Question(NamedTuple):
-    """What an agent is asked at present.
+    """The state of a request that has not been answered yet.
 
     Attributes:
-        tries: How often it was asked.
-        time: When it was asked last, in nanoseconds.
+        tries: How often it was sent.
+        time: When it was sent last, in nanoseconds.
     """
 
     tries: int
@@ -35,22 +35,22 @@ class Question(NamedTuple):
 
 
 class Request(CommunicationReceiver):
-    """Asks agents for what they know, again where no answer comes, and answers those who ask.
+    """Asks other agents for knowledge, repeats unanswered requests, and answers requests of others.
 
-    What is answered goes into the knowledge that the agent has of the other. Who is not reached when a question is due
-    is asked when it is. Who does not answer is given up after some tries, until the next interval is over. Give it to
-    those who are to answer, too, with nobody to ask.
+    Answers are stored in the agent's knowledge of the other. An agent that is out of reach when a request is due is
+    asked when it is reached. An agent that does not answer is given up after some tries, until the next interval
+    begins. Agents that only answer need this component, too, with an empty `whom`.
     """
 
     bodies: ClassVar[Mapping[str, str]] = {"whom": "agents"}
     events: ClassVar[Mapping[str, str]] = {
-        "answered": "an answer came",
-        "unanswered": "none came, however often the agent asked",
-        "unknown": "an answer came, and the other does not know some or all of what it was asked for",
+        "answered": "an answer arrived",
+        "unanswered": "no answer arrived to any of the tries",
+        "unknown": "an answer arrived, but the other lacks some or all of the requested knowledge",
     }
 
     class Parameters(Parameters):
-        """Whom to ask for what."""
+        """Which agents to ask for which knowledge."""
 
         whom: tuple[str, ...] = Field((), description="Whom to ask: ids, groups or patterns; nobody if empty.")
         names: tuple[str, ...] = Field((), description="Which knowledge to ask for, by name.")
@@ -64,13 +64,13 @@ class Request(CommunicationReceiver):
 
     @property
     def kinds(self) -> Collection[str]:
-        """Questions and answers."""
+        """The kinds of messages that it reads: requests and replies."""
         return (REQUEST, REPLY)
 
     def check(self, group: AgentGroup) -> None:
-        """Who asks somebody asks for something."""
+        """Check that a request names some knowledge."""
         if self.parameters.whom and not self.parameters.names:
-            raise ValueError("`names` says what to ask `whom` for, and is empty")
+            raise ValueError("`whom` needs `names`, the knowledge to ask for, and these are empty")
 
     def initialise_component(
         self,
@@ -78,14 +78,14 @@ class Request(CommunicationReceiver):
         initial_awareness_database: AwarenessDatabase,
         initial_knowledge_database: Mapping[str, KnowledgeDatabase],
     ) -> None:
-        """Nobody was asked yet."""
+        """Start without requests."""
         super().initialise_component(agent, initial_awareness_database, initial_knowledge_database)
         roster = self.environment.roster
         self._whom = {roster.ids[index] for pattern in self.parameters.whom for index in roster.matching(pattern)}
         self._open: dict[str, Question] = {}
-        #: Since when each is being asked who has not answered yet, given up or not, in nanoseconds.
+        #: Time of the first request to each agent that has not answered yet, in nanoseconds.
         self._since: dict[str, int] = {}
-        #: When each answered or was given up who is not being asked at present.
+        #: When each agent without an open request answered or was given up, in nanoseconds.
         self._settled: dict[str, int] = {}
 
     def _update(self, value: Sequence[Message]) -> None:
@@ -100,7 +100,7 @@ class Request(CommunicationReceiver):
     def _answer(self, message: Message) -> None:
         known, question = self._agent.self_knowledge, message.payload
         told = {name: known[name] for name in question["names"] if name in known}
-        # Several components of an agent may ask: each must know its answers from those to another.
+        # Several components of an agent may ask: `asks` tells their replies apart.
         reply = {"asked": message.sent_time, "asks": question["asks"], "told": told}
         self._send(message.sender, reply, REPLY)
 
@@ -108,7 +108,7 @@ class Request(CommunicationReceiver):
         sender, reply = message.sender, message.payload
         since = self._since.get(sender)
         if reply["asks"] != self.name or since is None or reply["asked"] < since:
-            return  # to another, or a second answer to what was asked twice
+            return  # for another component, or a second answer to a repeated request
         del self._since[sender]
         self._open.pop(sender, None)
         self._settled[sender] = self.now
@@ -144,7 +144,7 @@ class Request(CommunicationReceiver):
             self._send(id, {"names": list(parameters.names), "asks": self.name}, REQUEST)
 
     def _is_due(self, id: str) -> bool:
-        """Whether somebody who is not being asked is to be."""
+        """Return whether an agent without an open request is to be asked."""
         interval, settled = self.parameters.interval, self._settled.get(id)
         return settled is None or (interval is not None and self.now - settled >= nanoseconds(interval))
 

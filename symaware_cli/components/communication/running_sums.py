@@ -1,4 +1,4 @@
-"""Running sums: what flowed between agents and their neighbours, whatever was lost of what they told each other."""
+"""Running sums: the flows between neighbours in a consensus that tolerates lost messages."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from symaware_cli.core.message import Indices, Times
 
 Array = NDArray[np.float64]
 
-#: So many turns back agents know their own sums; what is older than that comes too late.
+#: For how many past turns the own sums are kept; older messages are ignored.
 _MEMORY = 256
 
 
@@ -20,7 +20,7 @@ class TurnSums(NamedTuple):
     """The sums of one turn.
 
     Attributes:
-        number: How many turns were before it.
+        number: The number of turns before it.
         before: The sum of all values before it, of each agent of a group; shape (n, k).
         after: The sum with the values of this turn; shape (n, k).
     """
@@ -31,11 +31,11 @@ class TurnSums(NamedTuple):
 
 
 class SumHistory:
-    """The sums of the last turns of a group, by their instants.
+    """The sums of a group in its last turns, by their instants.
 
     Attributes:
-        count: How many turns there were.
-        epoch: The instant of the first, in nanoseconds; -1 before it.
+        count: The number of turns.
+        epoch: The instant of the first turn, in nanoseconds; -1 before it.
         sum: The sum of all values so far; shape (n, k).
     """
 
@@ -46,7 +46,7 @@ class SumHistory:
         self._turns: dict[int, TurnSums] = {}
 
     def add(self, now: int, value: Array) -> TurnSums:
-        """Remember the values of a turn, which comes after all others."""
+        """Add the values of a new turn."""
         turn = TurnSums(self.count, self.sum, self.sum + value)
         if not self.count:
             self.epoch = now
@@ -58,133 +58,134 @@ class SumHistory:
         return turn
 
     def at(self, instant: int) -> TurnSums | None:
-        """The turn at an instant, in nanoseconds; None where there was none, or longer ago than is remembered."""
+        """Return the turn at an instant, in nanoseconds; None if there was none, or it is forgotten."""
         return self._turns.get(instant)
 
     def since(self, instant: int) -> TurnSums | None:
-        """The first turn at an instant or after it; None where it is not remembered, or not yet."""
+        """Return the first turn at or after an instant; None if it is forgotten, or to come."""
         first = next(iter(self._turns), instant)
         return None if first > instant else next((turn for time, turn in self._turns.items() if time >= instant), None)
 
     def misses(self, instant: int) -> bool:
-        """Whether somebody who took a turn at an instant in the past took one that was left out here."""
+        """Return whether this group missed a turn that a neighbour took at a past instant."""
         return instant not in self._turns and instant > next(iter(self._turns), instant)
 
 
 class Flows:
-    """What flowed to each agent of a group from each neighbour that it heard of.
+    """The flows to each agent of a group from each of its neighbours.
 
-    The flow between two is the difference between the sums of their values since both of them take part. Who begins
-    anew begins with a sum of 0, and says when that was: its *epoch*. What flowed before is settled then, and what flows
-    from then on is counted from the sum that the other had at that instant. Who began later than a neighbour cannot
-    know that sum: it counts from the first turn of which it hears.
+    The flow between two agents is the difference between the sums of their values since both of them take part. An
+    agent that starts restarted starts with a sum of 0, and sends the time of its start: its *epoch*. Earlier flows are
+    settled then, and later flows are counted from the neighbour's sum at that instant. An agent that started after a
+    neighbour cannot know that sum: it counts from the first turn that it receives.
 
-    Each flow counts with the weight of its pair, which is 1, or where neighbours tell their degrees, 1 / (1 + max(d_i,
-    d_j)). A pair's weight is to stay the same for as long as sums are kept, as one sum covers all turns.
+    Each flow has the weight of its pair: 1, or if neighbours send their degrees, 1 / (1 + max(d_i, d_j)). The weight of
+    a pair must stay constant while sums are kept, as one sum covers all turns.
 
     Attributes:
-        rows: Whose neighbour each is, ascending; shape (m,).
-        told: The value that each told last; shape (m, k).
+        rows: The row of the agent of each pair, ascending; shape (m,).
+        values: The value that each neighbour sent last; shape (m, k).
     """
 
-    def __init__(self, shape: tuple[int, ...], start: int, everybody: int) -> None:
-        """Nobody was heard of yet.
+    def __init__(self, shape: tuple[int, ...], start: int, roster_size: int) -> None:
+        """Start without neighbours.
 
         Args:
-            shape: Of the values of the group, (n, k).
+            shape: The shape of the group's values, (n, k).
             start: The index of its first agent in the roster.
-            everybody: How many agents there are.
+            roster_size: The number of agents in the roster.
         """
         self._start = start
-        self._everybody = everybody
-        self._settled: Array = np.zeros(shape)
+        self._roster_size = roster_size
+        self._settled_flows: Array = np.zeros(shape)
         width = shape[1:]
-        #: row * everybody + index of the neighbour, ascending.
+        #: row * roster_size + index of the neighbour, ascending.
         self._keys = np.empty(0, np.int64)
         self._epochs = np.empty(0, np.int64)
         self._instants = np.empty(0, np.int64)
-        self._heard = np.empty(0, np.int64)
-        self._late = np.empty(0, np.int64)
+        self._turns = np.empty(0, np.int64)
+        self._delays = np.empty(0, np.int64)
         self._weights: Array = np.empty(0)
         self._origins: Array = np.empty((0, *width))
         self._flows: Array = np.empty((0, *width))
-        self.told: Array = np.empty((0, *width))
+        self.values: Array = np.empty((0, *width))
         self.rows: Indices = np.empty(0, np.intp)
 
     def total(self) -> Array:
-        """What flowed to each agent in all, weighted; shape (n, k)."""
-        total = self._settled.copy()
+        """Return the weighted sum of all flows to each agent; shape (n, k)."""
+        total = self._settled_flows.copy()
         np.add.at(total, self.rows, self._weights[:, None] * self._flows)
         return total
 
-    def hear(self, delivery: Delivery, history: SumHistory, degrees: Indices | None = None) -> None:
-        """Take over what neighbours tell: their ``value`` at a turn, the ``sum`` of those before, their ``epoch``.
+    def receive(self, delivery: Delivery, history: SumHistory, degrees: Indices | None = None) -> None:
+        """Process messages of neighbours: ``value`` at a turn, ``sum`` of those before, and ``epoch``.
 
         Args:
-            delivery: What they tell.
+            delivery: The messages.
             history: The sums of the group.
-            degrees: How many links each agent of the group has, where neighbours tell their own ``degree`` as well;
-                shape (n,). None where all weights are 1.
+            degrees: The number of links of each agent of the group, if neighbours send their ``degree`` as well; shape
+                (n,). None if all weights are 1.
         """
         turn, instant = history.at(delivery.sent_time), delivery.sent_time
         if turn is None:
             return
-        # A message may have come twice.
+        # A message may have arrived twice.
         keys, one = np.unique(
-            (delivery.receivers - self._start).astype(np.int64) * self._everybody + delivery.senders, return_index=True
+            (delivery.receivers - self._start).astype(np.int64) * self._roster_size + delivery.senders,
+            return_index=True,
         )
         before, value, epochs = (delivery.column(name)[one] for name in ("sum", "value", "epoch"))
         epochs = epochs.astype(np.int64)
-        places = self._places(keys)
+        indices = self._indices(keys)
         if degrees is not None:
-            # Both ends compute it from the same two numbers, so what one gains the other loses.
-            greater = np.maximum(degrees[self.rows[places]], delivery.column("degree")[one])
-            self._weights[places] = 1.0 / (1.0 + greater)
-        anew = epochs > self._epochs[places]
-        if anew.any():
-            self._settle(places[anew], epochs[anew], before[anew], turn, history)
-        news = (epochs == self._epochs[places]) & (instant > self._instants[places])
-        places, before, value = places[news], before[news], value[news]
-        self._flows[places] = before + value - turn.after[self.rows[places]] - self._origins[places]
-        self._instants[places] = instant
-        self._heard[places] = history.count
-        self._late[places] = history.count - turn.number - 1
-        self.told[places] = value
+            # Both agents compute the weight from the same two numbers, so one gains what the other loses.
+            greater = np.maximum(degrees[self.rows[indices]], delivery.column("degree")[one])
+            self._weights[indices] = 1.0 / (1.0 + greater)
+        restarted = epochs > self._epochs[indices]
+        if restarted.any():
+            self._settle(indices[restarted], epochs[restarted], before[restarted], turn, history)
+        newer = (epochs == self._epochs[indices]) & (instant > self._instants[indices])
+        indices, before, value = indices[newer], before[newer], value[newer]
+        self._flows[indices] = before + value - turn.after[self.rows[indices]] - self._origins[indices]
+        self._instants[indices] = instant
+        self._turns[indices] = history.count
+        self._delays[indices] = history.count - turn.number - 1
+        self.values[indices] = value
 
-    def heard(self, turn: int) -> tuple[Indices, Times, Array]:
-        """Whose neighbours were heard of in a turn, by its number.
+    def pairs_of_turn(self, turn: int) -> tuple[Indices, Times, Array]:
+        """Return the pairs whose neighbour was heard in a turn, by its number.
 
         Returns:
-            Their agents' rows, how many turns later than at once, and the weights of the pairs; each (m,).
+            The rows of the agents, the delays in turns, and the weights of the pairs; each (m,).
         """
-        now = self._heard == turn
-        return self.rows[now], self._late[now], self._weights[now]
+        now = self._turns == turn
+        return self.rows[now], self._delays[now], self._weights[now]
 
-    def _places(self, keys: Times) -> Indices:
-        """Where neighbours stand, who are entered if they are new."""
-        places = np.searchsorted(self._keys, keys)
-        known = places < len(self._keys)
-        known[known] = self._keys[places[known]] == keys[known]
+    def _indices(self, keys: Times) -> Indices:
+        """Return the indices of pairs, which are added if they are new."""
+        indices = np.searchsorted(self._keys, keys)
+        known = indices < len(self._keys)
+        known[known] = self._keys[indices[known]] == keys[known]
         if known.all():
-            return places
-        new, where = keys[~known], places[~known]
+            return indices
+        new, where = keys[~known], indices[~known]
         self._keys = np.insert(self._keys, where, new)
-        self.rows = (self._keys // self._everybody).astype(np.intp)
-        for name in ("_epochs", "_instants", "_heard"):
+        self.rows = (self._keys // self._roster_size).astype(np.intp)
+        for name in ("_epochs", "_instants", "_turns"):
             setattr(self, name, np.insert(getattr(self, name), where, -1))
-        self._late = np.insert(self._late, where, 0)
+        self._delays = np.insert(self._delays, where, 0)
         self._weights = np.insert(self._weights, where, 1.0)
-        for name in ("_origins", "_flows", "told"):
+        for name in ("_origins", "_flows", "values"):
             setattr(self, name, np.insert(getattr(self, name), where, 0.0, axis=0))
         return np.searchsorted(self._keys, keys)
 
-    def _settle(self, places: Indices, epochs: Times, before: Array, turn: TurnSums, history: SumHistory) -> None:
-        """Count anew for neighbours that are heard of for the first time, or began anew."""
-        rows = self.rows[places]
-        np.add.at(self._settled, rows, self._weights[places, None] * self._flows[places])
-        self._flows[places] = 0.0
-        self._instants[places] = -1
-        self._epochs[places] = epochs
+    def _settle(self, indices: Indices, epochs: Times, before: Array, turn: TurnSums, history: SumHistory) -> None:
+        """Settle the flows of neighbours that are new or have started anew, and set the origins of their sums."""
+        rows = self.rows[indices]
+        np.add.at(self._settled_flows, rows, self._weights[indices, None] * self._flows[indices])
+        self._flows[indices] = 0.0
+        self._instants[indices] = -1
+        self._epochs[indices] = epochs
         origins = before - turn.before[rows]
         origins[epochs == history.epoch] = 0.0
         for epoch in np.unique(epochs[epochs > history.epoch]).tolist():
@@ -192,4 +193,4 @@ class Flows:
             if common is not None:
                 later = epochs == epoch
                 origins[later] = -common.before[rows[later]]
-        self._origins[places] = origins
+        self._origins[indices] = origins

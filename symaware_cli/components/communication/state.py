@@ -1,4 +1,4 @@
-"""Telling others where one is."""
+"""State messages: agents send position, velocity, state and chosen knowledge to their neighbours."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from symaware_cli.components.communication.body import ToldAlong, position_covariance
+from symaware_cli.components.communication.body import KnowledgeName, position_covariance
 from symaware_cli.core import AgentGroup, GroupComponent, Links, MessageBatch, Parameters, nanoseconds
 
 Array = NDArray[np.float64]
@@ -14,23 +14,23 @@ Array = NDArray[np.float64]
 #: The kind of its messages.
 STATE = "state"
 
-#: Before any run.
+#: A time before any run.
 _NEVER = -(1 << 62)
 
 
 class StateSender(GroupComponent):
-    """Tells all whom it reaches what each agent believes of itself: position, velocity, state and chosen knowledge.
+    """Sends each agent's belief of its position, velocity and state, and chosen knowledge, to all it reaches.
 
-    It does so at each of its turns (`period`), or only when others would be wrong: a receiver takes a sender to go
-    straight on, and with a `threshold` a sender speaks up when it is farther than that from where it would be taken to
-    be. It also does so after a while of `silence`, that a message that was lost does no lasting harm and no receiver
-    forgets it, and at its next turn after it has come to reach somebody new. `communication.inbox` reads its messages.
+    It sends at each of its turns (`period`), or only when needed: receivers extrapolate a sender's motion with constant
+    velocity, and with a `threshold` an agent sends when it is farther than that from its extrapolated position. It also
+    sends after a time of `silence`, so that a lost message does no lasting harm and no receiver forgets it, and at its
+    next turn after a new neighbour has come into reach. `communication.inbox` reads the messages.
     """
 
     class Parameters(Parameters):
-        """What is told, and when."""
+        """Contents of the messages, and when they are sent."""
 
-        knowledge: tuple[ToldAlong, ...] = Field(
+        knowledge: tuple[KnowledgeName, ...] = Field(
             (), description="Which knowledge is told along, by name; numbers only."
         )
         uncertainty: bool = Field(
@@ -50,7 +50,7 @@ class StateSender(GroupComponent):
         )
 
     def check(self, group: AgentGroup) -> None:
-        """What is told along is known, and made of numbers."""
+        """Check that the agents have the knowledge, and that it consists of numbers."""
         for name in self.parameters.knowledge:
             try:
                 group.known(name)
@@ -58,16 +58,16 @@ class StateSender(GroupComponent):
                 raise ValueError(f"the agents do not know `{name}`") from None
         parameters = self.parameters
         if "silence" in parameters.model_fields_set and parameters.silence is not None and parameters.threshold is None:
-            raise ValueError("`silence` is the exception to a `threshold`, and there is none")
+            raise ValueError("`silence` has an effect only with a `threshold`, which is missing")
 
     def initialise_component(self, group: AgentGroup) -> None:
-        """Nothing was told yet."""
+        """Start without messages sent."""
         super().initialise_component(group)
         self._start = self.environment.roster.start(group.name)
         count, dimensions = len(group), len(group.model.position)
-        self._told = np.full((count, dimensions), np.nan)
-        self._moving = np.zeros((count, dimensions))
-        self._told_at = np.full(count, _NEVER, np.int64)
+        self._sent_position = np.full((count, dimensions), np.nan)
+        self._sent_velocity = np.zeros((count, dimensions))
+        self._sent_at = np.full(count, _NEVER, np.int64)
         self._links: Links | None = None
 
     def _compute(self) -> MessageBatch | None:
@@ -85,17 +85,17 @@ class StateSender(GroupComponent):
 
     def _update(self, value: MessageBatch | None) -> None:
         if self.parameters.threshold is not None:
-            self._look_for_new_receivers()
+            self._detect_new_receivers()
         if value is None:
             return
         if self.parameters.threshold is not None:
             rows = value.senders - self._start
-            self._told[rows], self._moving[rows] = value.columns["position"], value.columns["velocity"]
-            self._told_at[rows] = self.now
+            self._sent_position[rows], self._sent_velocity[rows] = value.columns["position"], value.columns["velocity"]
+            self._sent_at[rows] = self.now
         self._surroundings.exchange.post(value)
 
-    def _look_for_new_receivers(self) -> None:
-        """Have those speak up at their next turn who have come to reach somebody new, unless they do so now."""
+    def _detect_new_receivers(self) -> None:
+        """Make agents with a new neighbour send at their next turn, unless they send now."""
         links, before = self._surroundings.exchange.links, self._links
         if links is before:
             return
@@ -103,18 +103,18 @@ class StateSender(GroupComponent):
         if links is None or before is None:
             return
         new = np.setdiff1d(links.keys, before.keys, assume_unique=True) // links.count - self._start
-        self._told[new[(new >= 0) & (new < len(self._group))]] = np.nan
+        self._sent_position[new[(new >= 0) & (new < len(self._group))]] = np.nan
 
     def _due(self, position: Array) -> NDArray[np.intp]:
-        """Those who are not where others take them to be."""
-        age = (self.now - self._told_at)[:, None] / 1e9
-        error = np.linalg.norm(position - (self._told + age * self._moving), axis=1)
+        """Return the rows of agents that are too far from where others assume them."""
+        age = (self.now - self._sent_at)[:, None] / 1e9
+        error = np.linalg.norm(position - (self._sent_position + age * self._sent_velocity), axis=1)
         due = ~(error <= self.parameters.threshold)
         if self.parameters.silence is not None:
-            due |= self.now - self._told_at >= nanoseconds(self.parameters.silence)
+            due |= self.now - self._sent_at >= nanoseconds(self.parameters.silence)
         return np.flatnonzero(due)
 
     def _covariance(self, rows: NDArray[np.intp]) -> Array:
-        """The covariance of each position; NaN where none was estimated."""
+        """Return the covariance of each position; NaN if none is estimated."""
         model, uncertainty = self._group.model, self._group.awareness.uncertainty
         return np.array([position_covariance(model, uncertainty.row(row)) for row in rows.tolist()])
