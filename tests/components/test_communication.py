@@ -129,7 +129,7 @@ class TestStates:
         for parameters, problem in (
             ({"knowledge": ("goal",)}, "do not know `goal`"),
             ({"knowledge": ("name",)}, "must be numbers"),
-            ({"silence": 1.0}, "there is none"),
+            ({"silence": 1.0}, "which is missing"),
         ):
             with pytest.raises(ValueError, match=problem):
                 StateSender(StateSender.Parameters(**parameters)).check(group)

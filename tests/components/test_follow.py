@@ -121,7 +121,7 @@ def test_a_leader_that_does_not_exist_is_named():
     teams = led([[-2.0, 1.0]])
     del teams["leader"]
     teams["other"] = Team({}, 1)
-    with pytest.raises(RunError, match="there is no agent `leader` to follow"):
+    with pytest.raises(RunError, match="`leader` names `leader`, which is no agent"):
         simulation(teams).initialise()
 
 

@@ -377,7 +377,7 @@ class Lookup(SingleIntegrator):
 
 def test_a_model_that_is_not_for_symbols_is_refused():
     group = Team({}, 1, [[0.0, 0.0]], [{"goal": [1.0, 0.0]}], Lookup()).group("robot")
-    with pytest.raises(ValueError, match="cannot be written in CasADi's symbols"):
+    with pytest.raises(ValueError, match="does not work with CasADi's symbols"):
         control().check(group)
 
 

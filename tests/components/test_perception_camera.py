@@ -131,7 +131,7 @@ def test_taking_images_changes_nothing_in_the_world():
 def test_a_world_without_images_is_refused():
     from symaware_cli.environments.kinematic import KinematicEnvironment
 
-    with pytest.raises(RunError, match="no images of this world"):
+    with pytest.raises(RunError, match="this world has no images"):
         begun({}, environment=KinematicEnvironment())
 
 

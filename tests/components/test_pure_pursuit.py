@@ -90,7 +90,7 @@ def test_each_agent_follows_its_own_line(tmp_path):
         (Unicycle(), [[0, 0], [1, 0]], "it steers cars"),
         (Bicycle(), [[0, 0]], "at least 2 positions"),
         (Bicycle(), [[0, 0, 1], [1, 0, 1]], "at least 2 positions of 2 numbers"),
-        (Bicycle(), [[0, 0], [0, 0], [1, 1]], "are the same"),
+        (Bicycle(), [[0, 0], [0, 0], [1, 1]], "are equal"),
     ],
 )
 def test_what_it_cannot_work_with_is_said(model, waypoints, said):

@@ -1,1 +1,1 @@
-"""Controllers that ship with SymAware."""
+"""Built-in controllers."""

@@ -1,4 +1,4 @@
-"""Controllers that keep to another agent."""
+"""A controller that follows another agent at an offset."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from symaware_cli.core import AgentGroup
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-#: So many standard deviations a believed velocity must differ from zero to have a direction.
+#: The number of standard deviations by which an estimated velocity must differ from zero to have a direction.
 _SIGNIFICANT = 3.0
 
 
 class Follow(Steering):
-    """Keeps the place known as ``offset`` relative to another agent, as far as it is aware of that agent.
+    """Keeps the position ``offset`` relative to another agent, from the agent's own belief about it.
 
-    The wanted velocity is the believed velocity of the leader, plus the way to one's place times the gain. Nothing is
-    communicated: an agent that has no belief about the leader stops until it has one. Where the leader stands, or may
-    well stand as far as its covariance tells, offsets keep the direction they had. The intent is how the place would
-    be approached if the leader kept its velocity.
+    The desired velocity is the believed velocity of the leader, plus the gain times the vector to the offset position.
+    The component does not communicate: an agent stops while it has no belief about the leader. If the leader stands, or
+    may stand according to its covariance, offsets keep their last direction. The intent is the approach to the offset
+    position if the leader kept its velocity.
     """
 
     bodies: ClassVar = {"leader": "agent"}
@@ -35,7 +35,7 @@ class Follow(Steering):
     }
 
     class Parameters(Steering.Parameters):
-        """Whom to follow, and how."""
+        """Which agent to follow, and how."""
 
         leader: str = Field(description="The id of the agent to follow, such as robot.0.")
         frame: Literal["motion", "world"] = Field(
@@ -52,24 +52,24 @@ class Follow(Steering):
         speed: float = Field(1.5, gt=0, description="Greatest speed [m/s].")
 
     def check(self, group: AgentGroup) -> None:
-        """The leader is another, the offset is a vector, and the model can be steered by a velocity."""
+        """Check that the leader is another agent, the offset a vector, and the model can follow a velocity."""
         if self.parameters.leader in group.ids:
             raise ValueError(f"{self.parameters.leader} cannot follow itself: put the leader into a group of its own")
         self._offsets_of(group)
         super().check(group)
 
     def _offsets_of(self, group: AgentGroup) -> Array:
-        """Where each agent is to be at present; shape (n, d)."""
+        """Return the present offset of each agent; shape (n, d)."""
         offset, dimensions = group.known("offset"), len(group.model.position)
         if offset.shape != (len(group), dimensions):
             raise ValueError(f"the knowledge `offset` of each agent must be a vector of {dimensions} numbers")
         return offset
 
     def initialise_component(self, group: AgentGroup) -> None:
-        """Find out who leads."""
+        """Look up the leader."""
         super().initialise_component(group)
         if self.parameters.leader not in self.environment.roster:
-            raise ValueError(f"there is no agent `{self.parameters.leader}` to follow")
+            raise ValueError(f"`leader` names `{self.parameters.leader}`, which is no agent")
         self._leader = self.environment.roster.index(self.parameters.leader)
         self._direction = np.zeros((len(group), 2))
         self._direction[:, 0] = 1.0
@@ -98,11 +98,11 @@ class Follow(Steering):
         self._aware = aware
 
     def _belief(self, position: Array) -> tuple[Mask, Array, Array, Array]:
-        """What is believed of the leader.
+        """Return the agents' beliefs about the leader.
 
         Returns:
-            Who is aware of it, shape (n,), where it is and how fast, (n, d) each, and from which speed on its velocity
-            has a direction, (n,).
+            Which agents are aware of it, shape (n,), its position and velocity, (n, d) each, and the speed from which
+            on its velocity has a direction, (n,).
         """
         awareness, dimensions = self._group.awareness, position.shape[1]
         aware, led, speed = np.zeros(len(position), bool), position.copy(), np.zeros_like(position)
@@ -110,14 +110,14 @@ class Follow(Steering):
         tracks, world = awareness.tracks, awareness.world
         if tracks is not None:
             rows = np.flatnonzero(tracks.others == self._leader)
-            who = tracks.observers[rows]
-            aware[who] = True
-            led[who] = tracks.positions[rows, :dimensions]
-            speed[who] = tracks.velocities[rows, :dimensions]
+            observers = tracks.observers[rows]
+            aware[observers] = True
+            led[observers] = tracks.positions[rows, :dimensions]
+            speed[observers] = tracks.velocities[rows, :dimensions]
             if tracks.covariances is not None:
                 first = tracks.covariances.shape[1] // 2
                 variance = tracks.covariances[rows, first, first] + tracks.covariances[rows, first + 1, first + 1]
-                least[who] = np.maximum(least[who], _SIGNIFICANT * np.sqrt(variance))
+                least[observers] = np.maximum(least[observers], _SIGNIFICANT * np.sqrt(variance))
         elif world is not None:
             if world.present is not None and not world.present[self._leader]:
                 return aware, led, speed, least
@@ -127,14 +127,14 @@ class Follow(Steering):
         return aware, led, speed, least
 
     def _direction_of(self, speed: Array, aware: Mask, least: Array) -> Array:
-        """Where the leader goes, in the plane, as unit vectors; the last known where it stands; shape (n, 2)."""
+        """Return the leader's direction of motion in the plane as unit vectors, the last one if it stands; (n, 2)."""
         plane = speed[:, :2]
         fast = lengths(plane)
         moving = aware & (fast > least)
         return np.where(moving[:, None], plane / np.where(moving, fast, 1.0)[:, None], self._direction)
 
     def _turned(self, offset: Array, direction: Array) -> Array:
-        """The offsets along the axes of the world; shape (n, d)."""
+        """Return the offsets in the axes of the world; shape (n, d)."""
         if self.parameters.frame == "world":
             return offset
         turned = offset.copy()

@@ -1,4 +1,4 @@
-"""Controllers of single goals."""
+"""Controllers that bring agents to a goal."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 
 
 class GoalSeeking(Approach):
-    """A controller that brings each agent to the position it knows as ``goal``, whatever that is at each turn."""
+    """A controller that brings each agent to the position in its knowledge ``goal``, read at each turn."""
 
     knowledge: ClassVar = {"goal": "where to go, as a position [m]"}
     events: ClassVar = {
@@ -27,25 +27,25 @@ class GoalSeeking(Approach):
         """How to approach the goal."""
 
     def check(self, group: AgentGroup) -> None:
-        """The goal is a position, and the model can be steered by a velocity."""
+        """Check that the goal is a position, and that the model can follow a velocity."""
         self._goals(group)
         super().check(group)
 
     def initialise_component(self, group: AgentGroup) -> None:
-        """No agent has reached its goal."""
+        """Start with no goal reached."""
         super().initialise_component(group)
         self._goal = self._goals(group)
         self._reached = np.zeros(len(group), bool)
 
     def _goals(self, group: AgentGroup) -> Array:
-        """The goal of each agent at present; shape (n, d)."""
+        """Return the present goal of each agent; shape (n, d)."""
         goal, dimensions = group.known("goal"), len(group.model.position)
         if goal.shape != (len(group), dimensions):
             raise ValueError(f"the knowledge `goal` of each agent must be a position of {dimensions} numbers")
         return goal
 
-    def _arrive(self, goal: Array, distance: Array) -> None:
-        """Tell who came to its goal, shape (n, d), from the distances that remain [m], shape (n,)."""
+    def _emit_arrivals(self, goal: Array, distance: Array) -> None:
+        """Emit events for goals that are reached or changed, from goals (n, d) and remaining distances (n,) [m]."""
         if goal is not self._goal:
             changed = differing(self._goal, goal)
             self._goal = goal
@@ -60,10 +60,10 @@ class GoalSeeking(Approach):
 
 
 class GoToGoal(GoalSeeking):
-    """Heads straight for the position known as ``goal`` and stops there.
+    """Moves straight to the position ``goal`` and stops there.
 
-    The wanted speed is the cruise speed, and falls in proportion to the distance near the goal. The intent is the
-    straight way ahead over the horizon.
+    The desired speed is the cruise speed, and decreases in proportion to the distance near the goal. The intent is the
+    straight path ahead over the horizon.
     """
 
     def _compute(self) -> tuple[Array, Array, Array, Array, Array, Array]:
@@ -81,11 +81,11 @@ class GoToGoal(GoalSeeking):
         self._group.control_input = control_input
         intent = partial(self._intent, self.computed_at, position, direction, speed, distance)
         self._group.awareness.intent.defer(intent)
-        self._arrive(goal, distance)
+        self._emit_arrivals(goal, distance)
 
     def _intent(
         self, now: int, position: Array, direction: Array, speed: Array, distance: Array
     ) -> tuple[NDArray[np.int64], Array]:
-        """The instants ahead [ns], and the straight way of each agent until then."""
+        """Return the instants ahead [ns], and the positions of each agent on its straight path then."""
         travelled = np.minimum(speed[:, None] * self._ahead, distance[:, None])
         return now + self._offsets, along(position, direction, travelled)

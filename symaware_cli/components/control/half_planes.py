@@ -1,12 +1,12 @@
-"""Velocities within half-planes: the small programs that reciprocal avoidance solves, for all agents at once.
+"""Velocities within half-planes: vectorised linear programs of reciprocal collision avoidance.
 
-Each agent k has constraints n . v <= c on its velocity v in the plane and a greatest speed. The first program finds the
+Each agent has constraints n . v <= c on its velocity v in the plane, and a maximum speed. The first program finds the
 velocity closest to a preferred one, by adding one constraint after the other (R. Seidel, "Small-dimensional linear
-programming and convex hulls made easy", Discrete Comput. Geom. 6, 1991). Where the constraints contradict each other,
-the second finds the velocity that violates them least.
+programming and convex hulls made easy", Discrete Comput. Geom. 6, 1991). If the constraints are infeasible, the second
+finds the velocity that violates them least.
 
-Constraints stand in padded arrays of shape (n, m); where an agent has fewer, the rest has the normal (0, 0) and the
-limit infinity. Arithmetic goes element by element, so no bit of an agent's result depends on the others or on padding.
+Constraints are stored in padded arrays of shape (n, m); padding has the normal (0, 0) and the limit infinity. All
+arithmetic is elementwise, so no bit of an agent's result depends on other agents or on padding.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
-#: By how much a constraint may be missed [m/s]; also what counts as parallel.
+#: The tolerance of constraints [m/s], also for parallel lines.
 TOLERANCE = 1e-9
 
 
@@ -31,8 +31,7 @@ class HalfPlanes:
         x: First element of the unit normal; shape (n, m).
         y: Second element of it; shape (n, m).
         limit: The greatest velocity along the normal [m/s]; shape (n, m).
-        weight: By how much to give way, relative to the others, where not all constraints can be kept; above 0,
-            shape (n, m).
+        weight: How much a constraint yields, relative to the others, if they are infeasible; above 0, shape (n, m).
     """
 
     __slots__ = ("limit", "weight", "x", "y")
@@ -44,24 +43,24 @@ class HalfPlanes:
         self.weight = np.ones_like(limit) if weight is None else weight
 
     def of(self, rows: Indices) -> HalfPlanes:
-        """The constraints of some agents."""
+        """Return the constraints of some agents."""
         return HalfPlanes(self.x[rows], self.y[rows], self.limit[rows], self.weight[rows])
 
     def excess(self, x: Array, y: Array) -> Array:
-        """By how much velocities violate each constraint, over its weight; negative if they keep it; shape (n, m)."""
+        """Return the violation of each constraint over its weight; negative if satisfied; shape (n, m)."""
         return (self.x * x[:, None] + self.y * y[:, None] - self.limit) / self.weight
 
 
 def nearest_velocity(planes: HalfPlanes, preferred: Array, speed: float) -> tuple[Array, Mask]:
-    """Return the allowed velocity closest to the preferred one, or the one that violates the constraints least.
+    """Return the feasible velocity closest to the preferred one, or else the one with the least violation.
 
     Args:
         planes: The constraints.
-        preferred: Shape (n, 2).
-        speed: The greatest speed [m/s].
+        preferred: The preferred velocities [m/s]; shape (n, 2).
+        speed: The maximum speed [m/s].
 
     Returns:
-        The velocities, shape (n, 2), and for which agents the constraints contradict each other, shape (n,).
+        The velocities, shape (n, 2), and whether the constraints are infeasible, shape (n,).
     """
     preferred_speed = np.sqrt(preferred[:, 0] * preferred[:, 0] + preferred[:, 1] * preferred[:, 1])
     shortened = np.where(preferred_speed > speed, speed / np.maximum(preferred_speed, 1e-300), 1.0)
@@ -84,7 +83,7 @@ def nearest_velocity(planes: HalfPlanes, preferred: Array, speed: float) -> tupl
 def _on_border(
     planes: HalfPlanes, column: int, rows: Indices, goal_x: Array, goal_y: Array, speed: float
 ) -> tuple[Array, Array, Mask]:
-    """Find the closest velocity on the border of one constraint that keeps those before it, and whether there is one.
+    """Find the closest velocity on the border of one constraint that satisfies those before it, if any.
 
     On the border v = c n + t d with d perpendicular to n; the speed and the earlier constraints bound t.
     """
@@ -109,22 +108,23 @@ def _on_border(
     return limit * normal_x + t * along_x, limit * normal_y + t * along_y, possible
 
 
-# The four constraints that are looked at together in `_optimum`, taken one, two and three at a time.
+# The singles, pairs and triples of the four constraints in `_optimum`.
 _SINGLES = np.arange(4)
 _PAIRS = np.array(list(combinations(range(4), 2)))
 _TRIPLES = np.array(list(combinations(range(4), 3)))
-#: Which constraints decide each candidate: singles, pairs on one side, pairs on the other, triples; shape (20, 3).
+#: Constraints that determine each candidate: singles, pairs on one side and on the other, triples; shape (20, 3).
 _DECIDING = np.concatenate(
     [np.repeat(_SINGLES[:, None], 3, axis=1), _PAIRS[:, [0, 1, 1]], _PAIRS[:, [0, 1, 1]], _TRIPLES]
 )
 
 
 def _least_violation(planes: HalfPlanes, goal_x: Array, goal_y: Array, speed: float) -> tuple[Array, Array]:
-    """Find the velocities whose greatest violation of a constraint is least.
+    """Find the velocities whose maximum violation of a constraint is least.
 
-    At most three constraints decide the answer. So three are kept, the one that their answer violates most is added,
-    and the three that decide the answer to these four are kept, until nothing is violated more. The greatest
-    violation grows each time, so this ends (M. Sharir, E. Welzl, "A combinatorial bound for linear programming and
+    At most three constraints determine the solution. So the algorithm keeps three, adds the one that their solution
+    violates most, and keeps the three that determine the solution of these four, until no other is violated more. The
+    maximum violation grows each time, so this terminates (M. Sharir, E. Welzl, "A combinatorial bound for linear
+    programming and
     related problems", STACS 1992).
 
     Returns:
@@ -151,18 +151,18 @@ def _least_violation(planes: HalfPlanes, goal_x: Array, goal_y: Array, speed: fl
 
 
 def _optimum(four: HalfPlanes, speed: float) -> tuple[Array, Array, Array, Indices]:
-    """Solve the second program for four constraints, by trying everything that could decide it.
+    """Solve the second program for four constraints, by trying all candidates.
 
-    That is one constraint at the greatest speed against its normal, two that are violated equally at the greatest
-    speed, or three that are violated equally.
+    A candidate is determined by one constraint, with the maximum speed against its normal, by two that are violated
+    equally at the maximum speed, or by three that are violated equally.
 
     Returns:
-        Both elements of the velocities and their greatest violation, each of shape (n,), and which three of the four
-        decide, shape (n, 3).
+        Both elements of the velocities and their maximum violation, each of shape (n,), and the three of the four
+        constraints that determine them, shape (n, 3).
     """
     over = 1.0 / four.weight
     x, y, limit = four.x * over, four.y * over, four.limit * over
-    # Where two are violated equally: a line a . v = b.
+    # Velocities that violate two equally: a line a . v = b.
     first, second = _PAIRS[:, 0], _PAIRS[:, 1]
     a_x, a_y, b = x[:, first] - x[:, second], y[:, first] - y[:, second], limit[:, first] - limit[:, second]
     square = a_x * a_x + a_y * a_y
@@ -172,7 +172,7 @@ def _optimum(four: HalfPlanes, speed: float) -> tuple[Array, Array, Array, Indic
     room = speed * speed - (foot_x * foot_x + foot_y * foot_y)
     half = np.sqrt(np.maximum(room, 0.0) / square)
     reached = sound & (room >= 0.0)
-    # Where three are: the crossing of two such lines, of the pairs (0, 1) and (0, 2) of each triple.
+    # Velocities that violate three equally: the crossing of two such lines, of the pairs (0, 1) and (0, 2).
     one, other = _PAIR_OF[_TRIPLES[:, 0], _TRIPLES[:, 1]], _PAIR_OF[_TRIPLES[:, 0], _TRIPLES[:, 2]]
     determinant = a_x[:, one] * a_y[:, other] - a_y[:, one] * a_x[:, other]
     crossing = np.abs(determinant) > TOLERANCE * TOLERANCE
@@ -189,7 +189,7 @@ def _optimum(four: HalfPlanes, speed: float) -> tuple[Array, Array, Array, Indic
     )  # of each candidate, by each constraint
     greatest = violations.max(axis=2)
     decided = violations[:, np.arange(len(_DECIDING)), _DECIDING[:, 0]]
-    # Of equally good ones, one whose deciding constraints are known: the others stand where another was violated more.
+    # Among equal candidates prefer one that its own constraints determine: at the others another is violated more.
     ranked = np.where(valid, greatest + 2.0 * TOLERANCE * (decided < greatest - TOLERANCE), np.inf)
     best = ranked.argmin(axis=1)
     rows = np.arange(len(best))

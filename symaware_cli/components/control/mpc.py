@@ -1,4 +1,4 @@
-"""Model predictive control: a plan for the next seconds, made anew again and again."""
+"""Model predictive control: plans a trajectory over a receding horizon, around agents and obstacles."""
 
 from __future__ import annotations
 
@@ -32,36 +32,36 @@ from symaware_cli.world.time import SECOND
 
 Array = NDArray[np.float64]
 
-#: Where interior-point methods begin: low, because what is left of the last plan is a good guess.
+#: Initial barrier parameter of interior-point methods: small, because the rest of the last plan is a good guess.
 _BARRIER = 1e-2
 
-#: [m] Obstacles so much farther away than the reference goes are not looked at.
-_BEYOND = 1.0
+#: [m] Obstacles that are farther from the reference than its length plus this are ignored.
+_OBSTACLE_MARGIN = 1.0
 
-#: In distances to keep: a reference that comes so near to others turns off.
-_MEETING = 4.0
+#: In distances to keep: a reference that comes this near to others turns off.
+_TURN_OFF_DISTANCE = 4.0
 
-#: In distances to keep: how much nearer than now a plan must come to others to be too close.
+#: In distances to keep: a plan is too close to others if it comes this much nearer to them than the agent is now.
 _NOTICEABLE = 0.05
 
-#: The solvers that were built, by group, whose agents share them.
+#: The solvers that have been built, by group; its agents share them.
 _SOLVERS: WeakKeyDictionary[AgentGroup, dict[tuple[object, ...], Solver]] = WeakKeyDictionary()
 
-#: The ways around obstacles that were found, by environment and distance to keep.
+#: The routes around obstacles that have been found, by environment and distance to keep.
 _ROUTES: WeakKeyDictionary[Environment, dict[float, Routes]] = WeakKeyDictionary()
 
 
 class PredictiveDecision(NamedTuple):
-    """What a turn decides.
+    """The result of a turn.
 
     Attributes:
-        control_input: To request; shape (nu,).
-        decision: What came of planning; None where it was not yet time for it.
-        slows: Whether the agent slows down, whatever its plan.
-        passed: How many waypoints lie behind.
-        distance: What remains to the goal [m].
-        way: The way to it.
-        is_other_way: Whether it is not the one of the turn before.
+        control_input: The control input to request; shape (nu,).
+        decision: The result of planning; None if a new plan was not due.
+        slows: Whether the agent slows down instead of following its plan.
+        passed: The number of waypoints passed.
+        distance: The remaining distance to the goal [m].
+        way: The path to the goal.
+        is_other_way: Whether the path differs from that of the previous turn.
     """
 
     control_input: Array
@@ -74,38 +74,39 @@ class PredictiveDecision(NamedTuple):
 
 
 class ModelPredictiveControl(Component):
-    """Plans the way to the ``goal`` over a horizon, around other agents and obstacles, and begins with it.
+    """Plans a trajectory to the ``goal`` over a horizon, around other agents and obstacles, and applies its beginning.
 
-    The plan minimises the weighted squares of deviations from a reference, of control inputs and of their changes, over
-    the model's own motion and within the limits of its control input. The reference goes to the goal at cruise speed,
-    by way of the ``waypoints`` where an agent knows some, and around what stands still. A new plan is made when a step
-    of the last one is over, to where the agent is to go by then; in between the control input is held, so that a plan
-    that nothing disturbs is what happens.
+    The plan minimises weighted squares of deviations from a reference, of control inputs and of their changes, subject
+    to the model's dynamics and the limits of its control input. The reference goes to the goal at cruise speed, via the
+    ``waypoints`` if the agent has some, and around static obstacles. A new plan is made when a step of the last one has
+    passed; its initial guess is the rest of that plan. In between the control input is held, so an undisturbed plan is
+    followed exactly.
 
-    Others are expected to go on at their believed velocity, or as they told; obstacles that are discs are kept clear of
-    as such, and of all else one half-plane for each stage, where it is nearest to what is left of the last plan. Both
-    hold at the stages; what happens in between is covered by ``margin``. There is a slack with a high price, so that
-    there is always a plan, unless ``penalty`` is null; but one that soon comes too close to others is not followed.
+    Others are expected to keep their believed velocity, or to follow the intent they sent. Discs among the obstacles
+    are avoided as such, all other obstacles by one half-plane for each stage, where they are nearest to the rest of the
+    last plan. Both constraints hold at the stages; ``margin`` covers the motion in between. Unless ``penalty`` is null,
+    they have a slack with a high price, so a plan always exists; but a plan that soon comes too close to others is not
+    followed.
 
-    Each agent plans for itself, which is a nonlinear program of its own: there is nothing that one array operation
-    could do for all of them. They share the solver.
+    Each agent solves a nonlinear program of its own, which array operations cannot do for all agents at once. They
+    share the solver.
 
-    Where no solver finds a plan within its budget of iterations, the rest of the last one is followed, and after that
-    the agent slows down as far as its model can. The intent is the plan.
+    If no solver finds a plan within its budget of iterations, the rest of the last plan is followed, and after that the
+    agent slows down as far as its model can. The intent is the plan.
     """
 
     sees_world = True
     knowledge: ClassVar = {"goal": "where to go, as a position [m] or a whole state"}
     events: ClassVar = {
         "goal-reached": "The agent came within the tolerance of its goal, for the first time.",
-        "goal-changed": "An agent that had reached its goal has another one, which counts as not reached.",
+        "goal-changed": "An agent that had reached its goal has a new one, which counts as not reached.",
         "waypoint-reached": "It came within `passing` of its next waypoint; `number` counts them from 0.",
         "slowed": "It slows down, because its plan comes too close to others; once until it follows a plan again.",
-        "solver-failed": "There is no new plan; `left` tells how many steps are left of the last one.",
+        "solver-failed": "There is no new plan; `left` is the number of steps left of the last one.",
     }
 
     class Parameters(Tracking):
-        """How to plan."""
+        """Parameters of planning."""
 
         horizon: float = Field(4.0, gt=0, description="How far ahead to plan [s].")
         steps: int = Field(
@@ -153,7 +154,7 @@ class ModelPredictiveControl(Component):
         iterations: int = Field(100, ge=1, le=10_000, description="Budget of each solver for each plan.")
 
     def check(self, group: AgentGroup) -> None:
-        """Goal, waypoints and weights fit the model, and the model can be written in symbols."""
+        """Check that goal, waypoints and weights fit the model, and that the model works with CasADi's symbols."""
         model = group.model
         weights_of(model, self.parameters)
         for knowledge in group.knowledge:
@@ -164,10 +165,10 @@ class ModelPredictiveControl(Component):
             problem = tracking_problem(dynamics, 1, self.parameters, Sizes(0, 0, 0))
             dynamics.symbolic(problem.state, problem.control_input)
         except Exception as error:
-            raise ValueError(f"the model cannot be written in CasADi's symbols: {error}") from error
+            raise ValueError(f"the model does not work with CasADi's symbols: {error}") from error
 
     def series_quantities(self, group: AgentGroup) -> Mapping[str, Sequence[Quantity]]:
-        """The intent consists of positions."""
+        """Declare the intent as positions."""
         return {"intent": [group.model.state[index] for index in group.model.position]}
 
     def initialise_component(
@@ -190,9 +191,9 @@ class ModelPredictiveControl(Component):
         )
         self._obstacles = ObstaclePrediction(environment, agent.entity.radius + parameters.margin, room)
         self._way = self._present_way()
-        #: By which angle the reference turns off to the right, when it does [rad].
+        #: The angle by which the reference turns off to the right near others [rad].
         self._turn = parameters.perturbation * (0.5 + 0.5 * float(self.random.uniform()))
-        #: How far the reference goes from one stage to the next [m]; shape (N + 1,).
+        #: The distance along the reference at each stage [m]; shape (N + 1,).
         self._travelled = parameters.speed * self._offsets / SECOND
         self._plan: Plan | None = None
         self._planned: int | None = None
@@ -202,10 +203,10 @@ class ModelPredictiveControl(Component):
         self._reached = False
 
     def _present_way(self, before: ReferencePath | None = None) -> ReferencePath:
-        """The way to the goal that the agent knows now, past the waypoints; the one before where these are the same.
+        """Return the path to the present goal via the waypoints; the previous one if these are unchanged.
 
         Raises:
-            ValueError: They do not fit the model.
+            ValueError: Goal or waypoints do not fit the model.
         """
         known, model = self._agent.self_knowledge, self._agent.group.model
         goal, waypoints = goal_of(known, model, self.parameters), waypoints_of(known, len(model.position))
@@ -214,7 +215,7 @@ class ModelPredictiveControl(Component):
         return ReferencePath(model, goal, waypoints, self._shared_routes() if self.parameters.detours else None)
 
     def _dynamics(self, agent: Agent) -> tuple[Dynamics, int]:
-        """The motion over a step of the plan as the world will make it, and how many of the world's steps that is."""
+        """Return the dynamics over a step of the plan as the world integrates them, and the step in time steps."""
         parameters, world, model = self.parameters, self.environment.parameters, agent.group.model
         time_step = self.environment.time_step / SECOND
         turns = max(1, round(parameters.horizon / parameters.steps / time_step))
@@ -229,7 +230,7 @@ class ModelPredictiveControl(Component):
         return Dynamics(model, turns * time_step, integrator, parts), turns
 
     def _shared_solver(self, dynamics: Dynamics, room: Sizes) -> Solver:
-        """The solver for the group and these parameters, built when it is first asked for."""
+        """Return the solver of the group for these parameters, built on first use."""
         parameters = self.parameters
         same = _SOLVERS.setdefault(self._agent.group, {})
         key = (parameters.model_dump_json(), dynamics.step, dynamics.integrator, dynamics.substeps, room)
@@ -239,7 +240,7 @@ class ModelPredictiveControl(Component):
         return same[key]
 
     def _shared_routes(self) -> Routes | None:
-        """The ways around obstacles for bodies of this size, found when they are first asked for; None in space."""
+        """Return the routes around obstacles for bodies of this size, found on first use; None in space."""
         keep = self._agent.entity.radius + self.parameters.margin
         if len(self._agent.group.model.position) > 2 or not keep:
             return None
@@ -265,20 +266,20 @@ class ModelPredictiveControl(Component):
         times = self.now + self._offsets
         expected = model.positions((self._solver.rollout(state) if rest is None else rest).states)
         others = self._others.ahead(times)
-        obstacles = self._obstacles.ahead(expected[:, :2], times, self._travelled[-1] + _BEYOND)
+        obstacles = self._obstacles.ahead(expected[:, :2], times, self._travelled[-1] + _OBSTACLE_MARGIN)
         places = way.ahead(position, passed, self._travelled)
-        if self._turn and others and clearance(places, others).min() < _MEETING:
-            # Near the goal it turns less, so that it is reached.
+        if self._turn and others and clearance(places, others).min() < _TURN_OFF_DISTANCE:
+            # Near the goal it turns less, so that it reaches the goal.
             turned = turned_right(places, self._turn * min(1.0, distance / self._travelled[-1]))
             places = turned if self._obstacles.clear(turned) else places
         given = {"reference": way.reference(state, places), **others, **obstacles}
         decision = self._solver.replan(state, given, previous_input=requested[0], rest=rest)
-        if decision.plan is None or (others and self._presses(decision.plan, others)):
+        if decision.plan is None or (others and self._comes_too_close(decision.plan, others)):
             return PredictiveDecision(_slowest(model, state, requested), decision, True, passed, distance, way, other)
         return PredictiveDecision(decision.plan.inputs[0], decision, False, passed, distance, way, other)
 
-    def _presses(self, plan: Plan, others: Mapping[str, Array]) -> bool:
-        """Whether a plan soon comes closer to others than it should, and than the agent is already."""
+    def _comes_too_close(self, plan: Plan, others: Mapping[str, Array]) -> bool:
+        """Return whether a plan soon comes too close to others, and closer than the agent is now."""
         near = clearance(self._agent.group.model.positions(plan.states), others)
         soon = near[1 : 1 + round(self.parameters.caution * SECOND / self._step)]
         return bool(soon.min(initial=np.inf) < min(near[0], 1.0) - _NOTICEABLE)
@@ -290,7 +291,7 @@ class ModelPredictiveControl(Component):
             self._plan, self._planned = decision.plan, self.computed_at
             self._agent.self_awareness.intent = TimeSeries() if self._plan is None else self._plan.intent(self._planned)
             if decision.fallen_back:
-                self._tell_of_failure(decision)
+                self._emit_failure(decision)
             elif value.slows and not self._slows:
                 self.emit("slowed", "slows down, because its plan comes too close to others")
         self._slows = value.slows
@@ -307,7 +308,7 @@ class ModelPredictiveControl(Component):
             self._reached = True
             self.emit("goal-reached", "reached its goal", distance=value.distance)
 
-    def _tell_of_failure(self, decision: PlanDecision) -> None:
+    def _emit_failure(self, decision: PlanDecision) -> None:
         solution, left = decision.solution, 0 if decision.plan is None else decision.plan.left
         instead = f"follows its last plan, of which {left} steps are left" if left else "slows down"
         self.emit(
@@ -322,7 +323,7 @@ class ModelPredictiveControl(Component):
 
 
 def _slowest(model: Model, state: Array, control_input: Array) -> Array:
-    """The control input that slows down as far as the model can, or the least it allows; shape (nu,)."""
+    """Return the control input that slows down as far as the model can, or the smallest allowed; shape (nu,)."""
     try:
         slowest = model.slowed(state[None], control_input, np.zeros(1))
     except NotImplementedError:

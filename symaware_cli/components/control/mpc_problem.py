@@ -1,4 +1,4 @@
-"""The optimal control problem of `control.mpc`: track a reference, keep clear of others and of obstacles."""
+"""The optimal control problem of `control.mpc`: tracks a reference and avoids other agents and obstacles."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from symaware_cli.optimal_control import Dynamics, OptimalControlProblem
 Array = NDArray[np.float64]
 _Weight = Annotated[float, Field(ge=0)]
 
-#: One weight for all elements, one for each in order, or some by name, the others being 0.
+#: One weight for all elements, one for each in order, or some by name; elements without a name have 0.
 Weights = _Weight | list[_Weight] | dict[str, _Weight]
 
 
-#: [m^2] What makes the distance of a point to itself smooth.
+#: [m^2] Added to squared distances, so that the distance is differentiable at 0.
 _ROUND = 1e-8
 
 
 class Tracking(Parameters):
-    """What `control.mpc` minimises."""
+    """The costs of `control.mpc`."""
 
     state_weight: Weights | None = Field(
         None,
@@ -49,12 +49,12 @@ class Tracking(Parameters):
 
 
 class Sizes(NamedTuple):
-    """How many there is room for.
+    """The numbers of agents and obstacles that the problem has constraints for.
 
     Attributes:
         others: Agents to avoid.
         discs: Obstacles that are discs.
-        sides: Obstacles that are seen as half-planes.
+        sides: Obstacles that are represented by half-planes.
     """
 
     others: int
@@ -72,7 +72,7 @@ class WeightsOf(NamedTuple):
 
 
 def weights_of(model: Model, given: Tracking) -> WeightsOf:
-    """Give every element its weight.
+    """Return the weights of all elements.
 
     Raises:
         ValueError: A weight is for an element that the model does not have.
@@ -108,17 +108,17 @@ def _spread(what: str, given: Weights, quantities: Sequence[Quantity]) -> Array:
 
 
 def tracking_problem(dynamics: Dynamics, steps: int, given: Tracking, sizes: Sizes) -> OptimalControlProblem:
-    """State the problem.
+    """Formulate the problem.
 
-    Its parameters are, at each stage, the ``reference`` of the state and, as far as there is room for any, of the
-    ``others`` and ``discs`` the positions, with the distances to keep as ``others_keep`` and ``discs_keep``; and of the
-    ``sides`` the normals by the distance to keep, with the offsets ``sides_offset`` in such distances.
+    Its parameters are, at each stage, the ``reference`` of the state, the positions of ``others`` and ``discs`` if
+    there are any, with the distances to keep ``others_keep`` and ``discs_keep``, and the normals of the ``sides``
+    divided by the distance to keep, with the offsets ``sides_offset`` in units of it.
 
     Args:
-        dynamics: The motion.
-        steps: Of the horizon.
-        given: Weights.
-        sizes: Room.
+        dynamics: The discrete dynamics.
+        steps: The number of steps of the horizon.
+        given: The weights and the penalty.
+        sizes: The numbers of constraints.
     """
     model = dynamics.model
     problem = OptimalControlProblem(
@@ -137,7 +137,7 @@ def tracking_problem(dynamics: Dynamics, steps: int, given: Tracking, sizes: Siz
     def apart(name: str, count: int, dimensions: int) -> list[Any]:
         places = problem.parameter(name, (dimensions, count), per_stage=True)
         keep = problem.parameter(f"{name}_keep", count)
-        # Distances, not their squares, which are flat where bodies overlap. But the root of 0 has no slope.
+        # Distances, as their squares are flat where bodies overlap; rounded, as the root has no slope at 0.
         squares = [casadi.sumsqr(position[:dimensions] - places[:, n]) + _ROUND for n in range(count)]
         return [casadi.sqrt(square) / keep[n] for n, square in enumerate(squares)]
 
@@ -150,12 +150,12 @@ def tracking_problem(dynamics: Dynamics, steps: int, given: Tracking, sizes: Siz
         offsets = problem.parameter("sides_offset", sizes.sides, per_stage=True)
         obstacles += [1.0 + casadi.dot(normals[:, n], position[:2]) - offsets[n] for n in range(sizes.sides)]
     if obstacles:
-        # A slack of their own: who is pressed by others must not be let through a wall for the same price.
+        # A separate slack: pressure by other agents must not let an agent pass through a wall for the same price.
         problem.add_constraint(casadi.vertcat(*obstacles), lower=1.0, penalty=given.penalty)
     return problem
 
 
 def _weighted(weights: Array, column: Any) -> Any:
-    """The weighted sum of squares, of those elements that have a weight."""
+    """Return the weighted sum of squares over the elements with a weight."""
     some = np.flatnonzero(weights).tolist()
     return casadi.dot(weights[some], column[some] ** 2) if some else casadi.SX(0)

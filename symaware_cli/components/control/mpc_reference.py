@@ -1,4 +1,4 @@
-"""The way that `control.mpc` would like to take: to the goal, past the waypoints and around what stands in the way."""
+"""The reference path of `control.mpc`: to the goal, via waypoints and around obstacles."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 
 def goal_of(knowledge: Mapping[str, Any], model: Model, weights: Tracking) -> Array:
-    """What an agent knows as its ``goal``: a position, shape (d,), or a whole state, shape (nx,).
+    """Return the knowledge ``goal`` of an agent: a position, shape (d,), or a whole state, shape (nx,).
 
     Raises:
         ValueError: It is neither, or a position where an angle has a weight.
@@ -40,7 +40,7 @@ def goal_of(knowledge: Mapping[str, Any], model: Model, weights: Tracking) -> Ar
 
 
 def waypoints_of(knowledge: Mapping[str, Any], dimensions: int) -> Array:
-    """What an agent knows of ``waypoints`` to pass before its goal; shape (w, d), without any if it knows none.
+    """Return the knowledge ``waypoints`` to pass before the goal; shape (w, d), empty without any.
 
     Raises:
         ValueError: They are not positions.
@@ -58,16 +58,16 @@ def waypoints_of(knowledge: Mapping[str, Any], dimensions: int) -> Array:
 
 
 class ReferencePath:
-    """The way of one agent to its goal, as a reference of its state."""
+    """The path of one agent to its goal, as a reference of its state."""
 
     def __init__(self, model: Model, goal: Array, waypoints: Array, routes: Routes | None) -> None:
-        """Lay out the way.
+        """Construct the path.
 
         Args:
-            model: Where the position stands in the state.
+            model: The model of the agent.
             goal: A position, shape (d,), or a whole state, shape (nx,).
-            waypoints: Positions to pass before; shape (w, d).
-            routes: Ways around obstacles; None to go straight.
+            waypoints: Positions to pass before the goal; shape (w, d).
+            routes: Routes around obstacles; None for straight lines.
         """
         self._model = model
         self._position = list(model.position)
@@ -78,37 +78,37 @@ class ReferencePath:
         self._waypoints = waypoints
         targets = [*waypoints, self._goal]
         self._routes = [routes.to(target) if routes else None for target in targets]
-        #: From each target to the end; each of shape (c, d).
+        #: The corners from each target to the goal; each of shape (c, d).
         self._onwards = [self._goal[None]]
         for target, following in zip(reversed(targets[:-1]), reversed(self._routes[1:]), strict=True):
             self._onwards.insert(0, np.concatenate([target[None], _around(target, following), self._onwards[0]]))
 
     def leads_to(self, goal: Array, waypoints: Array) -> bool:
-        """Whether it is the way to this goal, past these waypoints."""
+        """Return whether it leads to this goal, via these waypoints."""
         return np.array_equal(self._given, goal) and np.array_equal(self._waypoints, waypoints)
 
     def remaining(self, position: Array) -> float:
-        """How far the goal is from a position [m]."""
+        """Return the distance of the goal from a position [m]."""
         return float(np.sqrt(np.square(self._goal - position).sum()))
 
     def passed(self, position: Array, passed: int, within: float) -> int:
-        """How many waypoints lie behind at a position, where some did before: one more once the next is near enough."""
+        """Return the updated number of passed waypoints: one more if the next is near enough."""
         if passed < len(self._waypoints):
             away = self._waypoints[passed] - position
             return passed + int(np.square(away).sum() <= within * within)
         return passed
 
     def is_behind(self, passed: int) -> bool:
-        """Whether all waypoints lie behind where so many do."""
+        """Return whether a number of passed waypoints is all of them."""
         return passed == len(self._waypoints)
 
     def ahead(self, position: Array, passed: int, travelled: Array) -> Array:
-        """The positions to aim at, along the shortest way.
+        """Return the reference positions along the shortest path.
 
         Args:
-            position: Where the agent is [m]; shape (d,).
-            passed: How many waypoints lie behind.
-            travelled: How far to be at each stage [m]; shape (N + 1,).
+            position: The position of the agent [m]; shape (d,).
+            passed: The number of waypoints passed.
+            travelled: The distance along the path at each stage [m]; shape (N + 1,).
 
         Returns:
             Shape (N + 1, d).
@@ -119,14 +119,14 @@ class ReferencePath:
         return np.stack([np.interp(travelled, passing, axis) for axis in corners.T], axis=1)
 
     def reference(self, state: Array, places: Array) -> Array:
-        """The states to aim at.
+        """Return the reference states.
 
-        Other elements than the position are those of the goal, where that is a whole state, else zero; angles are
-        counted from where the agent is, the shorter way round.
+        Elements other than the position are those of the goal if that is a whole state, else zero; angles differ from
+        the present ones by at most half a turn.
 
         Args:
-            state: Where the agent is; shape (nx,).
-            places: The positions to aim at [m]; shape (N + 1, d).
+            state: The present state of the agent; shape (nx,).
+            places: The reference positions [m]; shape (N + 1, d).
 
         Returns:
             Shape (N + 1, nx).
@@ -140,7 +140,7 @@ class ReferencePath:
 
 
 def turned_right(places: Array, angle: float) -> Array:
-    """Positions (N + 1, d) turned clockwise about the first of them by an angle [rad], seen from above."""
+    """Turn positions (N + 1, d) clockwise about the first of them by an angle [rad], seen from above."""
     cosine, sine = np.cos(angle), np.sin(angle)
     x, y = (places[:, :2] - places[0, :2]).T
     turned = places.copy()
@@ -149,5 +149,5 @@ def turned_right(places: Array, angle: float) -> Array:
 
 
 def _around(position: Array, route: Route | None) -> Array:
-    """What to pass on the way from a position, if anything; shape (c, d)."""
+    """Return the corners to pass on the route from a position; shape (c, d)."""
     return np.empty((0, len(position))) if route is None else route.by_way_of(position)

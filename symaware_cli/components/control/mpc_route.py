@@ -1,4 +1,4 @@
-"""Routes: the shortest ways around obstacles that stand still, along the corners that one sees from another."""
+"""Routes: shortest paths around static obstacles, by a visibility graph of their corners."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from symaware_cli.geometry.pieces import Pieces, crosses, separation_from_points
 
 Array = NDArray[np.float64]
 
-#: In distances to keep: where corners lie, and what a straight line must keep. In between is what a vehicle may be off
-#: without losing its way.
+#: In distances to keep: the distance of corners, and the clearance of straight lines. The difference is how far a
+#: vehicle may deviate without losing its route.
 _CORNERS, _LINES = 1.05, 0.9
 
-#: So many corners of its own a disc has.
-_AROUND = 8
+#: The number of corners around a disc.
+_DISC_CORNERS = 8
 
-#: With more pieces than this, the corners are too many to look from each at all others.
-_MOST = 50
+#: With more pieces than this, the visibility graph is too large.
+_MOST_PIECES = 50
 
 
 def standing(environment: Environment) -> Pieces:
-    """The pieces of obstacles that nothing moves."""
+    """Return the pieces of static obstacles."""
     scenery = environment.scenery
     entities = [environment.obstacles[name] for name in scenery.names]
     rests = [each.path is None and each.mass is None for each in entities]
@@ -33,21 +33,21 @@ def standing(environment: Environment) -> Pieces:
 
 
 class Routes:
-    """Straight lines between the corners of obstacles, as far as no obstacle is in between.
+    """The visibility graph of the corners of obstacles: straight lines that no obstacle blocks.
 
-    A shortest way among polygons consists of such lines (T. Lozano-Pérez, M. A. Wesley, "An algorithm for planning
+    A shortest path among polygons consists of such lines (T. Lozano-Pérez, M. A. Wesley, "An algorithm for planning
     collision-free paths among polyhedral obstacles", Communications of the ACM 22, 1979). Obstacles are grown by the
-    distance to keep, roundings by lines that touch them. Only the plane is looked at.
+    distance to keep, with polygons around roundings. Heights are ignored.
     """
 
     def __init__(self, pieces: Pieces, keep: float) -> None:
-        """Look from every corner at every other.
+        """Compute the distances between all pairs of corners.
 
         Args:
-            pieces: The obstacles; with more than fifty, there are no routes around them.
+            pieces: The obstacles; more than fifty are ignored.
             keep: Distance to keep from them [m].
         """
-        few = len(pieces) <= _MOST
+        few = len(pieces) <= _MOST_PIECES
         self._grown = Pieces(pieces.vertices, pieces.normals, pieces.offsets, pieces.rounding + _LINES * keep)
         corners = _corners(pieces, _CORNERS * keep) if few else np.empty((0, 2))
         count = len(corners)
@@ -61,7 +61,7 @@ class Routes:
             np.fill_diagonal(self._lengths, np.inf)
 
     def distances(self, origin: Array, targets: Array) -> Array:
-        """How far points (m, 2) are from one; infinite where an obstacle is in between [m]; shape (m,)."""
+        """Return the distances of points (m, 2) from one [m], infinite behind an obstacle; shape (m,)."""
         grown = self._grown
         ways = targets - origin
         low, high = grown.bounds()
@@ -73,21 +73,21 @@ class Routes:
         return np.where(hidden, np.inf, np.sqrt(np.square(ways).sum(axis=1)))
 
     def to(self, target: Array) -> Route:
-        """All shortest ways to a point [m], shape (2,)."""
+        """Return the shortest paths to a point [m], shape (2,)."""
         return Route(self, target, self._corners, self._lengths)
 
 
 class Route:
-    """The shortest ways from anywhere to one point."""
+    """The shortest paths from any position to one point."""
 
     def __init__(self, routes: Routes, target: Array, corners: Array, lengths: Array) -> None:
-        """Find out how far it is from each corner.
+        """Compute the distance from each corner.
 
         Args:
-            routes: What is in the way.
+            routes: The visibility graph.
             target: The point [m]; shape (2,).
-            corners: Shape (c, 2).
-            lengths: From each to each, infinite where none leads there directly [m]; shape (c, c).
+            corners: The corners [m]; shape (c, 2).
+            lengths: The distance between each two of them, infinite if blocked [m]; shape (c, c).
         """
         self._routes = routes
         self._target = target
@@ -95,7 +95,7 @@ class Route:
         self._lengths = lengths
         self._straight = routes.distances(target, corners)
         remaining = self._straight
-        # Ways of one more line each time, until no way gets shorter.
+        # Add one line in each iteration, until no path gets shorter.
         while len(corners):
             shorter = np.minimum(remaining, (lengths + remaining).min(axis=1))
             if (shorter == remaining).all():
@@ -104,7 +104,7 @@ class Route:
         self._remaining = remaining
 
     def by_way_of(self, position: Array) -> Array:
-        """The corners to pass from a position [m], shape (2,); none where the way is straight, or where there is none.
+        """Return the corners to pass from a position [m], shape (2,); none if the path is straight or blocked.
 
         Returns:
             Shape (w, 2).
@@ -124,15 +124,15 @@ class Route:
 
 
 def _corners(pieces: Pieces, distance: float) -> Array:
-    """Points around each piece, such that lines from one to the next keep the distance [m] from it; shape (c, 2)."""
+    """Return points around each piece, such that lines between neighbours keep the distance [m]; shape (c, 2)."""
     corners: list[Array] = []
     for vertices, normals, rounding in zip(pieces.vertices, pieces.normals, pieces.rounding, strict=True):
         radius = distance + rounding
         real = np.flatnonzero(np.abs(normals).max(axis=1) > 0.0)
         if not len(real):
-            angles = 2 * np.pi * np.arange(_AROUND) / _AROUND
+            angles = 2 * np.pi * np.arange(_DISC_CORNERS) / _DISC_CORNERS
             around = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-            corners.extend(vertices[0] + radius / np.cos(np.pi / _AROUND) * around)
+            corners.extend(vertices[0] + radius / np.cos(np.pi / _DISC_CORNERS) * around)
             continue
         for before, after in _neighbours(real.tolist()):
             corners.extend(vertices[after] + radius * each for each in _outwards(normals[before], normals[after]))
@@ -140,16 +140,16 @@ def _corners(pieces: Pieces, distance: float) -> Array:
 
 
 def _neighbours(edges: Sequence[int]) -> list[tuple[int, int]]:
-    """Each edge of a polygon with the one after it, which begins at the vertex they share."""
+    """Return each edge of a polygon with the next one."""
     return [*pairwise(edges), (edges[-1], edges[0])]
 
 
 def _outwards(before: Array, after: Array) -> list[Array]:
-    """Where the corners lie of a vertex between two edges of these normals, for a distance of one."""
+    """Return the corners around a vertex between two edges of given normals, for a distance of one."""
     cosine = float(before @ after)
     if cosine >= 0.0:
         return [(before + after) / (1.0 + cosine)]
-    # A sharp vertex is cut off: its tip would lie far out. The lines go on along the edges for the distance.
+    # A sharp vertex gets two corners, since its tip would be far out; the lines continue along the edges.
     along = np.array([-before[1], before[0]])
     back = np.array([after[1], -after[0]])
     return [before + along, after + back]

@@ -1,4 +1,4 @@
-"""Pure pursuit: cars that follow a path by steering for a point ahead on it."""
+"""Pure pursuit: cars follow a path by steering towards a lookahead point on it."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ Indices = NDArray[np.intp]
 
 
 class WaypointLines(NamedTuple):
-    """The line of each agent, measured. Lines of fewer legs have further ones of no length at their end.
+    """The polyline of each agent with its lengths. Shorter lines are padded with legs of length zero.
 
     Attributes:
-        waypoints: As `AgentGroup.known_lists` returned them; shape (n, k, 2).
-        counts: How many they are; shape (n,).
-        corners: Where legs begin and end, the first again at the end of a loop; shape (n, m + 1, 2).
-        directions: Unit vectors; shape (n, m, 2).
-        length: Of each leg [m]; shape (n, m).
-        starts: How far along the line each corner is [m]; shape (n, m + 1).
+        waypoints: The waypoints, as returned by `AgentGroup.known_lists`; shape (n, k, 2).
+        counts: Their numbers; shape (n,).
+        corners: The ends of legs, with the first again at the end of a loop; shape (n, m + 1, 2).
+        directions: The unit vector of each leg; shape (n, m, 2).
+        length: The length of each leg [m]; shape (n, m).
+        starts: The distance along the line of each corner [m]; shape (n, m + 1).
         total: The length of the line [m]; shape (n,).
     """
 
@@ -38,7 +38,7 @@ class WaypointLines(NamedTuple):
 
 
 def _lines(waypoints: Array, counts: Indices, loop: bool) -> WaypointLines:
-    """Measure lines.
+    """Compute the lines of waypoints.
 
     Raises:
         ValueError: The waypoints are no lines in the plane.
@@ -51,22 +51,22 @@ def _lines(waypoints: Array, counts: Indices, loop: bool) -> WaypointLines:
     legs = np.diff(corners, axis=1)
     length = lengths(legs.reshape(-1, 2)).reshape(legs.shape[:2])
     if not length[number[:-1] < counts[:, None] - 1 + loop].all():
-        raise ValueError("two of the `waypoints` that follow each other are the same (a loop closes by itself)")
+        raise ValueError("two successive `waypoints` are equal (a loop closes by itself)")
     directions = legs / np.where(length > 0.0, length, 1.0)[:, :, None]
     starts = np.concatenate([np.zeros((len(counts), 1)), np.cumsum(length, axis=1)], axis=1)
     return WaypointLines(waypoints, counts, corners, directions, length, starts, starts[:, -1].copy())
 
 
 class PursuitDecision(NamedTuple):
-    """What a turn decides.
+    """The result of a turn.
 
     Attributes:
-        control_input: To request; shape (n, 2).
-        intent: The way ahead; shape (n, h, 2).
-        lines: To follow.
-        begins: Whose line is new; shape (n,).
-        travelled: How far along it each agent is, laps included [m]; shape (n,).
-        remaining: The distance from its end [m]; shape (n,).
+        control_input: The control inputs to request; shape (n, 2).
+        intent: The positions ahead; shape (n, h, 2).
+        lines: The lines to follow.
+        begins: Whether the line of each agent is new; shape (n,).
+        travelled: The distance of each agent along its line, laps included [m]; shape (n,).
+        remaining: The distance from the end of the line [m]; shape (n,).
     """
 
     control_input: Array
@@ -78,15 +78,17 @@ class PursuitDecision(NamedTuple):
 
 
 class PurePursuit(Approach):
-    """Drives along the line that joins the positions known as ``waypoints``, steering for a point ahead on it.
+    """Drives along the line through the positions ``waypoints``, steering towards a point ahead on it.
 
-    The circle that touches the heading at the rear axle and goes through that point has the curvature 2 sin(a) / d,
-    with the point at a distance d and an angle a off the heading (R. C. Coulter, Implementation of the Pure Pursuit
-    Path Tracking Algorithm, CMU-RI-TR-92-01, 1992); the steering angle is the one that a car without slip takes it
-    with. A longer look ahead cuts corners, a shorter one swings. Who has the point behind it steers as far as it can.
+    The circle that is tangent to the heading at the rear axle and passes through that point has the curvature
+    2 sin(a) / d, with the point at a distance d and an angle a off the heading (R. C. Coulter, Implementation of the
+    Pure Pursuit Path Tracking Algorithm, CMU-RI-TR-92-01, 1992); the steering angle is that of a car without slip on
+    this circle. A longer lookahead cuts corners, a shorter one oscillates. If the point lies behind the car, it steers
+    at its limit.
 
-    An agent knows how far along the line it is and looks for itself only ahead of that, so a line may cross itself. It
-    stops at the last waypoint, or goes round. Whose waypoints change looks for itself on all of the new line.
+    An agent remembers its progress along the line and searches for its position only a little ahead of it, so a line
+    may cross itself. It stops at the last waypoint, or starts the next lap. After a change of its waypoints it searches
+    the whole new line.
     """
 
     knowledge: ClassVar = {"waypoints": "where to pass, as a list of at least 2 positions [m]"}
@@ -97,14 +99,14 @@ class PurePursuit(Approach):
     }
 
     class Parameters(Approach.Parameters):
-        """How to follow a path."""
+        """Lookahead and laps."""
 
         lookahead: float = Field(0.5, gt=0, description="Least distance of the point to steer for [m].")
         lookahead_time: float = Field(0.5, ge=0, description="What is added to that for each m/s of speed [s].")
         loop: bool = Field(False, description="Whether the last waypoint leads to the first.")
 
     def check(self, group: AgentGroup) -> None:
-        """The model is a car in the plane, and waypoints are positions of which no two that follow are the same."""
+        """Check that the model is a car, and that successive waypoints are different positions in the plane."""
         names = [quantity.name for quantity in group.model.control_input]
         if names != ["speed", "steering_angle"] or not hasattr(group.model, "wheelbase"):
             raise ValueError("it steers cars, whose control input is a speed and a steering angle")
@@ -112,7 +114,7 @@ class PurePursuit(Approach):
         super().check(group)
 
     def initialise_component(self, group: AgentGroup) -> None:
-        """Measure the line of each agent."""
+        """Compute the line of each agent."""
         super().initialise_component(group)
         self._lines = _lines(*group.known_lists("waypoints"), self.parameters.loop)
         self._travelled = np.zeros(len(group))
@@ -121,7 +123,7 @@ class PurePursuit(Approach):
         self._rows = np.arange(len(group))
 
     def _present_lines(self) -> tuple[WaypointLines, NDArray[np.bool_]]:
-        """The lines at present, and who has another one than at the turn before."""
+        """Return the present lines, and which of them have changed since the previous turn."""
         waypoints, counts = self._group.known_lists("waypoints")
         before = self._lines
         if waypoints is before.waypoints:
@@ -141,14 +143,14 @@ class PurePursuit(Approach):
         distance = np.maximum(lengths(way), 1e-6)
         off = np.arctan2(way[:, 1], way[:, 0]) - state[:, model.heading]
         sine = np.sin(off)
-        # A circle through a point behind would be as wide as that is far: who has to turn round does so at once.
+        # A circle through a point behind would be as wide as its distance: the car turns at its limit instead.
         behind = np.cos(off) < 0.0
         curvature = 2.0 * sine / distance
         remaining = lengths(lines.corners[:, -1] - position)
         speed = np.full(len(state), parameters.speed)
         if not parameters.loop:
             ends = lines.total - travelled <= ahead
-            # Who is past the end does not turn back.
+            # An agent past the end does not turn back.
             past = ends & (lines.total - travelled <= 1e-6)
             speed = np.where(past, 0.0, np.where(ends, self._slowing(remaining), speed))
         control_input = np.empty((len(state), 2))
@@ -180,7 +182,7 @@ class PurePursuit(Approach):
         self._started = np.ones(len(travelled), bool)
 
     def _progress(self, lines: WaypointLines, begins: NDArray[np.bool_], position: Array, ahead: Array) -> Array:
-        """How far along its line each agent is, laps included [m]; shape (n,)."""
+        """Return the distance of each agent along its line, laps included [m]; shape (n,)."""
         before, started = np.where(begins, 0.0, self._travelled), self._started & ~begins
         from_start = position[:, None, :] - lines.corners[:, :-1]
         along = from_start[..., 0] * lines.directions[..., 0] + from_start[..., 1] * lines.directions[..., 1]
@@ -195,7 +197,7 @@ class PurePursuit(Approach):
             there = np.where(there < before[:, None] - 1e-9, there + lines.total[:, None], there)
         else:
             there = np.maximum(there, before[:, None])
-        # Only what lies a little ahead counts, but at the start all of the line.
+        # Only positions a little ahead count, but at the start the whole line.
         far = there > (before + 2.0 * ahead)[:, None]
         distance = np.where(far & started[:, None], np.inf, distance)
         best = distance.argmin(axis=1)
@@ -203,7 +205,7 @@ class PurePursuit(Approach):
         return found
 
     def _at(self, lines: WaypointLines, travelled: Array) -> Array:
-        """The points that lie so far along the lines [m]; shape (n, 2)."""
+        """Return the points at given distances along the lines [m]; shape (n, 2)."""
         if self.parameters.loop:
             travelled = np.remainder(travelled, lines.total)
         travelled = np.minimum(travelled, lines.total)

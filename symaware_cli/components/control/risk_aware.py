@@ -1,4 +1,4 @@
-"""Controllers that act on risk."""
+"""A controller that slows agents down by their risk."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ Array = NDArray[np.float64]
 
 
 class RiskAware(GroupComponent):
-    """Slows down whatever the controller before it chose, where the risk is high.
+    """Slows down the motion requested by the preceding controller where the risk is high.
 
-    Declare it after a controller and a risk estimator. The speed stays as it is up to the risk ``caution``, falls in
-    proportion to nothing at ``bound``, and agents stand still above. It falls at once but recovers at a limited rate:
-    who slows down is at less risk for it, and would otherwise start and stop at every step. The intent stays that of
-    the controller: it says where the agent means to go, not how fast it dares to.
+    Declare it after a controller and a risk estimator. The speed is unchanged up to the risk ``caution``, decreases
+    linearly to zero at ``bound``, and agents stand still above. It decreases at once but recovers at a limited rate: an
+    agent that slows down is at less risk, and would otherwise alternate between starting and stopping at every step.
+    The intent stays that of the controller: where the agent wants to go, not at which speed.
     """
 
     events: ClassVar = {
@@ -30,7 +30,7 @@ class RiskAware(GroupComponent):
     }
 
     class Parameters(Parameters):
-        """Which risk is too high."""
+        """Thresholds of the risk, and the rate of recovery."""
 
         caution: float = Field(0.3, ge=0, description="Risk above which to slow down.")
         bound: float = Field(0.7, gt=0, description="Risk from which on to stop.")
@@ -45,12 +45,12 @@ class RiskAware(GroupComponent):
             return self
 
     def check(self, group: AgentGroup) -> None:
-        """The model can be slowed down."""
+        """Check that the model supports slowing down."""
         state, count = group.initial_state, len(group)
         group.model.slowed(state, np.zeros((count, len(group.model.control_input))), np.full(count, 0.5))
 
     def initialise_component(self, group: AgentGroup) -> None:
-        """Begin at full speed."""
+        """Start at full speed."""
         super().initialise_component(group)
         self._factor = np.ones(len(group))
         self._stopped = np.zeros(len(group), bool)
@@ -66,7 +66,7 @@ class RiskAware(GroupComponent):
         factor = np.minimum(wanted, self._factor + parameters.recovery * elapsed)
         requested = group.control_input
         if group.control_column.writes == self._written and self._requested is not None:
-            # Nobody chose anew since the last turn: slow down the choice, not what was made of it.
+            # No new request since the last turn: slow down the original one, not the one already slowed.
             requested = self._requested
         return requested, group.model.slowed(group.awareness.state, requested, factor), factor
 
@@ -75,11 +75,11 @@ class RiskAware(GroupComponent):
         self._group.control_input = slowed
         self._written = self._group.control_column.writes
         self._last = self.computed_at
-        self._tell(factor)
+        self._emit_changes(factor)
         self._factor = factor
 
-    def _tell(self, factor: Array) -> None:
-        """Fire the events of those whose speed changed kind."""
+    def _emit_changes(self, factor: Array) -> None:
+        """Emit events for agents that slow down, stop or resume."""
         before = self._factor
         stopped = (factor <= 0.0) & ~self._stopped
         changed = ((factor < 1.0) != (before < 1.0)) | stopped
@@ -96,12 +96,12 @@ class RiskAware(GroupComponent):
         self._stopped = (self._stopped | stopped) & (factor < 1.0)
 
     def _risk(self) -> Array:
-        """The greatest risk of each agent's series; 0 where nobody estimates it; shape (n,)."""
+        """Return the greatest risk in each agent's series; 0 if none is estimated; shape (n,)."""
         column = self._group.awareness.risk
         shared = column.shared
         if shared is not None:
             greatest: Array = shared[1].reshape(len(self._group), -1).max(axis=1)
             return greatest
-        # An estimator of single agents wrote these: as many Python objects already.
+        # A component of single agents wrote these, with Python objects for each agent anyway.
         series = [column.row(row).values for row in range(len(self._group))]
         return np.array([values.max() if values.size else 0.0 for values in series])

@@ -1,4 +1,4 @@
-"""Steering: what controllers that choose a velocity have in common."""
+"""Base classes of controllers that choose a velocity for the model to follow."""
 
 from __future__ import annotations
 
@@ -15,56 +15,56 @@ Array = NDArray[np.float64]
 
 
 class Steering(GroupComponent):
-    """A controller that chooses a velocity for each agent, which its model follows, and where that leads."""
+    """A controller that chooses a velocity for each agent, which its model follows, and states an intent."""
 
     class Parameters(Parameters):
-        """How far ahead the intent goes."""
+        """Extent of the intent."""
 
         horizon: float = Field(2.0, gt=0, description="How far ahead the intent reaches [s].")
         samples: int = Field(5, ge=2, le=1000, description="How many positions the intent has.")
 
     def check(self, group: AgentGroup) -> None:
-        """The model can be steered by a velocity."""
+        """Check that the model can follow a velocity."""
         group.model.follow_velocity(group.initial_state, np.zeros((len(group), len(group.model.position))))
 
     def series_quantities(self, group: AgentGroup) -> Mapping[str, Sequence[Quantity]]:
-        """The intent consists of positions."""
+        """Declare the intent as positions."""
         return {"intent": [group.model.state[index] for index in group.model.position]}
 
     def initialise_component(self, group: AgentGroup) -> None:
-        """Lay out the instants of the intent."""
+        """Compute the instants of the intent."""
         super().initialise_component(group)
-        #: When the positions of the intent are, from now [s]; shape (h,).
+        #: The times of the intent's positions, from now [s]; shape (h,).
         self._ahead = np.linspace(0.0, self.parameters.horizon, self.parameters.samples)
         self._offsets = np.round(self._ahead * SECOND).astype(np.int64)
 
     def _steer(self, control_input: Array, intent: Array) -> None:
-        """Request control inputs (n, nu) and state the positions that they lead to (n, h, d)."""
+        """Request control inputs (n, nu), and set the intent to the positions that follow (n, h, d)."""
         self._group.control_input = control_input
         self._group.awareness.intent.set(self.computed_at + self._offsets, intent)
 
 
 class Approach(Steering):
-    """A controller that brings agents to a place and stops them there.
+    """A controller that brings agents to a position and stops them there.
 
-    The wanted speed is the cruise speed, and falls in proportion to the distance near the place.
+    The desired speed is the cruise speed, and decreases in proportion to the distance near the position.
     """
 
     class Parameters(Steering.Parameters):
-        """How to approach a place."""
+        """Speed, gain and tolerance of the approach."""
 
         speed: float = Field(1.0, gt=0, description="Cruise speed [m/s].")
         gain: float = Field(1.0, gt=0, description="Speed for each metre that remains, where that is less [1/s].")
         tolerance: float = Field(0.1, gt=0, description="Distance at which a place counts as reached [m].")
 
     def _slowing(self, distance: Array) -> Array:
-        """The speed at a distance from where to stop [m/s]; shape (n,)."""
+        """Return the speed at a distance from the position to stop at [m/s]; shape (n,)."""
         speed: Array = np.minimum(self.parameters.speed, self.parameters.gain * distance)
         return speed
 
 
 def differing(before: Array, now: Array) -> NDArray[np.bool_]:
-    """Which agents know something else than before, from what `AgentGroup.known` or `known_lists` returned; (n,)."""
+    """Return which rows differ between two results of `AgentGroup.known` or `known_lists`; shape (n,)."""
     if now is before:
         return np.zeros(len(now), bool)
     if now.ndim > 2 and now.shape[2:] == before.shape[2:]:
@@ -77,7 +77,7 @@ def differing(before: Array, now: Array) -> NDArray[np.bool_]:
 
 
 def along(position: Array, direction: Array, travelled: Array) -> Array:
-    """The places that lie some ways from a position in a direction; (n, d), (n, d) and (n, h) to (n, h, d)."""
+    """Return positions at distances from a position in a direction; (n, d), (n, d) and (n, h) to (n, h, d)."""
     places = np.empty((*travelled.shape, position.shape[1]))
     # Axis by axis: broadcasting along an axis of two elements is many times as slow.
     for axis in range(position.shape[1]):
@@ -87,7 +87,7 @@ def along(position: Array, direction: Array, travelled: Array) -> Array:
 
 
 def lengths(vectors: Array) -> Array:
-    """The length of each of some vectors; (n, d) to (n,)."""
+    """Return the lengths of vectors; (n, d) to (n,)."""
     square = vectors[:, 0] * vectors[:, 0]
     for axis in range(1, vectors.shape[1]):
         square += vectors[:, axis] * vectors[:, axis]
@@ -95,12 +95,12 @@ def lengths(vectors: Array) -> Array:
 
 
 def directions(vectors: Array, length: Array) -> Array:
-    """Unit vectors, from vectors (n, d) and their lengths (n,); zero where the length is."""
+    """Return unit vectors, from vectors (n, d) and their lengths (n,); zero for length zero."""
     return scaled(vectors, 1.0 / np.maximum(length, 1e-12))
 
 
 def scaled(vectors: Array, factor: Array) -> Array:
-    """Each of some vectors (n, d) times its factor (n,)."""
+    """Return vectors (n, d) times factors (n,)."""
     product = np.empty_like(vectors)
     for axis in range(vectors.shape[1]):
         np.multiply(vectors[:, axis], factor, out=product[:, axis])

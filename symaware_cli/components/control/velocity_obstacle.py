@@ -1,4 +1,4 @@
-"""Reciprocal avoidance: velocities that keep clear of others who avoid likewise."""
+"""Reciprocal collision avoidance (ORCA): velocities that avoid other agents that do likewise."""
 
 from __future__ import annotations
 
@@ -15,28 +15,28 @@ from symaware_cli.core import AgentGroup
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-#: How much obstacles give way, relative to agents, where not all constraints can be kept: they will not move aside.
+#: How much constraints of obstacles yield, relative to agents, if infeasible: obstacles do not move aside.
 _OBSTACLE_WEIGHT = 0.01
 
 
 def reciprocal_constraints(
     apart: Array, closing: Array, own: Array, radius: Array, horizon: float, parting: float, share: float
 ) -> tuple[Array, Array]:
-    """Return half-planes of velocities in which two agents keep clear of each other if both stay in theirs.
+    """Return half-planes of velocities in which two agents avoid each other if both stay in theirs.
 
-    The velocity obstacle is the set of relative velocities that lead to a collision within the horizon: a cone with its
-    tip cut off by a disc. The half-plane touches it where it is closest to the present relative velocity, after one's
-    own share of the way there (J. van den Berg, S. J. Guy, M. Lin, D. Manocha, "Reciprocal n-body collision avoidance",
-    Robotics Research, STAR 70, 2011, section 4).
+    The velocity obstacle is the set of relative velocities that lead to a collision within the horizon: a cone
+    truncated by a disc. The half-plane touches it at its point closest to the present relative velocity, after the
+    agent's share of the way there (J. van den Berg, S. J. Guy, M. Lin, D. Manocha, "Reciprocal n-body collision
+    avoidance", Robotics Research, STAR 70, 2011, section 4).
 
     Args:
-        apart: From oneself to the other [m]; shape (2, m).
-        closing: The velocity of the other less one's own [m/s]; shape (2, m).
-        own: One's own velocity [m/s]; shape (2, m).
+        apart: The vector from the agent to the other [m]; shape (2, m).
+        closing: The velocity of the other minus that of the agent [m/s]; shape (2, m).
+        own: The velocity of the agent [m/s]; shape (2, m).
         radius: The sum of the radii [m]; shape (m,).
-        horizon: For how long to keep clear [s].
-        parting: In what time to part where bodies overlap already [s].
-        share: The part of the change of the relative velocity to take upon oneself.
+        horizon: For how long to avoid a collision [s].
+        parting: The time in which bodies that overlap separate [s].
+        share: The agent's share of the change of the relative velocity.
 
     Returns:
         Unit normals, shape (2, m), and limits, shape (m,): an allowed velocity v has n . v <= c.
@@ -44,16 +44,16 @@ def reciprocal_constraints(
     square = dot(apart, apart)
     overlapping = square <= radius * radius
     time = np.where(overlapping, parting, horizon)
-    # From the centre of the disc that cuts the cone to the relative velocity.
+    # From the centre of the truncating disc to the relative velocity.
     tip = -closing - apart / time
     tip_square = dot(tip, tip)
     inward = dot(tip, apart)
     at_disc = overlapping | ((inward < 0.0) & (inward * inward > radius * radius * tip_square))
-    # Away from the disc; where velocities coincide with its centre, straight back.
+    # Away from the disc; straight back if the velocity is at its centre.
     tip_length = np.sqrt(tip_square)
     centred = tip_length <= 1e-9
     away = np.where(centred, -apart, tip) / np.where(centred, np.sqrt(square), tip_length)
-    # Away from the leg of the cone that is on the same side.
+    # Away from the leg of the cone on the same side.
     leg = np.sqrt(np.maximum(square - radius * radius, 0.0))
     side = np.where(apart[0] * tip[1] - apart[1] * tip[0] > 0.0, 1.0, -1.0)
     across = np.stack([-side * apart[1] * leg - apart[0] * radius, side * apart[0] * leg - apart[1] * radius])
@@ -64,27 +64,28 @@ def reciprocal_constraints(
 
 
 class VelocityObstacle(GoalSeeking):
-    """Heads for the position known as ``goal`` and avoids others who avoid likewise, and obstacles.
+    """Moves to the position ``goal``, and avoids obstacles and other agents that do likewise.
 
     Optimal reciprocal collision avoidance (ORCA; see `reciprocal_constraints`): each agent takes the velocity closest
-    to the one straight to its goal that keeps it clear, for the time horizon, of everybody it is aware of, if they do
-    their half. Where that is impossible it takes the velocity that violates these constraints least. Beliefs are taken
-    as they are, each agent's own: whoever is not perceived is not avoided. Each convex piece of an obstacle forbids the
-    velocities that would use up the distance to it within a horizon of its own; the agents know the obstacles.
+    to the one straight to its goal that avoids, for the time horizon, all agents that it is aware of, provided that
+    they do their half. If that is impossible it takes the velocity that violates these constraints least. Each agent
+    uses its own beliefs without regard to their uncertainty: an agent that is not perceived is not avoided. Each convex
+    piece of an obstacle forbids the velocities that would cover the distance to it within a horizon of its own; the
+    agents know the obstacles.
 
-    As long as there is anything to avoid, each agent turns off a little to the right of its goal. Where everybody heads
-    straight for the same place, as on a circle, reciprocal avoidance alone ends in a standstill that no small random
-    change dissolves; keeping right makes it a roundabout.
+    While there is anything to avoid, each agent turns a little to the right of its goal. If all agents move straight to
+    the same place, as on a circle, reciprocal avoidance alone ends in a deadlock that no small random change resolves;
+    keeping right makes it a roundabout.
 
-    Constraints hold for velocities that are followed exactly, from one step to the next. What a model cannot follow (a
-    unicycle turns before it rolls) and what happens within a step is covered by ``margin``. Heights are not looked at.
-    The intent is the velocity over the horizon.
+    Constraints hold for velocities that are followed exactly, from one step to the next. ``margin`` covers what a model
+    cannot follow (a unicycle turns before it rolls) and the motion within a step. Heights are ignored. The intent is
+    the velocity over the horizon.
     """
 
     sees_world = True
 
     class Parameters(GoalSeeking.Parameters):
-        """How to avoid."""
+        """Parameters of avoidance."""
 
         max_speed: float | None = Field(
             None, gt=0, description="Greatest speed while avoiding, at least the cruise speed [m/s]; that if null."
@@ -120,16 +121,16 @@ class VelocityObstacle(GoalSeeking):
             return self
 
     def check(self, group: AgentGroup) -> None:
-        """Agents move in the plane."""
+        """Check that agents move in the plane."""
         if len(group.model.position) != 2:
             raise ValueError("avoidance works in the plane, and the model moves in space")
         super().check(group)
 
     def initialise_component(self, group: AgentGroup) -> None:
-        """Look up how big everybody is."""
+        """Look up the sizes of all agents."""
         super().initialise_component(group)
         self._radii = bounding_radii(self.environment)
-        #: By which angle each agent turns off to the right [rad]; shape (n,).
+        #: The angle by which each agent turns to the right [rad]; shape (n,).
         self._turn: Array | None = None
         if self.parameters.perturbation:
             self._turn = self.parameters.perturbation * (0.5 + 0.5 * self.random.uniform(1)[:, 0])
@@ -152,11 +153,11 @@ class VelocityObstacle(GoalSeeking):
     def _update(self, value: tuple[Array, Array, Array, Array]) -> None:
         control_input, intent, goal, distance = value
         self._steer(control_input, intent)
-        self._arrive(goal, distance)
+        self._emit_arrivals(goal, distance)
 
     @property
     def _greatest_speed(self) -> float:
-        """The greatest speed of velocities that avoid [m/s]."""
+        """The maximum speed while avoiding [m/s]."""
         greatest: float | None = self.parameters.max_speed
         return float(self.parameters.speed if greatest is None else greatest)
 
@@ -182,7 +183,7 @@ class VelocityObstacle(GoalSeeking):
         reach = keep + self._greatest_speed * parameters.time_horizon_obstacles
         near = scenery.nearest(position, max(reach, parameters.reach) if scenery.moves else reach)
         distance = near.distance
-        # Inside of an obstacle the distance is negative, and the nearest way out is the way back.
+        # Inside of an obstacle the distance is negative, so the normal points to the nearest way out.
         normal = ((near.point - position[near.row]) / np.where(distance == 0.0, np.inf, distance)[:, None]).T
         limit = (distance - keep) / parameters.time_horizon_obstacles + dot(normal, near.velocity.T)
         limit = np.where(distance == 0.0, np.inf, limit)
@@ -197,13 +198,13 @@ def _turned_right(vectors: Array, angle: Array) -> Array:
 
 
 def _nearest(pointers: Indices, observers: Indices, square: Array, most: int) -> Indices:
-    """The rows of the nearest few of each agent, in their order: those of its others never depend on who else is near.
+    """Return the rows of the nearest others of each agent, in their original order.
 
     Args:
-        pointers: Where the rows of each agent begin; shape (n + 1,).
+        pointers: The first row of each agent; shape (n + 1,).
         observers: The agent of each row; shape (m,).
         square: The squared distance of each row; shape (m,).
-        most: How many to keep for each agent.
+        most: The number of others to keep for each agent.
     """
     if not len(square) or np.diff(pointers).max() <= most:
         return np.arange(len(square))
@@ -213,7 +214,7 @@ def _nearest(pointers: Indices, observers: Indices, square: Array, most: int) ->
 
 
 def _padded(count: int, rows: Indices, normal: Array, limit: Array, weight: float) -> HalfPlanes:
-    """Lay out constraints, given one after the other in the order of the agents, as a row for each agent."""
+    """Arrange constraints, given in the order of the agents, in one row for each agent."""
     starts = np.searchsorted(rows, np.arange(count))
     column = np.arange(len(rows)) - starts[rows]
     width = int(column.max(initial=-1)) + 1

@@ -1,4 +1,4 @@
-"""Controllers of several places, one after the other."""
+"""A controller that passes waypoints in order."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ Indices = NDArray[np.intp]
 
 
 class WaypointDecision(NamedTuple):
-    """What a turn decides.
+    """The result of a turn.
 
     Attributes:
-        control_input: To request; shape (n, nu).
-        intent: The way ahead; shape (n, h, d).
-        waypoints: Of each agent; shape (n, k, d).
-        counts: How many they are; shape (n,).
-        begins: Who begins at the first of them, because they are new; shape (n,).
-        number: For which of them each agent was heading; shape (n,).
-        reached: Who reached that one; shape (n,).
-        upcoming: For which one each agent heads now; shape (n,).
+        control_input: The control inputs to request; shape (n, nu).
+        intent: The positions ahead; shape (n, h, d).
+        waypoints: The waypoints of each agent; shape (n, k, d).
+        counts: Their numbers; shape (n,).
+        begins: Whether an agent starts at the first waypoint because they are new; shape (n,).
+        number: The waypoint that each agent was heading for; shape (n,).
+        reached: Whether it reached that one; shape (n,).
+        upcoming: The waypoint that each agent is heading for now; shape (n,).
     """
 
     control_input: Array
@@ -40,11 +40,11 @@ class WaypointDecision(NamedTuple):
 
 
 class Waypoints(Approach):
-    """Passes the positions known as ``waypoints`` in their order, then stops at the last or begins again.
+    """Passes the positions ``waypoints`` in order, then stops at the last or starts again.
 
     An agent heads straight for the next waypoint at cruise speed and turns to the one after it as soon as it is within
-    the tolerance; before the last one its speed falls in proportion to the distance. The intent is the way ahead, along
-    the waypoints, over the horizon. Whose waypoints change begins at the first of the new ones.
+    the tolerance; before the last one its speed decreases in proportion to the distance. The intent is the path ahead,
+    along the waypoints, over the horizon. After a change of its waypoints an agent starts at the first new one.
     """
 
     knowledge: ClassVar = {"waypoints": "where to pass, as a list of positions [m]"}
@@ -55,17 +55,17 @@ class Waypoints(Approach):
     }
 
     class Parameters(Approach.Parameters):
-        """How to pass waypoints."""
+        """Parameters of the approach, and whether to repeat."""
 
         loop: bool = Field(False, description="Whether to begin again after the last waypoint.")
 
     def check(self, group: AgentGroup) -> None:
-        """Waypoints are positions, and the model can be steered by a velocity."""
+        """Check that waypoints are positions, and that the model can follow a velocity."""
         self._known(group)
         super().check(group)
 
     def initialise_component(self, group: AgentGroup) -> None:
-        """Begin at the first waypoints."""
+        """Start at the first waypoints."""
         super().initialise_component(group)
         self._waypoints, self._counts = self._known(group)
         self._rows = np.arange(len(group))
@@ -73,7 +73,7 @@ class Waypoints(Approach):
         self._finished = np.zeros(len(group), bool)
 
     def _known(self, group: AgentGroup) -> tuple[Array, Indices]:
-        """The waypoints of each agent at present, (n, k, d), and how many they are, (n,)."""
+        """Return the present waypoints of each agent, (n, k, d), and their numbers, (n,)."""
         waypoints, counts = group.known_lists("waypoints")
         dimensions = len(group.model.position)
         if waypoints.ndim != 3 or waypoints.shape[1] < 1 or waypoints.shape[2] != dimensions:
@@ -97,7 +97,7 @@ class Waypoints(Approach):
             ends = upcoming == counts - 1
             speed[ends] = self._slowing(distance[ends])
         velocity = directions(way, distance) * speed[:, None]
-        intent = self._way_ahead(waypoints, counts, position, upcoming, speed)
+        intent = self._path_ahead(waypoints, counts, position, upcoming, speed)
         control_input = model.follow_velocity(state, velocity)
         return WaypointDecision(control_input, intent, waypoints, counts, begins, number, reached, upcoming)
 
@@ -116,14 +116,14 @@ class Waypoints(Approach):
         self._next = value.upcoming
 
     def _after(self, number: Indices, step: NDArray[np.bool_] | Indices, counts: Indices) -> Indices:
-        """The waypoint that follows, which after the last is the first of a loop, else the last."""
+        """Return the next waypoint; after the last one the first of a loop, else the last."""
         following = number + step
         limited: Indices = following % counts if self.parameters.loop else np.minimum(following, counts - 1)
         return limited
 
-    def _way_ahead(self, waypoints: Array, counts: Indices, position: Array, upcoming: Indices, speed: Array) -> Array:
-        """Where each agent is at the instants of the intent if it keeps its speed; shape (n, h, d)."""
-        # A loop is closed by the waypoint it begins with.
+    def _path_ahead(self, waypoints: Array, counts: Indices, position: Array, upcoming: Indices, speed: Array) -> Array:
+        """Return each agent's positions at the instants of the intent if it keeps its speed; shape (n, h, d)."""
+        # A loop ends at its first waypoint.
         steps = np.minimum(np.arange(waypoints.shape[1] + self.parameters.loop), counts[:, None])
         numbers = self._after(upcoming[:, None], steps, counts[:, None])
         corners = np.concatenate([position[:, None], waypoints[self._rows[:, None], numbers]], axis=1)

@@ -1,1 +1,1 @@
-"""Risk estimators that ship with SymAware."""
+"""Built-in risk estimators."""

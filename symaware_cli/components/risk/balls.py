@@ -1,4 +1,4 @@
-"""The probability that two discs or balls come too close, from Gaussian beliefs."""
+"""The probability that two discs or balls collide, from Gaussian beliefs."""
 
 from __future__ import annotations
 
@@ -12,41 +12,40 @@ from symaware_cli.components.relative_motion import dot
 
 Array = NDArray[np.float64]
 
-#: Beyond so many standard deviations a density is nothing: 2.6e-12 of it lies farther out.
+#: Beyond this many standard deviations a density counts as zero: 2.6e-12 of it lies farther out.
 _WIDTH = 7.0
-#: As _WIDTH, for a vector of up to three elements and with the trace in place of the greatest variance.
+#: Like _WIDTH, for vectors of up to three elements, with the trace in place of the greatest variance.
 _CERTAIN = 8.0
-#: Standard deviations below this part of the radius are raised to it, so that a density is never a spike.
+#: Standard deviations below this part of the radius are raised to it, so that a density is never singular.
 _FLOOR = 1e-7
-#: An integral is taken with ever more nodes until two results differ by no more than this.
+#: The number of nodes of an integral is increased until two results differ by no more than this.
 _TOLERANCE = 1e-6
 _LEVELS = (16, 32, 64, 128, 256, 512, 1024)
-#: The most values of an integrand to hold at once.
-_TOGETHER = 1 << 20
+#: The most values of an integrand to hold in memory at once.
+_MOST_VALUES = 1 << 20
 
 
 def collision_probability(apart: Array, closing: Array, radius: Array, covariance: Array, horizon: float) -> Array:
     """Return the probability that two bodies come closer than a distance within a horizon.
 
-    Relative motion is taken as rectilinear at the expected velocity, and the relative position as Gaussian. Then the
-    bodies meet exactly if the relative position lies in the capsule that a ball of the given radius sweeps when it goes
-    from the origin against the relative velocity for the horizon, and the probability is the integral of the Gaussian
-    over the capsule: K. Foster and H. S. Estes, "A parametric analysis of orbital debris collision probability and
-    maneuver rate for space vehicles", NASA JSC-25898, 1992, and F. K. Chan, "Spacecraft Collision Probability", 2008,
-    for short-term encounters, where the horizon is infinite. Across the motion the integral is taken by Gauss-Legendre
-    quadrature where the density is, along it in closed form. The error is below 1e-5, except where the covariance is
-    all but singular and askew to the motion: up to 0.01.
+    Relative motion is assumed to be rectilinear at the expected velocity, and the relative position Gaussian. The
+    bodies then meet exactly if the relative position lies in the capsule that a ball of the given radius sweeps from
+    the origin against the relative velocity for the horizon, and the probability is the integral of the Gaussian over
+    the capsule: K. Foster and H. S. Estes, "A parametric analysis of orbital debris collision probability and maneuver
+    rate for space vehicles", NASA JSC-25898, 1992, and F. K. Chan, "Spacecraft Collision Probability", 2008, for
+    short-term encounters, with an infinite horizon. The integral across the motion uses Gauss-Legendre quadrature where
+    the density is not negligible, that along the motion is in closed form. The error is below 1e-5, and up to 0.01 if
+    the covariance is nearly singular and oblique to the motion.
 
     Args:
         apart: The expected relative position [m]; shape (d, m), d = 2 or 3.
         closing: The expected relative velocity [m/s]; shape (d, m).
         radius: The distance that counts as a collision [m]; shape (m,).
-        covariance: Of the relative position [m^2]; shape (m, d, d).
-        horizon: How far ahead to look [s].
+        covariance: Covariance of the relative position [m^2]; shape (m, d, d).
+        horizon: Time horizon [s].
 
     Returns:
-        Probabilities, shape (m,). Where nothing is uncertain, 1 for a distance below the radius within the horizon,
-        else 0.
+        Probabilities, shape (m,). Without uncertainty 1 for a distance below the radius within the horizon, else 0.
     """
     speed = np.sqrt(dot(closing, closing))
     length = speed * horizon
@@ -66,7 +65,7 @@ def collision_probability(apart: Array, closing: Array, radius: Array, covarianc
 
 
 def closest_approach(apart: Array, closing: Array, horizon: float) -> Array:
-    """Return when two bodies are closest to each other within a horizon [s]; shape (m,) for vectors (d, m)."""
+    """Return the time at which two bodies are closest within a horizon [s]; shape (m,) for vectors (d, m)."""
     square = dot(closing, closing)
     moving = square > 0.0
     time = np.where(moving, -dot(apart, closing) / np.where(moving, square, 1.0), 0.0)
@@ -74,15 +73,15 @@ def closest_approach(apart: Array, closing: Array, horizon: float) -> Array:
 
 
 def _axes(closing: Array, speed: Array) -> list[Array]:
-    """Unit vectors across the motion and, at last, along it; each of shape (d, m)."""
+    """Return unit vectors across the motion and, as the last, along it; each of shape (d, m)."""
     moving = speed > 0.0
     along = np.where(moving, closing / np.where(moving, speed, 1.0), 0.0)
     along[0, ~moving] = 1.0
     if len(along) == 2:
         return [np.stack([-along[1], along[0]]), along]
     x, y, z = along
-    # Any vector across will do: this one never cancels (T. Duff et al., "Building an orthonormal basis, revisited",
-    # J. Computer Graphics Techniques 6, 2017).
+    # Any vector across serves; this one avoids cancellation (T. Duff et al., "Building an orthonormal basis,
+    # revisited", J. Computer Graphics Techniques 6, 2017).
     sign = np.where(z >= 0.0, 1.0, -1.0)
     a = -1.0 / (sign + z)
     b = x * y * a
@@ -90,13 +89,13 @@ def _axes(closing: Array, speed: Array) -> list[Array]:
 
 
 def _refined(mean: Array, covariance: Array, radius: Array, length: Array) -> Array:
-    """Integrate as `_capsule` does, each row with as many nodes as it needs."""
+    """Integrate by `_capsule`, each row with as many nodes as it needs."""
     result = np.full(len(radius), np.inf)
     rows = np.arange(len(radius))
-    # In space there is a second axis across: the square of as many nodes.
+    # In space a second axis across squares the number of nodes.
     for count in _LEVELS if len(mean) == 2 else _LEVELS[:4]:
         nodes = _legendre(count)
-        some = max(1, _TOGETHER // count ** (len(mean) - 1))
+        some = max(1, _MOST_VALUES // count ** (len(mean) - 1))
         for part in np.split(rows, range(some, len(rows), some)):
             before = result[part]
             result[part] = _capsule(mean[:, part], covariance[part], radius[part], length[part], nodes)
@@ -108,7 +107,7 @@ def _refined(mean: Array, covariance: Array, radius: Array, length: Array) -> Ar
 
 @cache
 def _legendre(count: int) -> tuple[Array, Array]:
-    """Nodes and weights of the Gauss-Legendre quadrature on [-1, 1]."""
+    """Return nodes and weights of the Gauss-Legendre quadrature on [-1, 1]."""
     nodes, weights = np.polynomial.legendre.leggauss(count)
     return nodes, weights
 
@@ -117,14 +116,14 @@ def _capsule(mean: Array, covariance: Array, radius: Array, length: Array, nodes
     """Integrate Gaussians over capsules from the origin to -length along the last axis.
 
     Args:
-        mean: Across the motion and, at last, along it; shape (d, m).
-        covariance: Likewise; shape (m, d, d).
-        radius: Shape (m,).
-        length: Shape (m,).
-        nodes: What `_legendre` returned, for each axis across.
+        mean: Means across the motion and, as the last, along it; shape (d, m).
+        covariance: Covariances in the same axes; shape (m, d, d).
+        radius: Radii; shape (m,).
+        length: Lengths of the capsules; shape (m,).
+        nodes: Nodes and weights from `_legendre`, for each axis across.
     """
     lower = _cholesky(covariance, _FLOOR * radius)
-    # What is integrated over so far has a second axis of its own for the nodes, one after the other.
+    # After each axis, the second dimension enumerates all nodes of the axes so far.
     half, weight = radius[:, None], np.ones((len(radius), 1))
     expected = [element[:, None] for element in mean]
     for axis in range(len(mean) - 1):
@@ -142,16 +141,16 @@ def _capsule(mean: Array, covariance: Array, radius: Array, length: Array, nodes
 
 
 def _quadrature(mean: Array, deviation: Array, half: Array, nodes: tuple[Array, Array]) -> tuple[Array, Array]:
-    """Nodes within [-half, half] where a normal density is, and that density times the weights.
+    """Return nodes within [-half, half] where a normal density is not negligible, and density times weights.
 
-    The nodes are spaced in the angle whose sine is the place over the half width, in which the round ends of a capsule
-    are smooth.
+    The nodes are spaced in the angle whose sine is the position over the half width, in which the round ends of a
+    capsule are smooth.
 
     Args:
-        mean: Shape (m, k).
-        deviation: Shape (m, 1).
-        half: Shape (m, k).
-        nodes: On [-1, 1].
+        mean: Means; shape (m, k).
+        deviation: Standard deviations; shape (m, 1).
+        half: Half widths; shape (m, k).
+        nodes: Nodes and weights on [-1, 1].
 
     Returns:
         Both of shape (m, k, nodes).
@@ -167,7 +166,7 @@ def _quadrature(mean: Array, deviation: Array, half: Array, nodes: tuple[Array, 
 
 
 def _cholesky(covariance: Array, floor: Array) -> list[list[Array]]:
-    """The lower triangles whose squares are the covariances, for those that are only semidefinite too.
+    """Return the Cholesky factors of covariances, also of those that are only semidefinite.
 
     Returns:
         Element (i, j) of all of them, each of shape (m,).
@@ -188,7 +187,7 @@ def _cholesky(covariance: Array, floor: Array) -> list[list[Array]]:
 
 
 def _sum(values: Array) -> Array:
-    """Add up the elements of each row; the order depends on nothing but their number."""
+    """Add up the elements of each row, in an order that depends only on their number."""
     while values.shape[1] > 1:
         odd = values[:, -1:] if values.shape[1] % 2 else None
         paired = values.shape[1] // 2

@@ -1,4 +1,4 @@
-"""Body pairs: pairs of an agent's own body and another's, or a convex piece of an obstacle, as the agent believes."""
+"""Body pairs: relative motion and uncertainty of an agent and another agent, or a convex piece of an obstacle."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ Indices = NDArray[np.intp]
 
 
 class Known:
-    """What is known of the bodies of all agents, by index, and how the agents of a group believe to stand.
+    """The bodies of all agents, by index in the roster, and the believed poses of the agents of a group.
 
-    Bodies are known to all: what agents doubt is where the others are, not how big.
+    The sizes of bodies are known to all agents; only positions are uncertain.
     """
 
     def __init__(self, group: AgentGroup) -> None:
@@ -34,9 +34,9 @@ class Known:
         self.start = environment.roster.start(group.name)
         self.radii = bounding_radii(environment)
         self.bodies = BodyOutlines([shape.pieces[0] if shape else None for shape in shapes], counts)
-        #: Of the balls that hold them in space.
+        #: Radii of their bounding balls in space.
         self.outer: Array = np.repeat([shape.outer_radius if shape else 0.0 for shape in shapes], counts)
-        #: Who goes where it points, and looks the same from behind, should it go backwards.
+        #: Whether headings follow from velocities: bodies move along them, and are symmetric in case they back up.
         ahead = [
             each.model.goes_ahead and (shape is None or _symmetric(shape.pieces[0][0]))
             for each, shape in zip(groups, shapes, strict=True)
@@ -45,11 +45,11 @@ class Known:
         self.turns: NDArray[np.bool_] = np.repeat([each.model.heading is not None for each in groups], counts)
 
     def own_side(self, observers: Indices, covariance: Array | None) -> Side:
-        """The own bodies of some rows of the group.
+        """Return the own bodies of some rows of the group.
 
         Args:
-            observers: Which; shape (m,).
-            covariance: Of the state of each agent, (n, nx, nx), where there is one.
+            observers: The rows; shape (m,).
+            covariance: The covariance of each agent's state, (n, nx, nx), if any.
         """
         group, model = self.group, self.group.model
         outlines, count = self.bodies.outlines(observers + self.start), len(observers)
@@ -65,7 +65,7 @@ class Known:
         return Side(outlines, headings, rates.take(observers), deviations, np.zeros(count, bool))
 
     def other_side(self, tracks: Tracks, rows: Indices) -> Side:
-        """The bodies of others, of some rows of tracks."""
+        """Return the bodies of others, for some rows of tracks."""
         others, count = tracks.others.take(rows), len(rows)
         outlines, world = self.bodies.outlines(others), self.group.awareness.world
         if not self.bodies.any_cornered:
@@ -80,7 +80,7 @@ class Known:
             block = tracks.covariances.take(rows, 0)[:, first : first + 2, first : first + 2]
             deviations = np.sqrt(np.maximum(np.trace(block, axis1=1, axis2=2), 0.0))
         ahead = self.ahead.take(others) & (speed > 0.0)
-        # Nobody says where they point, unless they go that way: a disc holds them whatever it is.
+        # Other headings are not observed: a disc that contains the body holds for any heading.
         unknown = self.turns.take(others) & ~ahead
         headings = np.where(ahead, np.arctan2(velocity[:, 1], velocity[:, 0]), 0.0)
         deviations = np.where(ahead, deviations / np.where(speed > 0.0, speed, 1.0), 0.0)
@@ -93,24 +93,24 @@ def _known(outlines: Pieces, headings: Array, rates: Array) -> Side:
 
 
 def _symmetric(core: Sequence[Sequence[float]]) -> bool:
-    """Whether a core is the same turned by half a turn."""
+    """Return whether a core is unchanged by half a turn."""
     points = np.array(core, float)
     behind = np.linalg.norm(points[:, None] + points[None], axis=2).min(axis=1)
     return bool((behind <= 1e-9 * np.abs(points).max()).all())
 
 
 class BodyPairs(ABC):
-    """Pairs of bodies, those of each agent one after the other.
+    """Pairs of bodies, ordered by agent.
 
     Attributes:
         observers: The agent of each pair, as a row of the group, ascending; shape (m,).
-        apart: From the agent to the other [m]; shape (d, m).
-        closing: The velocity of the other less one's own [m/s]; shape (d, m).
-        radius: The sum of the radii of the balls (seen from above, the circles) that hold both [m]; shape (m,).
-        round: Where both fill these; shape (m,).
-        covariance: Of relative position and velocity, shape (m, 2d, 2d); None where nothing is uncertain.
-        heights: Where heights of obstacles are known: one's own and its rate, and the least and the greatest of those
-            at which both may overlap; shape (4, m). None elsewhere.
+        apart: The vector from the agent to the other [m]; shape (d, m).
+        closing: The velocity of the other minus the own one [m/s]; shape (d, m).
+        radius: The sum of the radii of the bounding balls (seen from above, circles) of both [m]; shape (m,).
+        round: Whether both fill these; shape (m,).
+        covariance: Covariance of relative position and velocity, shape (m, 2d, 2d); None without uncertainty.
+        heights: If heights of obstacles are known: the own height and its rate, and the least and greatest own height
+            at which both may overlap; shape (4, m). None otherwise.
     """
 
     observers: Indices
@@ -123,31 +123,31 @@ class BodyPairs(ABC):
 
     @abstractmethod
     def sides(self, rows: Indices) -> tuple[Side, Side]:
-        """The own bodies and the others of some pairs."""
+        """Return the own bodies and the other bodies of some pairs."""
 
     def own_heights(self, rows: Indices) -> Array:
-        """The covariance of one's own height and its rate; shape (m, 2, 2)."""
+        """Return the covariance of the own height and its rate; shape (m, 2, 2)."""
         raise NotImplementedError
 
-    def over_all(self, reduction: np.ufunc, values: Array, nobody: Array) -> Array:
-        """Reduce the values of each agent's pairs, with what holds for it without any of them.
+    def over_all(self, reduction: np.ufunc, values: Array, alone: Array) -> Array:
+        """Reduce the values of each agent's pairs, starting with its value without any pairs.
 
         Args:
-            reduction: How, such as ``np.minimum``.
-            values: Shape (m,).
-            nobody: Shape (n,).
+            reduction: The reduction, such as ``np.minimum``.
+            values: The value of each pair; shape (m,).
+            alone: The value of each agent without pairs; shape (n,).
         """
         observers = self.observers
         if not len(observers):
-            return nobody
+            return alone
         starts = np.flatnonzero(np.concatenate([[True], observers[1:] != observers[:-1]]))
-        some, reduced = observers.take(starts), nobody.copy()
-        reduced[some] = reduction(nobody.take(some), reduction.reduceat(values, starts))
+        some, reduced = observers.take(starts), alone.copy()
+        reduced[some] = reduction(alone.take(some), reduction.reduceat(values, starts))
         return reduced
 
 
 class WithOthers(BodyPairs):
-    """Each agent and each other that it is aware of within reach."""
+    """Pairs of each agent and each other agent that it is aware of within reach."""
 
     def __init__(self, known: Known, reach: float, own: OwnUncertainty) -> None:
         relative = RelativeMotion(known.group, reach, known.radii, own_velocity(known.group))
@@ -171,7 +171,7 @@ class WithOthers(BodyPairs):
 
 
 class WithObstacles(BodyPairs):
-    """Each agent and each convex piece of an obstacle whose surface is within reach; agents know the obstacles."""
+    """Pairs of each agent and each convex piece of an obstacle within reach; agents know the obstacles."""
 
     def __init__(self, known: Known, reach: float, own: OwnUncertainty) -> None:
         group = known.group
@@ -185,7 +185,7 @@ class WithObstacles(BodyPairs):
         radius = np.sqrt((around.vertices**2).sum(axis=2)).max(axis=1, initial=0.0) + around.rounding
         level = self._levels(known, position)
         if level is not None:
-            # What it stands on, or passes below.
+            # Leave out obstacles that the agent stands on or passes below.
             outer = known.outer[known.start]
             beside = (course.heights[:, 1] > level[row]) & (course.heights[:, 0] < level[row] + outer)
             row, piece, radius = row[beside], piece[beside], radius[beside]
@@ -195,7 +195,7 @@ class WithObstacles(BodyPairs):
         self.apart = np.ascontiguousarray((course.positions - position[:, :2].take(row, 0)).T)
         self.closing = np.ascontiguousarray((course.velocities - velocity[:, :2].take(row, 0)).T)
         self.radius = radius + known.radii[known.start]
-        # A rounded point at its own position, and nothing else, is a disc.
+        # A rounded point at its own position is a disc.
         disc = ~known.bodies.cornered[known.start] & (np.abs(around.vertices).max(axis=(1, 2), initial=0.0) == 0.0)
         self.round = np.broadcast_to(disc, row.shape).copy()
         self.covariance = own.with_others(None, row, 2)
@@ -203,14 +203,14 @@ class WithObstacles(BodyPairs):
             self.heights = self._rise(course.heights, position[:, 2], velocity[:, 2], known.outer[known.start])
 
     def _levels(self, known: Known, position: Array) -> Array | None:
-        """How high agents of a plane are in a world that knows the heights of its obstacles; None elsewhere."""
+        """Return the heights of planar agents if the world has heights of obstacles; None otherwise."""
         environment = known.group.surroundings.environment
         if position.shape[1] == 3 or not environment.scenery.has_heights:
             return None
         return environment.body_positions(known.group.ids)[:, 2]
 
     def _rise(self, heights: Array, level: Array, rate: Array, outer: float) -> Array:
-        """Own height and its rate, and the least and the greatest at which the two may overlap; (4, m)."""
+        """Return own height and its rate, and the least and greatest height at which both may overlap; (4, m)."""
         row = self.observers
         return np.stack([level.take(row), rate.take(row), heights[:, 0] - outer, heights[:, 1] + outer])
 
@@ -228,12 +228,12 @@ class WithObstacles(BodyPairs):
 
 
 class OwnUncertainty:
-    """How sure the agents of a group are of themselves.
+    """The uncertainty of the agents of a group about their own states.
 
     Attributes:
-        state: The covariance of each agent's state, shape (n, nx, nx); None where nobody says anything of it.
-        joint: The covariance of its position and velocity, shape (n, 2d, 2d). The velocity depends on the state, such
-            as on the heading, and errors of the state reach it that way.
+        state: The covariance of each agent's state, shape (n, nx, nx); None if not estimated.
+        joint: The covariance of its position and velocity, shape (n, 2d, 2d), propagated from the state, as the
+            velocity depends on it, for example on the heading.
     """
 
     def __init__(self, group: AgentGroup, counts: bool = True) -> None:
@@ -248,12 +248,12 @@ class OwnUncertainty:
             self.joint = by_state @ self.state @ np.swapaxes(by_state, 1, 2)
 
     def with_others(self, believed: Array | None, observers: Indices, dimensions: int) -> Array | None:
-        """The covariance of relative positions and velocities: errors of both are taken as independent.
+        """Return the covariance of relative positions and velocities; errors of both are assumed independent.
 
         Args:
-            believed: Of those of the others, (m, 2d, 2d); None where these are known.
+            believed: The covariance of those of the others, (m, 2d, 2d); None if these are known.
             observers: The agent of each row; shape (m,).
-            dimensions: Of the rows, d; who moves in the plane stands at height 0.
+            dimensions: The dimensions d of the rows; planar agents are at height 0.
         """
         if self.joint is None:
             return believed
@@ -269,7 +269,7 @@ class OwnUncertainty:
 
 
 def _state_covariance(group: AgentGroup) -> Array | None:
-    """The covariance of each agent's own state now, shape (n, nx, nx); None where nobody says anything of it.
+    """Return the covariance of each agent's own state now, shape (n, nx, nx); None if not estimated.
 
     Raises:
         ValueError: The uncertainty is not such a matrix, row by row.
@@ -279,7 +279,7 @@ def _state_covariance(group: AgentGroup) -> Array | None:
     if shared is not None:
         first = shared[1][:, 0]
     else:
-        # An estimator of single agents wrote these: as many Python objects already.
+        # A component of single agents wrote these, with Python objects for each agent anyway.
         series = [group.awareness.uncertainty.row(row) for row in range(len(group))]
         if not any(len(each) for each in series):
             return None
@@ -290,24 +290,24 @@ def _state_covariance(group: AgentGroup) -> Array | None:
 
 
 class PairRisk(GroupComponent):
-    """A risk that each agent sees in its pairs with others and obstacles."""
+    """Base class of risks that result from an agent's pairs with others and obstacles."""
 
     sees_world = True
-    #: Whether it counts how sure agents are.
-    doubts = True
+    #: Whether the agents' uncertainty about themselves counts.
+    uses_uncertainty = True
 
     def series_quantities(self, group: AgentGroup) -> Mapping[str, Sequence[Quantity]]:
-        """The risk is one number without a unit."""
+        """Declare the risk as one number without a unit."""
         return {"risk": [Quantity("risk", "1")]}
 
     def initialise_component(self, group: AgentGroup) -> None:
-        """Look up what bodies everybody has."""
+        """Look up the bodies of all agents."""
         super().initialise_component(group)
         self._known = Known(group)
 
     def _pairs(self) -> Iterator[BodyPairs]:
-        """Everybody, and everything, within the parameter ``reach`` [m]."""
-        own, reach = OwnUncertainty(self._group, self.doubts), self.parameters.reach
+        """Yield the pairs with agents and obstacles within the parameter ``reach`` [m]."""
+        own, reach = OwnUncertainty(self._group, self.uses_uncertainty), self.parameters.reach
         yield WithOthers(self._known, reach, own)
         if self.parameters.obstacles and len(self.environment.scenery):
             yield WithObstacles(self._known, reach, own)

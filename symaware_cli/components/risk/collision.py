@@ -11,33 +11,33 @@ from symaware_cli.components.relative_motion import dot
 from symaware_cli.components.risk.balls import closest_approach, collision_probability
 from symaware_cli.components.risk.body_pairs import BodyPairs, PairRisk
 from symaware_cli.components.risk.gaussian import band_probability
-from symaware_cli.components.risk.outlines import carried_on, overlap_bound
+from symaware_cli.components.risk.outlines import overlap_bound, propagated_covariance
 from symaware_cli.core import Parameters
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-#: So many times the root of the trace of a covariance away, a density is nothing.
-_NOTHING = 8.0
-#: How many deviations of the velocity are covered where balls meet in space.
+#: At this many times the root of the trace of a covariance, a density counts as zero.
+_FAR = 8.0
+#: How many deviations of the velocity are covered for balls in space.
 _COVERED = 4.0
 
 
 class Collision(PairRisk):
-    """Risk as a bound of the probability that an agent comes too close to another, or to an obstacle, in time.
+    """Risk as an upper bound of the probability that an agent collides with another, or an obstacle, within a horizon.
 
-    Never less than that probability, if beliefs are right: positions and velocities Gaussian, with constant velocities
-    from now on. Bodies count with their outlines and believed headings. For discs and balls whose velocities are known
-    it is the probability itself (`collision_probability`), else what `overlap_bound` says; in space, the least of
-    what holds seen from above, for the balls around both, and for their heights.
+    It is never less than that probability if the beliefs are right: positions and velocities Gaussian, with constant
+    velocities from now on. Bodies count with their outlines and believed headings. For discs and balls with known
+    velocities it is the probability itself (`collision_probability`), else `overlap_bound`; in space it is the least of
+    the bounds seen from above, for the bounding balls of both, and for their heights.
 
-    The covariance of the relative position is the sum of one's own (the uncertainty of one's own state, where an
-    estimator keeps one) and the other's: errors of both are taken as independent. Risks in several encounters add up,
-    to 1 at most (Boole's inequality), which holds whatever they have in common.
+    The covariance of the relative position is the sum of the own one (the uncertainty of the own state, if an estimator
+    provides it) and the other's: errors of both are assumed independent. Risks of several encounters add up, to 1 at
+    most (Boole's inequality), which holds for any dependence between them.
     """
 
     class Parameters(Parameters):
-        """What counts as a collision."""
+        """Parameters that define a collision."""
 
         horizon: float = Field(3.0, gt=0, description="How far ahead to look [s].")
         reach: float = Field(
@@ -53,7 +53,7 @@ class Collision(PairRisk):
         return np.minimum(risk, 1.0)
 
     def _probability(self, pairs: BodyPairs) -> Array:
-        """A bound of the probability of a collision, for each pair; shape (m,)."""
+        """Return a bound of the probability of a collision for each pair; shape (m,)."""
         apart, closing, horizon = pairs.apart, pairs.closing, self.parameters.horizon
         radius, size = pairs.radius + self.parameters.margin, len(apart)
         covariance = pairs.covariance
@@ -64,21 +64,22 @@ class Collision(PairRisk):
         probability = np.zeros(len(radius))
         rows = np.flatnonzero(exact)
         if len(rows):
-            carried = carried_on(covariance[rows], time[rows])
+            carried = propagated_covariance(covariance[rows], time[rows])
             probability[rows] = collision_probability(apart[:, rows], closing[:, rows], radius[rows], carried, horizon)
         if len(rows) < len(radius):
             nearest = np.sqrt(dot(*(2 * [apart + closing * time])))
             spreads = [
-                np.trace(carried_on(covariance, np.full(len(time), when)), axis1=1, axis2=2) for when in (0.0, horizon)
+                np.trace(propagated_covariance(covariance, np.full(len(time), when)), axis1=1, axis2=2)
+                for when in (0.0, horizon)
             ]
             spread = np.sqrt(np.maximum(np.maximum(*spreads), 0.0))
-            rows = np.flatnonzero(~exact & (nearest - radius <= _NOTHING * spread) & (pairs.radius > 0.0))
+            rows = np.flatnonzero(~exact & (nearest - radius <= _FAR * spread) & (pairs.radius > 0.0))
             if len(rows):
                 probability[rows] = self._bound(pairs, rows, covariance[rows], radius[rows], time[rows])
         return probability
 
     def _bound(self, pairs: BodyPairs, rows: Indices, covariance: Array, radius: Array, time: Array) -> Array:
-        """What holds for bodies with corners, for uncertain velocities, and for heights."""
+        """Return the bound for bodies with corners, uncertain velocities, or heights."""
         parameters, size = self.parameters, len(pairs.apart)
         apart, closing = pairs.apart[:, rows], pairs.closing[:, rows]
         plane = [0, 1, size, size + 1]
@@ -105,28 +106,31 @@ class Collision(PairRisk):
 
 
 def _balls(apart: Array, closing: Array, radius: Array, covariance: Array, time: Array, horizon: float) -> Array:
-    """A bound for balls in space whose velocities may be uncertain.
+    """Return a bound for balls in space whose velocities may be uncertain.
 
-    Until the horizon, they are nowhere farther from where the expected velocity leads, from the time of the closest
-    approach on or back, than so many deviations of the velocity times that long.
+    Until the horizon, their distance from the expected motion through the point of closest approach is at most this
+    many deviations of the velocity times the time from that point.
     """
     variance = np.trace(covariance[:, 3:, 3:], axis1=1, axis2=2)
     way = _COVERED * np.sqrt(np.maximum(variance, 0.0)) * np.maximum(time, horizon - time)
     tail = erfc(_COVERED / np.sqrt(2.0)) + np.sqrt(2.0 / np.pi) * _COVERED * np.exp(-0.5 * _COVERED * _COVERED)
-    probability = collision_probability(apart, closing, radius + way, carried_on(covariance, time), horizon)
+    probability = collision_probability(apart, closing, radius + way, propagated_covariance(covariance, time), horizon)
     return np.minimum(probability + np.where(variance > 0.0, tail, 0.0), 1.0)
 
 
 def _band(motion: Array, covariance: Array, horizon: float) -> Array:
-    """The probability that something is between two heights within a horizon.
+    """Return the probability that a height is between two bounds within a horizon.
 
     Args:
-        motion: Its height, how fast that changes, and the two; shape (4, m).
-        covariance: Of the first two; shape (m, 2, 2).
-        horizon: [s].
+        motion: The height, its rate, and the two bounds; shape (4, m).
+        covariance: Covariance of height and rate; shape (m, 2, 2).
+        horizon: Time horizon [s].
     """
     height, rate, low, high = motion
-    variances = carried_on(covariance, np.zeros(len(height))), carried_on(covariance, np.full(len(height), horizon))
+    variances = (
+        propagated_covariance(covariance, np.zeros(len(height))),
+        propagated_covariance(covariance, np.full(len(height), horizon)),
+    )
     common = covariance[:, 0, 0] + horizon * covariance[:, 0, 1]
     return band_probability(
         (height, height + horizon * rate), (variances[0][:, 0, 0], variances[1][:, 0, 0]), common, low, high

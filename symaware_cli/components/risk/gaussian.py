@@ -1,8 +1,8 @@
-"""Integrals of Gaussians in the plane in closed form, by Owen's T function.
+"""Integrals of Gaussians over polygons and bands in closed form, by Owen's T function.
 
 T(h, a) is the probability that a standard normal x exceeds h while an independent one lies between 0 and a x (D. B.
 Owen, "Tables for computing bivariate normal probabilities", Annals of Mathematical Statistics 27, 1956). It gives the
-integral over all that lies behind an edge as seen from the mean, hence over polygons, and over quadrants.
+integral over the region behind an edge as seen from the mean, hence over polygons, and over quadrants.
 """
 
 from __future__ import annotations
@@ -15,38 +15,38 @@ from symaware_cli.geometry.pieces import Pieces
 
 Array = NDArray[np.float64]
 
-#: Takes the place of 0 where that would divide.
+#: Replaces 0 as a divisor.
 _TINY = 1e-200
-#: Standard deviations below this part of a polygon's extent are raised to it, so that a density is never a spike.
+#: Standard deviations below this part of a polygon's extent are raised to it, so that a density is never singular.
 _FLOOR = 1e-7
 
 
 def polygon_probability(mean: Array, covariance: Array, polygons: Pieces) -> Array:
     """Return the probabilities that Gaussian points lie in convex polygons, row by row.
 
-    With the coordinates changed so that the Gaussian is the standard one around the origin, what lies behind an edge
-    as seen from there, at the distance h from its line and from s to e along it, has the probability T(h, e / h) - T(h,
-    s / h). The polygon is all, or nothing, less what lies behind the edges that face away, and with what lies behind
-    those that face the mean, whose h is negative.
+    In coordinates in which the Gaussian is standard and centred at the origin, the region behind an edge as seen from
+    there, at the distance h from its line and from s to e along it, has the probability T(h, e / h) - T(h, s / h). The
+    polygon has the probability one, or zero, minus the regions behind the edges that face away, plus those behind the
+    edges that face the mean, whose h is negative.
 
     Args:
-        mean: Shape (m, 2) [m].
-        covariance: Shape (m, 2, 2) [m^2]; may be singular.
-        polygons: Cores counter-clockwise, edges without length allowed; their rounding is left out of account.
+        mean: Means [m]; shape (m, 2).
+        covariance: Covariances [m^2], possibly singular; shape (m, 2, 2).
+        polygons: Cores counter-clockwise, edges without length allowed; roundings are ignored.
 
     Returns:
-        Shape (m,); errs by about 1e-14.
+        Shape (m,); with an error of about 1e-14.
     """
     vertices, normals = polygons.vertices, polygons.normals
     x, y = vertices[..., 0] - mean[:, 0, None], vertices[..., 1] - mean[:, 1, None]
     floor = _FLOOR * np.sqrt(np.ptp(vertices[..., 0], axis=1) ** 2 + np.ptp(vertices[..., 1], axis=1) ** 2) + _TINY
-    # Cholesky's triangle of the covariance, and of one that is only semidefinite.
+    # The Cholesky factor of the covariance, also if it is only semidefinite.
     one = np.sqrt(np.maximum(covariance[:, 0, 0], floor * floor))
     cross = 0.5 * (covariance[:, 0, 1] + covariance[:, 1, 0]) / one
     other = np.sqrt(np.maximum(covariance[:, 1, 1] - cross * cross, floor * floor))
     one, cross, other = one[:, None], cross[:, None], other[:, None]
     real = np.isfinite(polygons.offsets)
-    # In the old coordinates, where nothing cancels: the distance of an edge by the deviation across it.
+    # In the original coordinates, which avoids cancellation: the distance of an edge over the deviation across it.
     across = np.hypot(one * normals[..., 0] + cross * normals[..., 1], other * normals[..., 1])
     height = (normals[..., 0] * x + normals[..., 1] * y) / np.where(real, across, 1.0)
     height = np.where(np.abs(height) < _TINY, _TINY, height)
@@ -66,14 +66,14 @@ def polygon_probability(mean: Array, covariance: Array, polygons: Pieces) -> Arr
 def band_probability(
     means: tuple[Array, Array], variances: tuple[Array, Array], covariance: Array, low: Array, high: Array
 ) -> Array:
-    """Return the probabilities that something that moves straight on is ever between two bounds.
+    """Return the probabilities that a value with a constant rate is ever between two bounds.
 
-    It never is if it is above both times, or below both times, and is otherwise.
+    It is never between them if it is above at both times, or below at both times; otherwise it is.
 
     Args:
-        means: Where it is expected at the first time and at the last; any shape each.
-        variances: Of where it is at these.
-        covariance: Between the two.
+        means: The expected values at the first time and the last; any shape each.
+        variances: The variances at these times.
+        covariance: The covariance between the two.
         low: The lower bound.
         high: The upper bound.
     """
@@ -86,7 +86,7 @@ def band_probability(
 
 
 def _below_both(one: Array, other: Array, correlation: Array) -> Array:
-    """The probability that two standard normals of some correlation lie below two bounds (Owen, 1956, (2.1))."""
+    """Return the probability that two correlated standard normals lie below two bounds (Owen, 1956, (2.1))."""
     one, other = (np.where(np.abs(each) < _TINY, _TINY, np.clip(each, -40.0, 40.0)) for each in (one, other))
     rest = np.sqrt(np.maximum((1.0 - correlation) * (1.0 + correlation), 1e-30))
     owen = owens_t(one, (other / one - correlation) / rest) + owens_t(other, (one / other - correlation) / rest)
@@ -99,7 +99,7 @@ def _next(values: Array) -> Array:
 
 
 def _sum(values: Array) -> Array:
-    """Add up the elements of each row, in an order that does not depend on how many rows there are."""
+    """Add up the elements of each row, in an order that does not depend on the number of rows."""
     total = values[:, 0].copy()
     for column in range(1, values.shape[1]):
         total += values[:, column]

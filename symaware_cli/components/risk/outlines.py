@@ -1,4 +1,4 @@
-"""Bounds of the probability that two outlines overlap, and when they first do."""
+"""Bounds of the probability that two outlines overlap, and the time when they first do."""
 
 from __future__ import annotations
 
@@ -15,26 +15,25 @@ from symaware_cli.geometry.pieces import Pieces
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-#: How many deviations of velocities and headings are covered; each is a bound, and the least of them counts.
+#: How many deviations of velocities and headings are covered: the least of the resulting bounds is used.
 _COVERED = (2.5, 3.5, 5.0)
-#: Into how many directions bands are laid over the half circle, and so many deviations away nothing is in them.
+#: The number of directions of bands over the half circle, and the deviations beyond which they count as empty.
 _BANDS, _FAR = 8, 6.0
-#: A bound that is no greater is good enough.
-_LITTLE = 1e-6
-#: In so many parts of the horizon bodies that turn are followed until they touch.
+#: A bound below this is not refined.
+_NEGLIGIBLE = 1e-6
+#: The number of parts of the horizon in which turning bodies are followed until they touch.
 _PARTS = 8
 
 
 class Side(NamedTuple):
     """One body of each pair.
 
-    Attributes:
-        outlines: Their outlines around their positions, x along their headings.
-        headings: [rad]; shape (m,).
-        turn_rates: How fast they turn [rad/s]; shape (m,).
-        deviations: Standard deviations of the headings [rad]; of those known by their directions of motion, the
-            greatest standard deviation of the velocity by the speed. Shape (m,).
-        by_motion: Which headings are known by the direction of motion; shape (m,).
+    outlines: Outlines around the positions, with x along the headings.
+    headings: Headings [rad]; shape (m,).
+    turn_rates: Turn rates [rad/s]; shape (m,).
+    deviations: Standard deviations of the headings [rad]; of headings by the direction of motion, the greatest
+        standard deviation of the velocity over the speed. Shape (m,).
+    by_motion: Whether a heading is known by the direction of motion; shape (m,).
     """
 
     outlines: Pieces
@@ -44,18 +43,18 @@ class Side(NamedTuple):
     by_motion: NDArray[np.bool_]
 
     def take(self, rows: Indices) -> Side:
-        """Pick rows."""
+        """Return some rows."""
         headings, rates, deviations = (each.take(rows) for each in (self.headings, self.turn_rates, self.deviations))
         return Side(self.outlines.take(rows), headings, rates, deviations, self.by_motion.take(rows))
 
     def turned(self, covered: Array | float, span: Array) -> Pieces:
-        """Outlines that hold the bodies for a span of time.
+        """Return outlines that contain the bodies for a span of time.
 
-        A body may turn on at its rate or cease to at any time, so all headings in between count.
+        A body may keep turning at its rate or stop at any time, so all headings in between count.
 
         Args:
-            covered: By how many deviations headings may be wrong.
-            span: [s]; shape (m,).
+            covered: The number of deviations by which headings may be wrong.
+            span: The span of time [s]; shape (m,).
         """
         if not self.outlines.vertices.any():
             return self.outlines  # discs
@@ -72,33 +71,33 @@ def overlap_bound(
 ) -> Array:
     """Return bounds of the probability that two bodies, seen from above, come closer than a margin within a horizon.
 
-    Never less than the probability, if positions and velocities are Gaussian and constant velocities carry bodies on.
-    With the one at the origin, the two come that close exactly if the other lies in the Minkowski sum of the one, the
-    reflection of the other, a disc of the margin, and the way against the relative velocity for the horizon: in a
-    convex polygon, over which the Gaussian is integrated in closed form (`polygon_probability`). Where velocities and
-    headings are known, that is the probability itself, but for arcs, for which polygons stand that are 0.9 % wider.
+    It is never less than the probability if positions and velocities are Gaussian and velocities constant. With the
+    first body at the origin, the two come that close exactly if the second lies in the Minkowski sum of the first, the
+    reflection of the second, a disc of the margin, and the path against the relative velocity for the horizon: a convex
+    polygon, over which the Gaussian is integrated in closed form (`polygon_probability`). If velocities and headings
+    are known, this is the probability itself, except that arcs are replaced by polygons that are 0.9 % wider.
 
-    Where they are not, the least of these holds, each of which is a bound by Boole's inequality:
+    Otherwise the least of these bounds is returned, each by Boole's inequality:
 
-    - For each direction, the bodies overlap only while their relative position along it is in a band, and its least and
-      greatest values come at the ends of any span of time (`band_probability`). Before and after the time for which
-      all bands are nearer than 6 deviations, nothing happens: only that window counts.
+    - For each direction, the bodies overlap only while their relative position along it is in a band, and its extremes
+      are at the ends of any span of time (`band_probability`). Only the window matters in which all bands are nearer
+      than 6 deviations.
     - Around the middle of the window, at most half of it away, positions differ from those expected at the expected
-      velocity by no more than k deviations of the velocity times that half, but for exp(-k^2 / 2); the sum is widened
-      by so much. Headings are wrong by no more than k deviations, and outlines are widened by how far that moves any of
-      their points.
+      velocity by no more than k deviations of the velocity times that half, except with probability exp(-k^2 / 2); the
+      sum is widened by that. Headings are wrong by no more than k deviations, and outlines are widened by the resulting
+      displacement of their points.
 
     For the event, and for bounds of it by how often bodies are entered, see R. Altendorfer and C. Wilkmann, "A new
     approach to estimate the collision probability for automotive applications", Automatica 127, 2021.
 
     Args:
-        apart: Expected position of the other relative to the one [m]; shape (2, m).
+        apart: Expected position of the second body relative to the first [m]; shape (2, m).
         closing: Expected relative velocity [m/s]; shape (2, m).
-        covariance: Of relative position and velocity; shape (m, 4, 4).
-        one: The one.
-        other: The other.
+        covariance: Covariance of relative position and velocity; shape (m, 4, 4).
+        one: The first bodies.
+        other: The second bodies.
         margin: The distance that counts as a collision [m].
-        horizon: How far ahead to look [s].
+        horizon: Time horizon [s].
 
     Returns:
         Shape (m,).
@@ -115,7 +114,7 @@ def overlap_bound(
         bound[rows] = _probability(position[rows], covariance[rows, :2, :2], places)
     rows = np.flatnonzero(~known)
     if len(rows):
-        pairs = _Doubtful(
+        pairs = _UncertainPairs(
             position[rows],
             velocity[rows],
             covariance[rows],
@@ -129,7 +128,7 @@ def overlap_bound(
     return bound
 
 
-class _Doubtful:
+class _UncertainPairs:
     """Pairs whose velocities or headings are uncertain or change; see `overlap_bound`."""
 
     def __init__(
@@ -146,7 +145,7 @@ class _Doubtful:
         self.position, self.velocity, self.covariance = position, velocity, covariance
         self.one, self.other, self.margin, self.horizon = one, other, margin, horizon
         self.speed_deviation = speed_deviation
-        self.doubtful_headings = 1.0 * (one.deviations > 0.0) + (other.deviations > 0.0)
+        self.uncertain_headings = 1.0 * (one.deviations > 0.0) + (other.deviations > 0.0)
         self.turning = bool(one.turn_rates.any() or other.turn_rates.any())
 
     def bound(self) -> Array:
@@ -168,14 +167,14 @@ class _Doubtful:
         bands = band_probability((means[0], means[1]), (variances[0], variances[1]), common, low, high)
         tail = self._heading_tail(_COVERED[-1])
         bound = np.where(never, tail, bands.min(axis=1) + tail)
-        rows = np.flatnonzero(bound > _LITTLE)
+        rows = np.flatnonzero(bound > _NEGLIGIBLE)
         if len(rows):
             bound[rows] = np.minimum(bound[rows], self._swept(rows, start[rows], end[rows]))
-        # What lies outside of the window: at either end, on either side, of each band.
+        # The probability outside of the window: at either end, on either side, of each band.
         return np.minimum(bound + 4 * _BANDS * ndtr(-_FAR), 1.0)
 
     def _swept(self, rows: Indices, start: Array, end: Array) -> Array:
-        """The least of the bounds that cover so many deviations each."""
+        """Return the least of the bounds for the numbers of deviations in `_COVERED`."""
         count, choices = len(rows), len(_COVERED)
         rows, start, end = np.tile(rows, choices), np.tile(start, choices), np.tile(end, choices)
         covered = np.repeat(_COVERED, count)
@@ -183,7 +182,7 @@ class _Doubtful:
         one, other = self.one.take(rows), self.other.take(rows)
         places = _places(one, other, covered, end, self.margin, velocity * (end - start)[:, None])
         places.rounding = places.rounding + covered * deviation * half
-        carried = carried_on(self.covariance[rows], 0.5 * (start + end))
+        carried = propagated_covariance(self.covariance[rows], 0.5 * (start + end))
         bound = _probability(self.position[rows] + start[:, None] * velocity, carried, places)
         bound += np.where((deviation > 0.0) & (half > 0.0), np.exp(-0.5 * covered * covered), 0.0)
         bound += self._heading_tail(covered, rows)
@@ -191,18 +190,18 @@ class _Doubtful:
         return least
 
     def _bands(self, directions: Array, span: Array) -> tuple[Array, Array]:
-        """Between which bounds, along directions, bodies overlap."""
+        """Return the bounds, along directions, between which bodies overlap."""
         return width(_places(self.one, self.other, _COVERED[-1], span, self.margin, None), directions)
 
     def _heading_tail(self, covered: Array | float, rows: Indices | slice = slice(None)) -> Array:
-        """The probability that a heading is farther off than so many deviations."""
-        tails: Array = np.exp(-0.5 * np.square(covered)) * self.doubtful_headings[rows]
+        """Return the probability that a heading is wrong by more than a number of deviations."""
+        tails: Array = np.exp(-0.5 * np.square(covered)) * self.uncertain_headings[rows]
         return tails
 
     def _window(
         self, mean: Array, rate: Array, spread: tuple[Array, Array, Array], low: Array, high: Array
     ) -> tuple[Array, Array]:
-        """From when until when bodies may overlap: when no band is far away; shape (m,) each."""
+        """Return the window in which bodies may overlap: no band is far away; shape (m,) each."""
         horizon = self.horizon
         end_spread = (_at(spread, horizon), -(spread[1] + horizon * spread[2]), spread[2])
         begun, left = np.zeros(len(mean)), np.zeros(len(mean))
@@ -214,15 +213,15 @@ class _Doubtful:
 
 
 def _while_far(gap: Array, opening: Array, spread: tuple[Array, Array, Array], horizon: float) -> Array:
-    """For how long, from now on, something is at least so many deviations beyond a bound.
+    """Return how long, from now on, a value is at least `_FAR` deviations beyond a bound.
 
-    Until the first root of gap(t)^2 = _FAR^2 variance(t), if it is so now.
+    This ends at the first root of gap(t)^2 = _FAR^2 variance(t), if it holds now.
 
     Args:
-        gap: How far beyond the bound it is [m].
-        opening: How fast that grows [m/s].
-        spread: The variance by powers of time.
-        horizon: At most so long.
+        gap: The distance beyond the bound [m].
+        opening: The rate of the distance [m/s].
+        spread: The coefficients of the variance by powers of time.
+        horizon: The longest duration to return [s].
     """
     far = _FAR * _FAR
     a, b, c = opening**2 - far * spread[2], gap * opening - far * spread[1], gap**2 - far * spread[0]
@@ -231,26 +230,26 @@ def _while_far(gap: Array, opening: Array, spread: tuple[Array, Array, Array], h
     with np.errstate(divide="ignore", invalid="ignore"):
         roots = np.stack([q / a, c / q])
     roots = np.where(np.isfinite(roots) & (roots >= 0.0) & (b * b >= a * c), roots, np.inf)
-    # Short of it, so that rounding does not lead beyond.
+    # Slightly less, so that rounding does not lead beyond the root.
     length = np.minimum(roots.min(axis=0) * (1.0 - 1e-9), horizon)
     return np.where((gap > 0.0) & (c > 0.0), length, 0.0)
 
 
 def first_touch(apart: Array, closing: Array, one: Side, other: Side, margin: float, horizon: float) -> Array:
-    """Return when two bodies, seen from above, first come closer than a margin if both keep their velocities.
+    """Return when two bodies, seen from above, first come closer than a margin at constant velocities.
 
-    Bodies that turn are held by outlines that grow with time, so what is returned is never too late.
+    Bodies that turn have outlines that grow with time, so the result is never too late.
 
     Args:
-        apart: As for `overlap_bound`; shape (2, m).
-        closing: Likewise.
-        one: The one; how sure headings are does not count.
-        other: The other.
-        margin: [m].
-        horizon: What comes later is of no interest [s].
+        apart: Position of the second body relative to the first [m]; shape (2, m).
+        closing: Relative velocity [m/s]; shape (2, m).
+        one: The first bodies; deviations of headings are ignored.
+        other: The second bodies.
+        margin: The distance that counts as touching [m].
+        horizon: Time horizon [s].
 
     Returns:
-        [s]; 0 where they overlap, infinite where they do not within the horizon; shape (m,).
+        Times [s]; 0 if they overlap, infinite if they do not touch within the horizon; shape (m,).
     """
     position, velocity = apart.T, closing.T
     turning = bool(one.turn_rates.any() or other.turn_rates.any())
@@ -264,8 +263,8 @@ def first_touch(apart: Array, closing: Array, one: Side, other: Side, margin: fl
     return touch
 
 
-def carried_on(covariance: Array, time: Array) -> Array:
-    """Carry covariances of position and velocity forward at constant velocity; (m, 2d, 2d) to (m, d, d)."""
+def propagated_covariance(covariance: Array, time: Array) -> Array:
+    """Return covariances of the position after a time at constant velocity; (m, 2d, 2d) to (m, d, d)."""
     count = covariance.shape[1] // 2
     position, cross = covariance[:, :count, :count], covariance[:, :count, count:]
     ahead = time[:, None, None]
@@ -279,7 +278,7 @@ def _places(one: Side, other: Side, covered: Array | float, span: Array, margin:
 
 
 def _probability(mean: Array, covariance: Array, places: Pieces) -> Array:
-    """The probability that Gaussian points lie in rounded pieces, or a little more."""
+    """Return the probability that Gaussian points lie in rounded pieces, or slightly more."""
     probability = np.empty(len(mean))
     for rows in (np.flatnonzero(places.rounding == 0.0), np.flatnonzero(places.rounding > 0.0)):
         if len(rows):
@@ -293,7 +292,7 @@ def _along(directions: Array, vectors: Array) -> Array:
 
 
 def _spread(directions: Array, covariance: Array) -> tuple[Array, Array, Array]:
-    """The variance along directions (m, k, 2), by powers of time: c0 + 2 c1 t + c2 t^2."""
+    """Return coefficients of the variance along directions (m, k, 2): c0 + 2 c1 t + c2 t^2."""
     x, y = directions[..., 0], directions[..., 1]
 
     def along(block: Array) -> Array:
@@ -313,7 +312,7 @@ def _at(spread: tuple[Array, Array, Array], time: Array | float) -> Array:
 
 
 def _greatest_deviation(covariance: Array) -> Array:
-    """The square root of the greatest eigenvalue of symmetric matrices; (m, 2, 2) to (m,)."""
+    """Return the root of the greatest eigenvalue of symmetric matrices; (m, 2, 2) to (m,)."""
     half, cross = 0.5 * (covariance[:, 0, 0] - covariance[:, 1, 1]), 0.5 * (covariance[:, 0, 1] + covariance[:, 1, 0])
     middle = 0.5 * (covariance[:, 0, 0] + covariance[:, 1, 1])
     return np.sqrt(np.maximum(middle + np.hypot(half, cross), 0.0))

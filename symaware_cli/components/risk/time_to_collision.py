@@ -1,4 +1,4 @@
-"""Risk from the time that is left until bodies touch."""
+"""Risk from the time to collision."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ Array = NDArray[np.float64]
 
 
 def time_to_collision(apart: Array, closing: Array, radius: Array) -> Array:
-    """Return when two discs or balls touch if both keep their velocities.
+    """Return the time until two discs or balls touch at constant velocities.
 
-    They touch at the lesser root t of |p + v t|^2 = R^2, written in the form that does not cancel for slow motion.
+    They touch at the smaller root t of |p + v t|^2 = R^2, written in the form that does not cancel for slow motion.
 
     Args:
-        apart: From the one to the other [m]; shape (d, m).
-        closing: The velocity of the other relative to the one [m/s]; shape (d, m).
+        apart: The vector from the first to the second [m]; shape (d, m).
+        closing: The velocity of the second relative to the first [m/s]; shape (d, m).
         radius: The sum of both radii [m]; shape (m,).
 
     Returns:
-        Time [s]; 0 where they overlap already, infinite where they never touch; shape (m,).
+        Times [s]; 0 if they overlap already, infinite if they never touch; shape (m,).
     """
     speed = dot(closing, closing)
     outward = dot(apart, closing)
@@ -40,21 +40,21 @@ def time_to_collision(apart: Array, closing: Array, radius: Array) -> Array:
 
 
 class TimeToCollision(PairRisk):
-    """Risk from how soon each agent touches another, or an obstacle, if both keep their velocities.
+    """Risk from the time until an agent touches another, or an obstacle, at constant velocities.
 
-    The risk is 1 - t / horizon for the soonest of all encounters, 0 where nothing is touched within the horizon and 1
-    where bodies overlap. Time to collision is the usual measure of how urgent an encounter is (J. C. Hayward,
-    "Near-miss determination through use of a scale of danger", Highway Research Record 384, 1972); the straight line is
-    the simplest map from it that falls from 1 to 0.
+    The risk is 1 - t / horizon for the earliest of all encounters, 0 if nothing is touched within the horizon and 1 if
+    bodies overlap. Time to collision is the usual measure of the urgency of an encounter (J. C. Hayward, "Near-miss
+    determination through use of a scale of danger", Highway Research Record 384, 1972); the straight line is the
+    simplest map from it that decreases from 1 to 0.
 
-    Bodies count with their outlines, turned as their headings are believed to be; those that turn with outlines that
-    hold them until then (`first_touch`). In space they touch once the balls around them do and, seen from above, they.
+    Bodies count with their outlines at their believed headings; turning bodies with outlines that contain them until
+    then (`first_touch`). In space they touch when both their bounding balls and their outlines seen from above do.
     """
 
-    doubts = False
+    uses_uncertainty = False
 
     class Parameters(Parameters):
-        """How far to look."""
+        """Horizon, reach and margin."""
 
         horizon: float = Field(5.0, gt=0, description="Time to collision at which there is no risk yet [s].")
         reach: float = Field(
@@ -71,9 +71,9 @@ class TimeToCollision(PairRisk):
         return risk
 
     def _time(self, pairs: BodyPairs) -> Array:
-        """The time until the bodies of each pair touch [s]; infinite beyond the horizon; shape (m,)."""
+        """Return the time until the bodies of each pair touch [s]; infinite beyond the horizon; shape (m,)."""
         apart, closing, parameters = pairs.apart, pairs.closing, self.parameters
-        # Nothing touches before the balls around it do.
+        # Bodies do not touch before their bounding balls do.
         time = time_to_collision(apart, closing, pairs.radius + parameters.margin)
         if pairs.round.all() and pairs.heights is None:
             return time
