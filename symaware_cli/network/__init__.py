@@ -1,1 +1,1 @@
-"""How messages get from one agent to another."""
+"""Message exchange between agents: links, channels, transmission and inboxes."""

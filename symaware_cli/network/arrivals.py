@@ -1,4 +1,4 @@
-"""The order of what arrived: oldest first for each receiver, in as few pieces as that takes."""
+"""The order of arrived messages: oldest first for each receiver, in as few deliveries as possible."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from symaware_cli.core import Delivery
 
 
 def in_order(arrived: Sequence[Delivery]) -> Sequence[Delivery]:
-    """Put what arrived into an order in which each receiver finds its messages oldest first.
+    """Order deliveries so that each receiver reads its messages oldest first.
 
-    Of equal times the sender's place in the roster decides, then the sender's own order. Messages of one delivery stay
-    together as far as this allows: they are cut apart only where a receiver has something else to read in between.
+    Messages of equal times are ordered by the sender's index in the roster, then by the sender's own order. Messages of
+    one delivery stay together if possible: a delivery is split only if a receiver has another message in between.
 
     Args:
-        arrived: Messages in columns, each in this order within itself.
+        arrived: The deliveries, each in this order within itself.
     """
     if len(arrived) < 2:
         return arrived
@@ -30,7 +30,7 @@ def in_order(arrived: Sequence[Delivery]) -> Sequence[Delivery]:
     source = np.repeat(np.arange(len(arrived)), counts)
     columns = zip(*((each.due, each.senders, each.sequences, each.receivers) for each in arrived), strict=True)
     due, senders, sequences, receivers = map(np.concatenate, columns)
-    # Each receiver goes through the sources round after round, as long as there is something to read for it.
+    # Assign messages to rounds: each receiver goes through the sources in turn, round after round.
     by_receiver = np.lexsort((sequences, senders, due, receivers))
     sources, theirs = source[by_receiver], receivers[by_receiver]
     begins = np.concatenate([[True], theirs[1:] != theirs[:-1]])

@@ -1,4 +1,4 @@
-"""Disturbances: what a fault does to messages."""
+"""Disturbances: losses, delays and bandwidth limits that a fault imposes on messages."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from symaware_cli.core.message import Indices
 
 @dataclass(frozen=True, slots=True)
 class Disturbance:
-    """What happens to messages of some agents to others while it lasts.
+    """The effects of a fault on messages from some agents to others.
 
     Attributes:
-        name: What it is called, as the reason for a loss; keys what it draws.
-        senders: Whose messages.
-        receivers: To whom.
+        name: The name of the fault, which is the reason of its losses and keys its random draws.
+        senders: The ids of the senders.
+        receivers: The ids of the receivers.
         loss: Probability that a message is lost.
-        delay: How much later a message arrives, in nanoseconds.
-        bandwidth: How much gets into each link at most [bytes/s].
+        delay: Additional delay of messages, in nanoseconds.
+        bandwidth: Limit of the bandwidth of each link [bytes/s].
     """
 
     name: str
@@ -33,7 +33,7 @@ class Disturbance:
     bandwidth: float = math.inf
 
     def concerned(self, ids: Sequence[str], senders: Indices, receivers: Indices) -> NDArray[np.bool_]:
-        """Which messages are among those; shape (m,)."""
+        """Return which messages are affected; shape (m,)."""
         if len(senders) < len(ids):
             pairs = zip(senders.tolist(), receivers.tolist(), strict=True)
             hit = (ids[one] in self.senders and ids[other] in self.receivers for one, other in pairs)

@@ -1,4 +1,4 @@
-"""The exchange within a process: from one agent's component to the inbox of another's."""
+"""The message exchange of a process: carries messages from components of agents to inboxes of others."""
 
 from __future__ import annotations
 
@@ -23,32 +23,32 @@ from symaware_cli.network.size import message_sizes
 from symaware_cli.network.traffic import Traffic
 from symaware_cli.network.transmission import WAITS, QueuedMessage, Transmission
 
-#: Of what each row of a batch says, in bytes; shape (s,).
+#: The size of the payload in each row of a batch, in bytes; shape (s,).
 Sizes = NDArray[np.int64]
 
 
 class UnknownReceiverError(Exception):
-    """A message was sent to somebody who does not exist."""
+    """A message was sent to an agent that does not exist."""
 
 
 class MessageExchange:
     """Carries messages in memory, over the links and channels of a network.
 
-    Without a network, everybody reaches everybody: sent in one step, readable in the next, none ever lost but by a
-    disturbance. What arrives is ordered by when it does, then by the sender's place in the roster, then by the sender's
-    own order, so that it does not depend on who took its turn first.
+    Without a network, every agent reaches all others: a message sent in one step is readable in the next, and only
+    disturbances lose messages. Arrivals are ordered by time, then by the sender's index in the roster, then by the
+    sender's own order, so the order does not depend on the order of turns.
 
-    All messages travel in batches: what is sent singly is joined to such as are sent at the same instant, and sets out
-    at its end. Each message that has set out, and each copy that the network made of one, is delivered, dropped or in
+    All messages travel in batches: messages that are sent singly are joined to batches at the end of the instant, and
+    dispatched then. Each dispatched message, and each copy that the network made of one, is delivered, dropped or in
     flight.
 
     Attributes:
         now: Simulated time of the present instant, in nanoseconds.
-        inboxes: What arrived and was not read yet.
-        sent: How many messages have set out so far.
-        duplicated: How many more were made of them under way.
-        delivered: How many arrived.
-        dropped: How many never will.
+        inboxes: Messages that arrived and have not been read yet.
+        sent: The number of messages dispatched so far.
+        duplicated: The number of copies that the network made of them.
+        delivered: The number of messages that arrived.
+        dropped: The number of messages that were dropped.
     """
 
     def __init__(
@@ -61,16 +61,16 @@ class MessageExchange:
         seed: int = 0,
         time_step: int,
     ) -> None:
-        """Open an inbox for everybody who listens.
+        """Open an inbox for each listening agent.
 
         Args:
             ids: All agents, in the roster's order.
-            listening: Those who read whatever no other component reads; None for everybody. What arrives for others is
-                delivered, too, but not kept: a run of any length would fill the memory with it.
-            on_traffic: Called with messages that have set out, are readable, or are lost.
+            listening: The agents that read all messages that no other component reads; None for all. Messages to other
+                agents are delivered, too, but not kept: they would fill the memory in a long run.
+            on_traffic: Called with messages that are sent, delivered or dropped.
             on_change: Called when the links have changed.
             seed: The seed of the run.
-            time_step: Between two steps of the world, in nanoseconds: what travels for no time arrives at the next one.
+            time_step: The time step of the world, in nanoseconds: messages without a delay arrive at the next step.
         """
         self._ids = tuple(ids)
         self._rank = {id: rank for rank, id in enumerate(ids)}
@@ -93,7 +93,7 @@ class MessageExchange:
 
     @property
     def network(self) -> Network | None:
-        """Who reaches whom, and how; None for everybody, at once and without fail."""
+        """The links and channels; None for perfect links between all agents."""
         return self._transmission.network
 
     @network.setter
@@ -104,9 +104,9 @@ class MessageExchange:
 
     @property
     def present(self) -> NDArray[np.bool_] | None:
-        """Who is there, by index, not to be changed in place; shape (n,). None for everybody.
+        """Which agents are present, by index, not to be changed in place; shape (n,). None for all.
 
-        There are no links to those who are not, and what arrives for them is dropped. Links change with the next step.
+        Absent agents have no links, and messages that arrive for them are dropped. Links change with the next step.
         """
         return self._present
 
@@ -117,37 +117,37 @@ class MessageExchange:
             self.network.present = present
 
     def disturb(self, disturbances: Sequence[Disturbance]) -> None:
-        """Let something happen to messages from now on, besides."""
+        """Add disturbances from now on."""
         self.flush()
         self._transmission.disturbances.extend(disturbances)
 
     def relieve(self, disturbances: Sequence[Disturbance]) -> None:
-        """Let something happen to messages no more."""
+        """Remove disturbances."""
         self.flush()
         for disturbance in disturbances:
             self._transmission.disturbances.remove(disturbance)
 
     @property
     def in_flight(self) -> int:
-        """How many messages are under way."""
+        """The number of messages in flight."""
         return len(self._in_transit) + self._transmission.waiting
 
     @property
     def next_time(self) -> int | None:
-        """The next instant at which something is to be delivered, in nanoseconds."""
+        """The next instant at which a message arrives, in nanoseconds."""
         times = [time for time in (self._in_transit.next_time, self._transmission.next_time) if time is not None]
         return min(times, default=None)
 
     @property
     def links(self) -> Links | None:
-        """Who reaches whom now; None where everybody reaches everybody."""
+        """The present links; None if every agent reaches all others."""
         return None if self.network is None else self.network.links
 
     def neighbours(self, sender: str) -> Sequence[str]:
-        """The ids of all whom an agent reaches now, in the roster's order.
+        """Return the ids of all agents that an agent reaches now, in the roster's order.
 
         Raises:
-            UnknownReceiverError: There is no such agent.
+            UnknownReceiverError: The agent does not exist.
         """
         return Neighbours(self._ids, self._reached(self._known(sender)))
 
@@ -155,13 +155,13 @@ class MessageExchange:
         network = self.network
         if network is not None and network.links is not None:
             return network.links.of_sender(sender)
-        everybody = self._everybody
-        others: Indices = everybody[everybody != sender]
+        all_present = self._all_present
+        others: Indices = all_present[all_present != sender]
         return others
 
     @property
-    def _everybody(self) -> Indices:
-        """All who are there."""
+    def _all_present(self) -> Indices:
+        """The indices of all present agents."""
         return np.arange(len(self._ids)) if self._present is None else np.flatnonzero(self._present)
 
     def _known(self, id: str) -> int:
@@ -171,22 +171,22 @@ class MessageExchange:
         return rank
 
     def _arrival(self, due: int) -> int:
-        """When something can be read: what travels for no time, at the next step."""
+        """Return when a message can be read: at the next step if it has no delay."""
         if due > self.now:
             return due
         return (self.now // self._time_step + 1) * self._time_step
 
     def _postponed(self, fates: Fates) -> Fates:
-        """The fates of messages that are sent now, of which none arrives now."""
+        """Postpone arrivals at the present instant to the next step."""
         soon = self._arrival(self.now)
         due, copies_due = (np.where(each <= self.now, soon, each) for each in (fates.due, fates.copies_due))
         return fates._replace(due=due, copies_due=copies_due)
 
     @contextmanager
     def muted(self, agents: Sequence[str]) -> Iterator[None]:
-        """Let some agents say nothing for a while, in batches of their groups.
+        """Suppress messages of some agents in batches of their groups, within the context.
 
-        A component of a whole group speaks for all its agents, and knows nothing of those that take no part any more.
+        A component of a whole group sends for all its agents, including those that do not take part any more.
         """
         before = self._muted
         if agents:
@@ -198,26 +198,26 @@ class MessageExchange:
             self._muted = before
 
     def divert(self, outlet: Callable[[MessageBatch], Any], check: Callable[[Mapping[str, Any]], Any]) -> None:
-        """Hand on all that is sent from now on, instead of carrying it: another process does. See `arrive`.
+        """Pass on all messages sent from now on instead of carrying them, as another process does; see `arrive`.
 
         Args:
-            outlet: Called with what was sent.
-            check: Called with the payload of each message that is sent singly, at once; raises if it cannot be sent.
+            outlet: Called with each batch.
+            check: Called at once with the payload of each message that is sent singly; raises if it cannot be sent.
         """
         self._outlet = outlet
         self._check = check
 
     def forward(self, away: Sequence[str], forward: Callable[[Delivery], Any]) -> None:
-        """Hand on all that arrives for some agents from now on: another process keeps their inboxes."""
+        """Pass on all arrivals for some agents from now on: another process keeps their inboxes."""
         self._away = np.zeros(len(self._ids), bool)
         self._away[[self._known(id) for id in away]] = True
         self._forward = forward
 
     def send(self, message: Message) -> None:
-        """Take a message, which sets out with the next `flush`; what its payload refers to is copied.
+        """Queue a message, which is dispatched with the next `flush`; its payload is copied.
 
         Raises:
-            UnknownReceiverError: There is no agent of the receiver's id, or of the sender's.
+            UnknownReceiverError: No agent has the receiver's id, or the sender's.
         """
         sender = self._known(message.sender)
         receiver = None if message.receiver == EVERYBODY else self._known(message.receiver)
@@ -226,10 +226,10 @@ class MessageExchange:
         self._outbox.put(sender, receiver, payload, message.kind)
 
     def flush(self) -> bool:
-        """Let what was sent singly set out, at the latest at the end of the instant at which it was sent.
+        """Dispatch messages that were sent singly, at the latest at the end of their instant.
 
         Returns:
-            Whether there was anything.
+            Whether there were any.
         """
         if not len(self._outbox):
             return False
@@ -238,11 +238,11 @@ class MessageExchange:
         return True
 
     def post(self, batch: MessageBatch, at: int | None = None) -> None:
-        """Take the messages of many agents at once, after all that was sent before.
+        """Dispatch a batch of messages, after all that were sent before.
 
         Args:
-            batch: What is said, by whom, to whom; not to be changed any more.
-            at: When it was sent, if that was before now, in nanoseconds.
+            batch: The messages; not to be changed any more.
+            at: The time of sending, if before now, in nanoseconds.
         """
         self.flush()
         if self._muted is not None:
@@ -251,7 +251,7 @@ class MessageExchange:
             self._dispatch(batch, self.now if at is None else at)
 
     def _dispatch(self, batch: MessageBatch, at: int) -> None:
-        """Let a batch set out."""
+        """Dispatch a batch."""
         if self._outlet is not None:
             self._outlet(batch)
             return
@@ -270,12 +270,12 @@ class MessageExchange:
             return
         linked = batch.receivers is None
         fates, victims = self._transmission.decide(sent, sizes, self.now, linked=linked)
-        self._push_out(victims)
-        self._launch(sent, sizes, self._postponed(fates))
+        self._drop_displaced(victims)
+        self._put_in_transit(sent, sizes, self._postponed(fates))
         self._advance()
 
     def _numbered(self, senders: Indices) -> Times:
-        """Give each message, by its sender, ascending, its number among those of that sender."""
+        """Number messages, given in ascending order of senders, consecutively for each sender."""
         begins = np.flatnonzero(np.concatenate([[True], senders[1:] != senders[:-1]]))
         counts = np.diff(begins, append=len(senders))
         numbers: Times = self._sent_by[senders] + np.arange(len(senders)) - np.repeat(begins, counts)
@@ -283,61 +283,61 @@ class MessageExchange:
         return numbers
 
     def _addressed(self, batch: MessageBatch) -> tuple[Indices, Indices]:
-        """For each message of a batch its row there, ascending, and its receiver."""
+        """Return the row in the batch, ascending, and the receiver of each message."""
         if batch.receivers is not None:
             return np.arange(len(batch.senders)), batch.receivers
         network = self.network
         if network is not None and network.links is not None:
             return network.reached(batch.senders)
-        everybody = self._everybody
-        rows = np.repeat(np.arange(len(batch.senders)), len(everybody))
-        receivers = np.tile(everybody, len(batch.senders))
+        all_present = self._all_present
+        rows = np.repeat(np.arange(len(batch.senders)), len(all_present))
+        receivers = np.tile(all_present, len(batch.senders))
         others = batch.senders.take(rows) != receivers
         return rows[others], receivers[others]
 
-    def _launch(self, sent: Delivery, sizes: Sizes, fates: Fates) -> None:
-        """Let messages meet their fates."""
+    def _put_in_transit(self, sent: Delivery, sizes: Sizes, fates: Fates) -> None:
+        """Put messages in transit or drop them, by their fates."""
         flying = (fates.reason == 0) | (fates.reason == TOO_OLD)
         if flying.all() and not len(fates.copies):
             self._in_transit.launch(replace(sent, due=fates.due), fates.reason, sizes)
             return
-        self._lose(sent, sizes, fates.reason, ~flying & (fates.reason != WAITS))
-        places, due, reason = np.flatnonzero(flying), fates.due[flying], fates.reason[flying]
+        self._drop(sent, sizes, fates.reason, ~flying & (fates.reason != WAITS))
+        indices, due, reason = np.flatnonzero(flying), fates.due[flying], fates.reason[flying]
         if len(fates.copies):
             self.duplicated += len(fates.copies)
-            places, due = np.concatenate([places, fates.copies]), np.concatenate([due, fates.copies_due])
+            indices, due = np.concatenate([indices, fates.copies]), np.concatenate([due, fates.copies_due])
             reason = np.concatenate([reason, np.zeros(len(fates.copies), np.uint8)])
-        if len(places):
-            self._in_transit.launch(replace(sent.some(places), due=due), reason, sizes)
+        if len(indices):
+            self._in_transit.launch(replace(sent.some(indices), due=due), reason, sizes)
 
-    def _lose(self, delivery: Delivery, sizes: Sizes, reason: NDArray[np.uint8], lost: NDArray[np.bool_]) -> None:
+    def _drop(self, delivery: Delivery, sizes: Sizes, reason: NDArray[np.uint8], lost: NDArray[np.bool_]) -> None:
         """Drop some messages."""
-        places = np.flatnonzero(lost)
-        if len(places):
-            self.dropped += len(places)
+        indices = np.flatnonzero(lost)
+        if len(indices):
+            self.dropped += len(indices)
             reasons = tuple(self._transmission.reasons)
-            self._on_traffic(Traffic("dropped", delivery.some(places), sizes, reasons, reason[places]))
+            self._on_traffic(Traffic("dropped", delivery.some(indices), sizes, reasons, reason[indices]))
 
-    def _push_out(self, victims: Sequence[QueuedMessage]) -> None:
-        """Drop what is pushed out of full queues."""
+    def _drop_displaced(self, victims: Sequence[QueuedMessage]) -> None:
+        """Drop messages that are displaced from full queues."""
         for queued in victims:
-            self._lose(queued.content, queued.sizes, np.array([QUEUE_FULL], np.uint8), np.ones(1, bool))
+            self._drop(queued.content, queued.sizes, np.array([QUEUE_FULL], np.uint8), np.ones(1, bool))
 
     def _advance(self) -> None:
-        """Let what waited before links go on its way, as far as its time has come."""
+        """Put queued messages in transit that have entered their links by now."""
         for queued, fates in self._transmission.advance(self.now):
-            self._launch(queued.content, queued.sizes, fates)
+            self._put_in_transit(queued.content, queued.sizes, fates)
 
     def renew_links(self) -> None:
-        """Look who reaches whom now."""
+        """Update the links."""
         change = None if self.network is None else self.network.update(self.now)
         if change is not None:
             self._on_change(change)
 
     def deliver(self, now: int) -> None:
-        """Come to an instant: what arrived before or arrives now becomes readable.
+        """Advance to an instant: messages that have arrived by then become readable.
 
-        Steps of the world are the instants at which links change.
+        Links change at steps of the world only.
         """
         self.flush()
         self.now = now
@@ -350,17 +350,17 @@ class MessageExchange:
             late = reason != 0
             arriving = delivery
             if late.any():
-                self._lose(delivery, sizes, reason, late)
+                self._drop(delivery, sizes, reason, late)
                 arriving = delivery.some(~late)
             if len(arriving):
-                self._hand_over(arriving, sizes)
+                self._store(arriving, sizes)
 
     def arrive(self, arrived: Sequence[Delivery]) -> None:
-        """Make readable what another process has carried here."""
+        """Deliver messages that another process has carried here."""
         for delivery in arrived:
-            self._hand_over(delivery, message_sizes(delivery.batch))
+            self._store(delivery, message_sizes(delivery.batch))
 
-    def _hand_over(self, delivery: Delivery, sizes: Sizes) -> None:
+    def _store(self, delivery: Delivery, sizes: Sizes) -> None:
         self.delivered += len(delivery)
         here = delivery
         if self._away is not None:
@@ -373,13 +373,13 @@ class MessageExchange:
         self._on_traffic(Traffic("delivered", delivery, sizes))
 
     def has_mail(self, receiver: str, reader: str = "") -> bool:
-        """Whether something arrived since the last time it was handed over."""
+        """Return whether messages have arrived since the last call of `receive`."""
         return self.inboxes.has(receiver, reader)
 
     def receive(self, receiver: str, reader: str = "") -> Sequence[Message]:
-        """Hand over what arrived since the last call, oldest first; see `Inboxes`."""
+        """Return the messages that arrived since the last call, oldest first; see `Inboxes`."""
         return self.inboxes.receive(receiver, reader)
 
     def collect(self, reader: str) -> Sequence[Delivery]:
-        """Hand over what arrived for a whole group since the last call, in columns; see `Inboxes`."""
+        """Return the messages that arrived for a whole group since the last call, in columns; see `Inboxes`."""
         return self.inboxes.collect(reader)

@@ -1,4 +1,4 @@
-"""What is under way: messages in the order in which they arrive."""
+"""Messages in transit, ordered by their arrival."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from symaware_cli.core import Delivery
 
 @dataclass(slots=True)
 class _BatchInTransit:
-    """What is under way of one batch, in the order in which it arrives.
+    """The messages of one batch that are in transit, in the order of arrival.
 
     Attributes:
-        delivery: What.
-        reason: Why each will be dropped as it arrives; shape (m,).
-        sizes: Of what each row of the batch says, in bytes; shape (s,).
-        next: The first that is still under way.
+        delivery: The messages.
+        reason: Why each will be dropped on arrival; shape (m,).
+        sizes: The size of the payload in each row of the batch, in bytes; shape (s,).
+        next: The index of the first message still in transit.
     """
 
     delivery: Delivery
@@ -34,8 +34,8 @@ class Arrival(NamedTuple):
 
     Attributes:
         delivery: The messages.
-        reason: Why each is dropped; 0 for those that are not; shape (m,).
-        sizes: Of what each row of the batch says, in bytes; shape (s,).
+        reason: Why each is dropped; 0 if delivered; shape (m,).
+        sizes: The size of the payload in each row of the batch, in bytes; shape (s,).
     """
 
     delivery: Delivery
@@ -55,11 +55,11 @@ class MessagesInTransit:
 
     @property
     def next_time(self) -> int | None:
-        """When the next message arrives, in nanoseconds."""
+        """The next time of arrival, in nanoseconds."""
         return self._flights[0][0] if self._flights else None
 
     def launch(self, delivery: Delivery, reason: NDArray[np.uint8], sizes: NDArray[np.int64]) -> None:
-        """Take messages of a batch; see `Arrival`."""
+        """Add messages of a batch; see `Arrival`."""
         due, senders = delivery.due, delivery.senders
         later, next_one = due[1:] > due[:-1], due[1:] == due[:-1]
         if not (later | (next_one & (senders[1:] >= senders[:-1]))).all():
@@ -69,10 +69,10 @@ class MessagesInTransit:
         heapq.heappush(self._flights, (int(delivery.due[0]), self._number, _BatchInTransit(delivery, reason, sizes)))
 
     def take(self, now: int) -> list[Arrival]:
-        """Hand over what arrives until now.
+        """Remove and return the messages that have arrived by now.
 
         Returns:
-            By when the first of each arrives, then by sender and number: not by who took its turn first.
+            Ordered by the first arrival of each batch, then by sender and number, which is independent of turns.
         """
         arrivals: list[Arrival] = []
         while self._flights and self._flights[0][0] <= now:

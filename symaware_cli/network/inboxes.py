@@ -1,4 +1,4 @@
-"""Inboxes: messages that arrived and were not read yet."""
+"""Inboxes: messages that have arrived and have not been read yet."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from symaware_cli.core import Delivery, Message
 from symaware_cli.core.message import Indices
 from symaware_cli.network.arrivals import in_order
 
-#: The order of what is read one by one: by time of arrival, sender, number.
+#: The order of messages read one by one: by time of arrival, sender, number.
 _OLDEST = itemgetter(0, 1, 2)
 
 
 @dataclass(frozen=True, slots=True)
 class Reader:
-    """Components of one entry of a group that read messages of certain kinds; nobody else of the group gets these.
+    """Components of one entry of a group that alone read messages of certain kinds.
 
     Attributes:
-        name: The component's path where it reads in columns, else its name.
-        first: The first of its agents, as an index in the roster.
-        last: The first that is not one of them any more.
-        kinds: What it reads.
-        columns: Whether one component reads the mail of all its agents, in columns.
+        name: The component's path if it reads in columns, else its name.
+        first: The roster index of the first of its agents.
+        last: The roster index after the last of them.
+        kinds: The kinds of messages that it reads.
+        columns: Whether one component reads the messages of all its agents, in columns.
     """
 
     name: str
@@ -37,14 +37,14 @@ class Reader:
 
 
 class Inboxes:
-    """Keeps messages for those who read them."""
+    """Stores messages for the components that read them."""
 
     def __init__(self, ids: Sequence[str], listening: Container[str] | None) -> None:
-        """Open an inbox for everybody who listens.
+        """Open an inbox for each listening agent.
 
         Args:
             ids: All agents, in the roster's order.
-            listening: Those who read whatever nobody else reads; None for everybody.
+            listening: The agents that read all messages without another reader; None for all.
         """
         self._ids = ids
         self._rank = {id: rank for rank, id in enumerate(ids)}
@@ -54,18 +54,18 @@ class Inboxes:
         self._singly_of: dict[str, NDArray[np.bool_] | None] = {}
         self._is_closed = np.zeros(len(ids), bool)
         self._closed = 0
-        #: By receiver and reader, when each message arrived, its sender and number, and where it stands.
+        #: By receiver and reader: the arrival time, sender, number, and row of each message.
         self._single: dict[tuple[int, str], list[tuple[int, int, int, int, Delivery]]] = {}
         self._columns: dict[str, list[Delivery]] = {}
 
     def open(self, name: str, agents: Sequence[str], kinds: Collection[str], *, columns: bool) -> None:
-        """Keep messages of certain kinds for components of a group; see `Reader`.
+        """Store messages of certain kinds for components of a group; see `Reader`.
 
         Args:
-            name: See there.
-            agents: Whose messages; they stand together in the roster, in its order.
-            kinds: See there.
-            columns: See there.
+            name: As in `Reader`.
+            agents: The receivers; consecutive in the roster, in its order.
+            kinds: As in `Reader`.
+            columns: As in `Reader`.
         """
         first = self._rank[agents[0]]
         self._readers.append(Reader(name, first, first + len(agents), frozenset(kinds), columns))
@@ -73,7 +73,7 @@ class Inboxes:
         self._singly_of.clear()
 
     def close(self, id: str) -> None:
-        """Throw away what an agent has not read yet, and keep nothing more for it, as it takes no part any more."""
+        """Drop an agent's unread messages, and store no more for it, as it does not take part any more."""
         receiver = self._rank[id]
         self._is_closed[receiver] = True
         self._closed = int(self._is_closed.sum())
@@ -88,12 +88,12 @@ class Inboxes:
                 del self._columns[name]
 
     def reopen(self, id: str) -> None:
-        """Keep again what arrives for an agent."""
+        """Store messages for an agent again."""
         self._is_closed[self._rank[id]] = False
         self._closed = int(self._is_closed.sum())
 
     def _names(self, receiver: int, kind: str) -> tuple[str, ...]:
-        """The readers that take an agent's messages of a kind one by one."""
+        """Return the readers of an agent's messages of a kind that read one by one."""
         names = self._names_of.get((receiver, kind))
         if names is None:
             readers = [each for each in self._readers if each.first <= receiver < each.last and kind in each.kinds]
@@ -104,14 +104,14 @@ class Inboxes:
         return names
 
     def _singly(self, kind: str) -> NDArray[np.bool_] | None:
-        """For which agents somebody takes messages of a kind one by one; None for none."""
+        """Return for which agents messages of a kind are read one by one; None for none."""
         if kind not in self._singly_of:
             wanted = np.array([bool(self._names(receiver, kind)) for receiver in range(len(self._ids))], bool)
             self._singly_of[kind] = wanted if wanted.any() else None
         return self._singly_of[kind]
 
     def put(self, delivery: Delivery) -> None:
-        """Take in messages that arrived."""
+        """Store messages that have arrived."""
         if self._closed:
             wanted = ~self._is_closed[delivery.receivers]
             if not wanted.any():
@@ -127,19 +127,21 @@ class Inboxes:
         if singly is not None:
             self._put_singly(delivery, np.flatnonzero(singly[receivers]))
 
-    def _put_singly(self, delivery: Delivery, places: Indices) -> None:
+    def _put_singly(self, delivery: Delivery, indices: Indices) -> None:
         columns = delivery.receivers, delivery.due, delivery.senders, delivery.sequences
         kind, single = delivery.batch.kind, self._single
-        for place, receiver, *order in zip(places.tolist(), *(each[places].tolist() for each in columns), strict=True):
+        for place, receiver, *order in zip(
+            indices.tolist(), *(each[indices].tolist() for each in columns), strict=True
+        ):
             for name in self._names(receiver, kind):
                 single.setdefault((receiver, name), []).append((*order, place, delivery))
 
     def has(self, receiver: str, reader: str = "") -> bool:
-        """Whether something arrived since the last time it was handed over."""
+        """Return whether messages have arrived since the last call of `receive`."""
         return (self._rank[receiver], reader) in self._single
 
     def receive(self, receiver: str, reader: str = "") -> Sequence[Message]:
-        """Hand over what arrived for an agent since the last call, oldest first; see `Exchange.receive`."""
+        """Return the messages that arrived for an agent since the last call, oldest first."""
         arrived = self._single.pop((self._rank[receiver], reader), None)
         if arrived is None:
             return ()
@@ -147,5 +149,5 @@ class Inboxes:
         return [delivery.message(place, self._ids) for _, _, _, place, delivery in arrived]
 
     def collect(self, reader: str) -> Sequence[Delivery]:
-        """Hand over what arrived for a group since the last call, oldest first for each; see `Exchange.collect`."""
+        """Return the messages that arrived for a group since the last call, oldest first for each receiver."""
         return in_order(self._columns.pop(reader, ()))

@@ -1,4 +1,4 @@
-"""The neighbours of an agent, by id."""
+"""The neighbours of an agent, as a lazy sequence of ids."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from symaware_cli.core.message import Indices
 
 
 class Neighbours(Sequence[str]):
-    """Ids of which few are asked for, such as one at random of a thousand."""
+    """Ids that are looked up on access, as often only few of many are used."""
 
     def __init__(self, ids: Sequence[str], indices: Indices) -> None:
         self._ids = ids

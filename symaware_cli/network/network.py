@@ -1,4 +1,4 @@
-"""The network: who reaches whom at present, and over which channels."""
+"""The network: present links between agents, and the channel of each link."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from symaware_cli.network.topology.topology import Topology
 
 @dataclass(frozen=True, slots=True)
 class TopologyPhase:
-    """A topology and when it begins to hold.
+    """A topology and the time from which it holds.
 
     Attributes:
         start: In nanoseconds.
-        topology: What holds from then on.
-        source: Where the scenario speaks of it, as a path.
+        topology: The topology.
+        source: Its path in the scenario.
         use: Its entry-point name.
     """
 
@@ -36,11 +36,11 @@ class TopologyPhase:
 
 
 def links_of(topology: Topology, now: int, count: int) -> Links:
-    """The links of a topology at an instant, in nanoseconds; it may be anybody's, so they are looked at.
+    """Return the checked links of a topology, which may be a plugin's, at an instant in nanoseconds.
 
     Raises:
-        TypeError: They are no links.
-        ValueError: They are not those of so many agents.
+        TypeError: They are not `Links`.
+        ValueError: They are for another number of agents.
     """
     links = topology.links(now)
     if not isinstance(links, Links):
@@ -52,12 +52,12 @@ def links_of(topology: Topology, now: int, count: int) -> Links:
 
 @dataclass(frozen=True, slots=True)
 class ChannelOverride:
-    """Links whose channel differs from that of all others.
+    """Links whose channel differs from the common one.
 
     Attributes:
-        senders: Whose messages, as indices in the roster.
-        receivers: To whom.
-        channel: In what it differs.
+        senders: The senders, as indices in the roster.
+        receivers: The receivers, as indices in the roster.
+        channel: The parameters that differ.
     """
 
     senders: frozenset[int]
@@ -67,15 +67,15 @@ class ChannelOverride:
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """How the links changed.
+    """A change of the links.
 
     Attributes:
-        links: How many there are now.
-        begun: Those that are new; pairs of ids.
-        ended: Those that are no more.
-        parts: Into how many parts the network falls that do not reach each other; None where nobody asked.
-        breaks: Whether that is more than one, and was not before.
-        moves: Whether the topology is one that changes all the time.
+        links: The present number of links.
+        begun: New links, as pairs of ids.
+        ended: Links that ended, as pairs of ids.
+        parts: The number of connected components; None if not counted.
+        breaks: Whether the network has just become disconnected.
+        moves: Whether the topology may change at each step.
     """
 
     links: int
@@ -87,12 +87,12 @@ class Change:
 
 
 class Network:
-    """Who reaches whom over which channel.
+    """Links between agents, and their channels.
 
     Attributes:
-        links: The links at present.
-        connected: Whether it was promised that everybody reaches everybody, at last through others.
-        on_failure: Called with a topology that raised, and what; must raise. What was raised is, if None.
+        links: The present links.
+        connected: Whether the scenario requires the network to be connected.
+        on_failure: Called with a phase whose topology raised, and the exception; must raise. None re-raises.
     """
 
     def __init__(
@@ -105,15 +105,15 @@ class Network:
         overrides: Sequence[ChannelOverride] = (),
         connected: bool = False,
     ) -> None:
-        """Begin without links; `update` lays them.
+        """Start without links; `update` sets them.
 
         Args:
-            roster: Who is who.
-            phases: Topologies, initialised, in the order of their starts; the first starts at 0.
-            repeat: After which time the first phase begins again, in nanoseconds; None for never.
-            channel: How messages get over a link; perfect if None.
-            overrides: Links that differ; of several that concern a link, the last has its say.
-            connected: Whether parts are to be counted.
+            roster: All agents.
+            phases: Initialised topologies, in the order of their starts; the first starts at 0.
+            repeat: The time after which the phases repeat, in nanoseconds; None for never.
+            channel: The channel of links; perfect if None.
+            overrides: Links with other channels; later ones take precedence.
+            connected: Whether to count connected components.
         """
         self._roster = roster
         self._phases = tuple(phases)
@@ -128,19 +128,19 @@ class Network:
         self.on_failure: Callable[[TopologyPhase, BaseException], NoReturn] | None = None
         self._present: TopologyPhase | None = None
         self._is_whole = True
-        #: Whether every message gets through at once that goes over a link.
+        #: Whether all links deliver every message without delay.
         self.is_perfect = self._base.is_perfect and not self._overrides
-        #: Whether there may be something that is dropped from the head of a queue.
+        #: Whether messages may be dropped from the head of a queue.
         parts = [self._base, *(each.channel for each in self._overrides)]
         self.has_queues = any(each.drop == "head" for each in parts) and any(each.is_bounded for each in parts)
 
     def phase(self, now: int) -> TopologyPhase:
-        """The topology that holds at an instant, in nanoseconds."""
+        """Return the phase at an instant, in nanoseconds."""
         time = now % self._repeat if self._repeat else now
         return [each for each in self._phases if each.start <= time][-1]
 
-    def _laid(self, phase: TopologyPhase, now: int) -> Links:
-        """The links of a topology, which may be anybody's."""
+    def _current_links(self, phase: TopologyPhase, now: int) -> Links:
+        """Return the links of a phase's topology, restricted to present agents."""
         try:
             if phase is not self._present:
                 self._present = phase
@@ -153,10 +153,10 @@ class Network:
             self.on_failure(phase, error)
 
     def update(self, now: int) -> Change | None:
-        """Look who reaches whom at a step of the world; None where nothing changed."""
+        """Update the links at a step of the world; return None if nothing changed."""
         phase = self.phase(now)
         before, topology = self.links, phase.topology
-        links = self.links = self._laid(phase, now)
+        links = self.links = self._current_links(phase, now)
         if links is before:
             return None
         if before is None:
@@ -172,7 +172,7 @@ class Network:
         return Change(len(links), self._named(begun), self._named(ended), parts, breaks, topology.changes)
 
     def _members(self, topology: Topology) -> Indices:
-        """Those who take part in a topology and are there, as indices in the roster."""
+        """Return the present members of a topology, as indices in the roster."""
         members = np.asarray(topology.members, np.intp)
         return members if self.present is None else members[self.present[members]]
 
@@ -182,13 +182,13 @@ class Network:
         return [(ids[one], ids[other]) for one, other in zip(senders.tolist(), receivers.tolist(), strict=True)]
 
     def reached(self, senders: Indices) -> tuple[Indices, Indices]:
-        """Whom some agents reach.
+        """Return the links of some senders.
 
         Args:
-            senders: Ascending; shape (s,).
+            senders: The senders, ascending; shape (s,).
 
         Returns:
-            For each link the place of its sender among them, ascending, and its receiver; each of shape (m,).
+            For each link the index of its sender among them, ascending, and its receiver; each of shape (m,).
         """
         links = self.links
         assert links is not None
@@ -201,7 +201,7 @@ class Network:
         return rows, links.receivers[starts[rows] + within]
 
     def has(self, senders: Indices, receivers: Indices) -> NDArray[np.bool_]:
-        """Whether there are links from some agents to others; shape (m,)."""
+        """Return which pairs of senders and receivers have a link; shape (m,)."""
         links = self.links
         assert links is not None
         if not len(links):
@@ -211,7 +211,7 @@ class Network:
         return found
 
     def enter(self, states: LinkStates, new: slice) -> None:
-        """Choose the channels of links that are used for the first time."""
+        """Set the channels of links that are used for the first time."""
         if not self._overrides:
             return
         senders, receivers = states.ends(new)
@@ -229,16 +229,16 @@ class Network:
                 self._channels.append(Channel(parameters))
 
     def channel(self, number: int) -> Channel:
-        """A channel by its number in the states."""
+        """Return a channel by its number in the states."""
         return self._channels[number]
 
     def waits(self, states: LinkStates, rows: Indices, linked: NDArray[np.bool_] | None) -> NDArray[np.bool_]:
-        """Which messages have to wait for what comes after them, because that may push them out of a queue.
+        """Return which messages must be queued because later messages may displace them from a full queue.
 
         Args:
-            states: Remembers the links.
-            rows: The links, as rows in it; shape (m,).
-            linked: Which of them are links at present; None for all.
+            states: The states of the links.
+            rows: The rows of the links; shape (m,).
+            linked: Which of them exist at present; None for all.
         """
         heads = np.array([channel.drops_heads for channel in self._channels])
         waits: NDArray[np.bool_] = heads[states.channel[rows]]
@@ -258,14 +258,14 @@ class Network:
         """Decide the fates of messages that are sent now; see `Channel.carry`.
 
         Args:
-            states: Remembers the links.
-            rows: The links, as rows in it, each at most once; shape (m,).
-            numbers: Those of the messages on their links; shape (m,).
-            now: In nanoseconds.
+            states: The states of the links.
+            rows: The rows of the links, each at most once; shape (m,).
+            numbers: The numbers of the messages on their links; shape (m,).
+            now: The present time, in nanoseconds.
             sizes: In bytes; shape (m,).
-            linked: Which of them are links at present; None for all.
-            waits: Which of them are left as they are; None for none.
-            impairment: What disturbs them; None for nothing.
+            linked: Which links exist at present; None for all.
+            waits: Which messages are left undecided; None for none.
+            impairment: Disturbances; None for none.
         """
         if linked is None and waits is None and len(self._channels) == 1:
             return self._channels[0].carry(states, rows, numbers, now, sizes, impairment)

@@ -1,4 +1,4 @@
-"""The outbox: what agents send singly at one instant, joined to batches."""
+"""The outbox: joins messages that agents send singly at one instant to batches."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ _Key = tuple[str, tuple[str, ...], bool]
 
 @dataclass(slots=True)
 class _Draft:
-    """A batch that is being written; see `MessageBatch`.
+    """A batch that is being assembled; see `MessageBatch`.
 
     Attributes:
-        key: Its kind, the names in its payloads, and whether it is for all whom the senders reach.
-        links: From whom to whom it goes.
+        key: Its kind, the names in its payloads, and whether it is for all neighbours of the senders.
+        links: The pairs of sender and receiver in it.
     """
 
     key: _Key
@@ -30,25 +30,25 @@ class _Draft:
     links: set[tuple[int, int | None]] = field(default_factory=set)
 
     def batch(self) -> MessageBatch:
-        """What was written."""
+        """Return the batch."""
         kind, names, is_for_all = self.key
         senders = np.array(self.senders, np.intp)
         order = np.argsort(senders, kind="stable")
-        said = [self.rows[row] for row in order.tolist()]
-        columns = {name: objects([each[place] for each in said]) for place, name in enumerate(names)}
+        payloads = [self.rows[row] for row in order.tolist()]
+        columns = {name: objects([each[place] for each in payloads]) for place, name in enumerate(names)}
         receivers = None if is_for_all else np.array(self.receivers, np.intp)[order]
         return MessageBatch(senders[order], columns, kind, receivers)
 
 
 class Outbox:
-    """Joins single messages of one kind, with payloads of the same names, to batches.
+    """Joins single messages of one kind, whose payloads have the same names, to batches.
 
-    The batches together have the messages of each sender in the order in which it sent them.
+    Across all batches, the messages of each sender stay in the order in which it sent them.
     """
 
     def __init__(self) -> None:
         self._drafts: list[_Draft] = []
-        #: The last draft of each key, and the last to which a sender has added.
+        #: The last draft of each key, and the last draft of each sender.
         self._open: dict[_Key, int] = {}
         self._last: dict[int, int] = {}
 
@@ -59,10 +59,10 @@ class Outbox:
         """Add a message.
 
         Args:
-            sender: Whose, as an index in the roster.
-            receiver: Whom it is for, likewise; None for all whom the sender reaches.
-            payload: What it says; not to be changed any more.
-            kind: What it is about.
+            sender: Its sender, as an index in the roster.
+            receiver: Its receiver, as an index in the roster; None for all neighbours of the sender.
+            payload: Its content; not to be changed any more.
+            kind: Its kind.
         """
         key, link = (kind, tuple(payload), receiver is None), (sender, receiver)
         number = self._open.get(key, -1)
@@ -78,7 +78,7 @@ class Outbox:
         draft.links.add(link)
 
     def empty(self) -> list[MessageBatch]:
-        """Hand over what was added."""
+        """Remove and return all messages as batches."""
         drafts = self._drafts
         self.__init__()  # type: ignore[misc]
         return [draft.batch() for draft in drafts]

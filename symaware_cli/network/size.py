@@ -1,4 +1,4 @@
-"""How big messages are on a channel."""
+"""The size of messages in bytes, for channels with limited bandwidth."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from numpy.typing import NDArray
 
 from symaware_cli.core import AwarenessVector, MessageBatch, TimeSeries
 
-#: What every message costs besides what it says: whose it is, for whom, its kind, number and time [bytes].
+#: The overhead of every message: sender, receiver, kind, number and time [bytes].
 HEADER = 32
 
 
 def message_sizes(batch: MessageBatch) -> NDArray[np.int64]:
-    """The size of what each row of a batch says, in bytes; shape (s,).
+    """Return the size of the message in each row of a batch, in bytes; shape (s,).
 
-    That is 8 for each number, a byte for each letter of ASCII, and the header. Names of the payload are not counted:
-    who agrees on a kind of message agrees on what it consists of.
+    It is 8 for each number, 1 for each ASCII letter, and the header. Names in the payload are not counted: sender and
+    receiver of a kind of message know its fields.
     """
     count = len(batch.senders)
     sizes = np.full(count, HEADER, np.int64)
@@ -28,7 +28,7 @@ def message_sizes(batch: MessageBatch) -> NDArray[np.int64]:
 
 
 def _sizes(values: Sequence[Any]) -> list[int]:
-    """The sizes of values, of which many say the same where it spreads."""
+    """Return the sizes of values, computing repeated values once."""
     known: dict[object, int] = {}
     sizes = []
     for value in values:

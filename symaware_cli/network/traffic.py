@@ -1,4 +1,4 @@
-"""Traffic: many messages that reach a stage together, in columns, for whoever watches."""
+"""Traffic: messages that are sent, delivered or dropped together, in columns, for observers."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ class Traffic:
     """Messages of one batch at one stage.
 
     Attributes:
-        stage: Which.
+        stage: The stage.
         delivery: The messages.
-        sizes: Of what each row of the batch says, in bytes; shape (s,).
-        reasons: What the numbers below stand for.
-        reason: Why each was dropped; shape (m,). None where none was.
+        sizes: The size of the message in each row of the batch, in bytes; shape (s,).
+        reasons: The reasons by number.
+        reason: The number of the reason why each was dropped; shape (m,). None if none was.
     """
 
     stage: Stage
@@ -33,7 +33,7 @@ class Traffic:
     reason: NDArray[np.uint8] | None = None
 
     def messages(self, ids: Sequence[str]) -> Iterator[tuple[Message, str]]:
-        """Each message as an object, with why it was dropped; one that has not arrived does not say when it will.
+        """Yield each message with the reason why it was dropped; the arrival time is 0 if not delivered.
 
         Args:
             ids: All agents, in the roster's order.

@@ -1,4 +1,4 @@
-"""The transmission: what network and disturbances together make of messages that are sent."""
+"""Transmission: decides the fates of sent messages from the network and the disturbances."""
 
 from __future__ import annotations
 
@@ -21,26 +21,26 @@ from symaware_cli.network.disturbance import Disturbance
 from symaware_cli.network.network import Network
 from symaware_cli.world.chance import key_of, message_fractions
 
-#: Stands among the reasons for what is not decided yet.
+#: The reason of messages that are queued and not decided yet.
 WAITS = 255
 
-#: Where there is no network.
+#: The channel without a network.
 _PERFECT = Channel(ChannelParameters())
 
-#: The pages of a message's draws before this one belong to its channel.
+#: The first page of a message's random draws after those of its channel.
 _OWN_PAGE = 2
 
 
 @dataclass(frozen=True, slots=True)
 class QueuedMessage:
-    """A message that waits before a link.
+    """A message that is queued at a link.
 
     Attributes:
-        content: It, on its own.
-        sizes: Of what each row of its batch says, in bytes; shape (s,).
-        row: The link, as a row in the states.
-        number: Its number on the link.
-        sent: When it was sent, in nanoseconds.
+        content: The message, as a delivery of one.
+        sizes: The size of the message in each row of its batch, in bytes; shape (s,).
+        row: The row of the link in the states.
+        number: The number of the message on the link.
+        sent: The time of sending, in nanoseconds.
     """
 
     content: Delivery
@@ -51,12 +51,12 @@ class QueuedMessage:
 
 
 class Transmission:
-    """Decides what becomes of messages.
+    """Decides the fates of messages.
 
     Attributes:
-        network: Who reaches whom, and how; None for everybody, at once and without fail.
-        disturbances: What happens to messages besides.
-        reasons: What the numbers stand for that tell why messages are dropped.
+        network: The links and channels; None for perfect links between all agents.
+        disturbances: The active disturbances.
+        reasons: The reasons of drops by their numbers.
     """
 
     def __init__(self, seed: int, ids: Sequence[str]) -> None:
@@ -72,21 +72,21 @@ class Transmission:
         return LinkStates(self._seed, self._ids)
 
     def is_free(self, now: int) -> bool:
-        """Whether all messages pass, at once."""
+        """Return whether all messages pass without delay."""
         return self.network is None and self._is_undisturbed(now)
 
     def _is_undisturbed(self, now: int) -> bool:
-        """Whether there is no disturbance, and no message waits for a link because of one that is over."""
+        """Return whether no disturbance is active, and no message still waits because of an ended one."""
         return not self.disturbances and self._states.congestion <= now
 
     @property
     def waiting(self) -> int:
-        """How many messages wait before links."""
+        """The number of messages queued at links."""
         return sum(len(queue) for queue in self._queues.values())
 
     @property
     def next_time(self) -> int | None:
-        """When the next of them gets into its link, in nanoseconds."""
+        """The next time at which one of them enters its link, in nanoseconds."""
         times = [time for queue in self._queues.values() if (time := queue.next_time) is not None]
         return min(times, default=None)
 
@@ -97,17 +97,17 @@ class Transmission:
 
         Args:
             sent: The messages.
-            sizes: Of what each row of their batch says, in bytes; shape (s,).
-            now: In nanoseconds.
-            linked: Whether all of them go over links that there are at present.
+            sizes: The size of the message in each row of their batch, in bytes; shape (s,).
+            now: The present time, in nanoseconds.
+            linked: Whether all of them go over present links.
 
         Returns:
-            The fates, in which `WAITS` is the reason of what will come out of `advance`; and what waited before and is
-            dropped from a full queue now.
+            The fates, with the reason `WAITS` for messages that `advance` will decide, and the messages that are
+            dropped from full queues now.
         """
         network, senders, receivers = self.network, sent.senders, sent.receivers
         if network is not None and network.is_perfect and self._is_undisturbed(now):
-            return _at_once(None if linked else network.has(senders, receivers), len(senders), now), []
+            return _immediate_fates(None if linked else network.has(senders, receivers), len(senders), now), []
         states = self._states
         rows, new = states.rows(senders, receivers)
         if new is not None and network is not None:
@@ -136,7 +136,7 @@ class Transmission:
         return queue.join(now, size, queued)
 
     def advance(self, now: int) -> list[tuple[QueuedMessage, Fates]]:
-        """Decide the fates of what has got into its link until now."""
+        """Decide the fates of queued messages that have entered their links by now."""
         states, network = self._states if self._queues else None, self.network
         if states is None or network is None:
             return []
@@ -156,12 +156,12 @@ class Transmission:
         return done
 
     def _bandwidth(self, sender: Indices, receiver: Indices) -> float:
-        """How much gets into a link at most, as far as disturbances go [bytes/s]."""
+        """Return the limit that disturbances set on a link's bandwidth [bytes/s]."""
         limits = [each.bandwidth for each in self.disturbances if each.concerned(self._ids, sender, receiver)[0]]
         return min(limits, default=math.inf)
 
     def _impairment(self, senders: Indices, receivers: Indices, rows: Indices, numbers: Times) -> Impairment | None:
-        """What disturbs messages; None if there are no disturbances."""
+        """Return the effect of the disturbances on messages; None without disturbances."""
         if not self.disturbances:
             return None
         delay, bandwidth, reason = Impairment.none(len(rows))
@@ -172,25 +172,25 @@ class Transmission:
             delay[hit] += disturbance.delay
             bandwidth[hit] = np.minimum(bandwidth[hit], disturbance.bandwidth)
             if disturbance.loss:
-                struck = hit & (reason == 0) & self._struck(disturbance, rows, numbers)
+                struck = hit & (reason == 0) & self._draw_losses(disturbance, rows, numbers)
                 reason[struck] = self._reason(disturbance.name)
         return Impairment(delay, bandwidth, reason)
 
-    def _struck(self, disturbance: Disturbance, rows: Indices, numbers: Times) -> NDArray[np.bool_]:
-        """Which messages a disturbance would lose: drawn from the link's chance, so that nobody else's matters."""
+    def _draw_losses(self, disturbance: Disturbance, rows: Indices, numbers: Times) -> NDArray[np.bool_]:
+        """Draw which messages a disturbance loses, keyed by the link, so that draws of other links do not matter."""
         keys = self._states.keys[rows] ^ np.uint64(key_of(self._seed, "disturbances", disturbance.name))
         struck: NDArray[np.bool_] = message_fractions(keys, numbers, _OWN_PAGE)[0] < disturbance.loss
         return struck
 
     def _reason(self, name: str) -> int:
-        """The number of a reason."""
+        """Return the number of a reason."""
         if name not in self.reasons:
             self.reasons.append(name)
         return self.reasons.index(name)
 
 
-def _at_once(linked: NDArray[np.bool_] | None, count: int, now: int) -> Fates:
-    """The fates of messages that get through at once, if they go over a link."""
+def _immediate_fates(linked: NDArray[np.bool_] | None, count: int, now: int) -> Fates:
+    """Return the fates of messages that are delivered without delay if they have a link."""
     reason = np.zeros(count, np.uint8)
     if linked is not None:
         reason[~linked] = NO_LINK

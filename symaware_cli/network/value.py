@@ -1,6 +1,6 @@
-"""Values that messages carry, as protobuf; nothing that is read can run code or take more memory than it is long.
+"""Encoding of message values as protobuf; decoding never runs code nor allocates more memory than the data's length.
 
-Arrays are their own little-endian bytes, so that what arrives is what was sent, bit for bit.
+Arrays are sent as little-endian bytes, so that the received values are identical to the bit.
 """
 
 from __future__ import annotations
@@ -16,16 +16,16 @@ from numpy.typing import NDArray
 from symaware_cli.core import PARTS, AwarenessVector, TimeSeries
 from symaware_cli.network import transport_pb2 as wire
 
-#: So deep may mappings and lists stand in each other.
+#: The deepest nesting of mappings and lists.
 DEPTH = 16
 
-#: An array without any number could claim any shape; no side of it may be longer than this.
+#: An array without elements could claim any shape; no dimension of it may exceed this.
 LONGEST_EMPTY = 2**20
 
-#: The kinds of the parts of every awareness vector.
+#: The kinds of the built-in parts of awareness vectors.
 _KINDS = {part.name: part.kind for part in PARTS}
 
-#: How many dimensions every NumPy can have.
+#: The number of dimensions that every version of NumPy supports.
 _DIMENSIONS = 32
 
 _TYPES = {
@@ -76,7 +76,7 @@ def array_to_wire(array: NDArray[Any]) -> wire.Array:
     """Encode an array.
 
     Raises:
-        TypeError: It does not hold plain numbers, or has no numbers but a huge shape.
+        TypeError: It does not hold plain numbers, or has a huge shape without elements.
     """
     dtype = array.dtype.newbyteorder("<")
     code = _CODES.get(dtype)
@@ -88,15 +88,15 @@ def array_to_wire(array: NDArray[Any]) -> wire.Array:
 
 
 def array_from_wire(message: wire.Array, *kinds: str, dimensions: int | None = None) -> NDArray[Any]:
-    """Decode an array, which is read-only.
+    """Decode an array as a read-only one.
 
     Args:
-        message: What was sent.
-        kinds: The kinds of numbers that are right, as in `numpy.dtype.kind`; any if left out.
-        dimensions: How many are right; any if None.
+        message: The encoded array.
+        kinds: The allowed kinds of numbers, as in `numpy.dtype.kind`; any if left out.
+        dimensions: The required number of dimensions; any if None.
 
     Raises:
-        FrameError: Something does not fit.
+        FrameError: The data do not fit.
     """
     dtype = _TYPES.get(message.type)
     if dtype is None or (kinds and dtype.kind not in kinds):
@@ -118,7 +118,7 @@ def entries_to_wire(mapping: Mapping[Any, Any], depth: int = 0) -> list[bytes]:
     """Encode values by name.
 
     Raises:
-        TypeError: A name is no text, or a value cannot be sent.
+        TypeError: A name is not a text, or a value cannot be sent.
     """
     entries = []
     for name, value in mapping.items():
@@ -132,7 +132,7 @@ def entries_from_wire(entries: Iterable[bytes], depth: int = 0) -> dict[str, Any
     """Decode values by name.
 
     Raises:
-        FrameError: Something is wrong, or a name comes twice.
+        FrameError: The data are invalid, or a name occurs twice.
     """
     mapping: dict[str, Any] = {}
     for data in entries:
@@ -147,7 +147,7 @@ def text_to_wire(text: str) -> str:
     """Return a text that can be sent.
 
     Raises:
-        TypeError: It cannot.
+        TypeError: It cannot be sent.
     """
     try:
         text.encode()
@@ -160,8 +160,8 @@ def value_to_wire(value: Any, depth: int = 0) -> wire.Value:
     """Encode a value.
 
     Args:
-        value: What.
-        depth: In how many mappings and lists it stands.
+        value: The value.
+        depth: The number of mappings and lists around it.
 
     Raises:
         TypeError: It cannot be sent.
@@ -212,7 +212,7 @@ def value_from_wire(message: wire.Value, depth: int = 0) -> Any:
     """Decode a value.
 
     Raises:
-        FrameError: Something is wrong.
+        FrameError: The data are invalid.
     """
     kind = message.WhichOneof("kind")
     if kind is None:

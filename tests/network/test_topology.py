@@ -69,12 +69,17 @@ def test_a_torus_has_four_neighbours_each() -> None:
     [
         (Ring, {"members": ("robot", "rover")}, "no agent or group `rover`", ("members", 1)),
         (Star, {"hub": "rover"}, "no agent or group `rover`", ("hub",)),
-        (Star, {"hub": "robot"}, "are 4 agents", ("hub",)),
+        (Star, {"hub": "robot"}, "matches 4 agents", ("hub",)),
         (Graph, {"edges": (("robot.0", "robot.1"), ("robot.1", "rover"))}, "no agent", ("edges", 1, 1)),
         (Graph, {"edges": (("robot.1", "robot.1"),)}, "cannot be linked with itself", ("edges", 0)),
-        (Graph, {"edges": (("robot.0", "robot.1"),), "members": ("robot.0", "robot.2")}, "no part", ("edges", 0, 1)),
-        (Star, {"hub": "robot.0", "members": ("robot.2", "robot.1")}, "`robot.0` takes no part", ("hub",)),
-        (Random, {"probability": 0.0, "connected": True}, "none is connected", ("probability",)),
+        (
+            Graph,
+            {"edges": (("robot.0", "robot.1"),), "members": ("robot.0", "robot.2")},
+            "not among the `members`",
+            ("edges", 0, 1),
+        ),
+        (Star, {"hub": "robot.0", "members": ("robot.2", "robot.1")}, "`robot.0` is not among the `members`", ("hub",)),
+        (Random, {"probability": 0.0, "connected": True}, "none of 1000 drawn graphs is connected", ("probability",)),
     ],
 )
 def test_what_cannot_be_is_said_with_its_place(

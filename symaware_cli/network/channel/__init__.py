@@ -1,1 +1,1 @@
-"""Channels: what becomes of a message on its way over a link."""
+"""Channels: delay, loss, duplication and queues of messages on a link."""

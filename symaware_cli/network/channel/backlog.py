@@ -1,4 +1,4 @@
-"""The backlog: how much waits for each link, in bytes and in messages."""
+"""The backlog of links: how many bytes and messages wait for each."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from symaware_cli.world.chance import Array
 
 
 class Backlog:
-    """What waits for links or is on its way into them, by rows of `LinkStates`.
+    """The bytes that wait for links or are entering them, by rows of `LinkStates`.
 
-    When a message gets into its link is decided as it is sent. So where the bandwidth has changed since, the first part
-    of what waits gets in at the old pace and the rest at the new one; each part evenly.
+    The time when a message enters its link is decided when it is sent. If the bandwidth has changed since, the first
+    part of the backlog enters at the old rate and the rest at the new one, each at a constant rate.
     """
 
     def __init__(self) -> None:
-        """Begin without links; `grow` makes room for some."""
-        #: What gets in evenly between `_seen` and `_turn`, and between then and the end, at `_pace` [bytes/s].
+        """Start without links; `grow` adds some."""
+        #: The bytes that enter evenly between `_seen` and `_turn`, and those from then on, at `_pace` [bytes/s].
         self._early = np.zeros(0)
         self._late = np.zeros(0)
         self._pace = np.zeros(0)
@@ -26,19 +26,19 @@ class Backlog:
         self._turn = np.zeros(0, np.int64)
 
     def grow(self, room: int) -> None:
-        """Make room for so many links more, for which nothing waits."""
+        """Add a number of links without a backlog."""
         self._early, self._late, self._pace = (
             np.concatenate([each, np.zeros(room)]) for each in (self._early, self._late, self._pace)
         )
         self._seen, self._turn = (np.concatenate([each, np.zeros(room, np.int64)]) for each in (self._seen, self._turn))
 
     def settle(self, links: Indices, now: int, free: Times) -> Array:
-        """Let go of what has got in, and return how much still waits, in bytes.
+        """Remove what has entered the links, and return how much still waits, in bytes.
 
         Args:
-            links: Rows; shape (m,).
-            now: In nanoseconds.
-            free: When all of it is in, in nanoseconds; shape (m,).
+            links: The rows of the links; shape (m,).
+            now: The present time, in nanoseconds.
+            free: When the whole backlog has entered, in nanoseconds; shape (m,).
         """
         seen, turn = self._seen[links], self._turn[links]
         early = self._early[links] * _remaining(now, seen, turn)
@@ -48,13 +48,13 @@ class Backlog:
         return waiting
 
     def add(self, links: Indices, sizes: NDArray[np.int64], bandwidth: Array, begin: Times) -> None:
-        """Let more wait; call `settle` first.
+        """Add to the backlog; call `settle` first.
 
         Args:
-            links: Rows; shape (m,).
+            links: The rows of the links; shape (m,).
             sizes: In bytes; shape (m,).
-            bandwidth: At what pace it gets in [bytes/s]; shape (m,).
-            begin: When it begins to, in nanoseconds; shape (m,).
+            bandwidth: The rate at which it enters [bytes/s]; shape (m,).
+            begin: When it starts to enter, in nanoseconds; shape (m,).
         """
         late = self._late[links]
         turns = (late == 0.0) | (self._pace[links] != bandwidth)
@@ -65,26 +65,26 @@ class Backlog:
 
 
 class RecentTransmissions:
-    """When the last messages are in their links, as many of each as any queue counts, by rows of `LinkStates`.
+    """The times when the last messages have entered their links, for limits of queue lengths, by rows of `LinkStates`.
 
-    The times of a link ascend. So there are n messages or more that wait or are on their way into it, if and only if
-    the n-th last is not in it yet.
+    The times of a link ascend. So n or more messages wait for a link or are entering it if and only if the n-th last
+    has not entered yet.
     """
 
     def __init__(self) -> None:
-        """Begin without links, and remember nothing until somebody asks."""
+        """Start without links; times are stored from the first call of `last` on."""
         #: In nanoseconds, the last message first; 0 where there was none.
         self._times = np.zeros((0, 0), np.int64)
 
     def grow(self, room: int) -> None:
-        """Make room for so many links more, for which nothing waits."""
+        """Add a number of links without messages."""
         self._times = np.pad(self._times, ((0, room), (0, 0)))
 
     def last(self, links: Indices, number: int) -> Times:
-        """When the message was in its link, or will be, that is so many back, in nanoseconds; shape (m,).
+        """Return when the message with a number from the end has entered its link, in nanoseconds; shape (m,).
 
         Args:
-            links: Rows; shape (m,).
+            links: The rows of the links; shape (m,).
             number: 1 is the last message.
         """
         if number > self._times.shape[1]:
@@ -93,18 +93,18 @@ class RecentTransmissions:
         return times
 
     def add(self, links: Indices, leaving: Times) -> None:
-        """Remember messages, at most one for each link.
+        """Store messages, at most one for each link.
 
         Args:
-            links: Rows; shape (m,).
-            leaving: When each is in its link, in nanoseconds; shape (m,).
+            links: The rows of the links; shape (m,).
+            leaving: When each has entered its link, in nanoseconds; shape (m,).
         """
         times = self._times[links]
         self._times[links] = np.concatenate([leaving[:, None], times[:, :-1]], axis=1)
 
 
 def _remaining(now: int, begin: Times, end: Times) -> Array:
-    """Which share of phases of time is still to come."""
+    """Return the remaining fractions of time spans."""
     length = np.maximum(end - begin, 1)
     share: Array = np.where(now >= end, 0.0, np.minimum((end - now) / length, 1.0))
     return share

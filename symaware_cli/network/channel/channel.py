@@ -1,4 +1,4 @@
-"""A channel: what delays, loses, repeats and holds up messages."""
+"""The channel of a link: delays, loses, duplicates and queues messages."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from symaware_cli.network.channel.impairment import Impairment
 from symaware_cli.network.channel.link_states import FOREVER, LinkStates
 from symaware_cli.world.chance import Array, message_fractions
 
-#: Why messages are dropped, by the number that stands for it in `Fates.reason`; the first is none.
+#: The reasons why messages are dropped, by their numbers in `Fates.reason`; the first means not dropped.
 REASONS = ("", "loss", "queue-full", "too-old", "no-link", "absent")
 LOSS, QUEUE_FULL, TOO_OLD, NO_LINK, ABSENT = 1, 2, 3, 4, 5
 
@@ -25,13 +25,13 @@ _REPEATED, _AGAIN, _AGAIN_JITTER, _START = range(4)
 
 
 class Fates(NamedTuple):
-    """What becomes of messages.
+    """The fates of messages.
 
     Attributes:
-        due: When each arrives, in nanoseconds; shape (m,).
-        reason: Why each is dropped, as an index in `REASONS`; shape (m,). What is too old is dropped when it arrives.
-        copies: The places of those that arrive a second time; shape (c,).
-        copies_due: When these do so; shape (c,).
+        due: The time of arrival of each, in nanoseconds; shape (m,).
+        reason: Why each is dropped, as an index in `REASONS`; shape (m,). Messages too old are dropped on arrival.
+        copies: The indices of messages that arrive a second time; shape (c,).
+        copies_due: The times of their second arrival; shape (c,).
     """
 
     due: Times
@@ -41,13 +41,13 @@ class Fates(NamedTuple):
 
 
 class Channel:
-    """Decides the fate of messages over any number of links; what it remembers of each stands in the states.
+    """Decides the fates of messages over any number of links, whose states are stored in `LinkStates`.
 
-    In this order: a message waits until those before it are in the link; it is lost or not; it travels; it may arrive
-    twice. So what is lost has used the link.
+    A message first waits until those before it have entered the link; then it may be lost; it travels; it may arrive
+    twice. So a lost message has used bandwidth.
 
     Attributes:
-        parameters: How messages get through.
+        parameters: The parameters of the channel.
     """
 
     def __init__(self, parameters: ChannelParameters) -> None:
@@ -59,12 +59,12 @@ class Channel:
 
     @property
     def bandwidth(self) -> float:
-        """How much gets into each link [bytes/s]; infinite where there is no limit."""
+        """The bandwidth of each link [bytes/s]; infinite without a limit."""
         return math.inf if self.parameters.bandwidth is None else self.parameters.bandwidth
 
     @property
     def drops_heads(self) -> bool:
-        """Whether what waits may still be dropped when something else is sent."""
+        """Whether a queued message may be dropped when another one is sent."""
         return self.parameters.is_bounded and self.parameters.drop == "head"
 
     def carry(
@@ -79,12 +79,12 @@ class Channel:
         """Decide the fates of messages that are sent now, at most one over each link.
 
         Args:
-            states: Remembers the links.
-            links: Their rows in it; shape (m,).
-            numbers: Those of the messages on their links; shape (m,).
-            now: In nanoseconds.
+            states: The states of the links.
+            links: The rows of the links; shape (m,).
+            numbers: The numbers of the messages on their links; shape (m,).
+            now: The present time, in nanoseconds.
             sizes: In bytes; shape (m,).
-            impairment: What disturbs them; None for nothing.
+            impairment: Disturbances; None for none.
         """
         parameters = self.parameters
         leaving, full = np.full(len(links), now, np.int64), np.zeros(len(links), bool)
@@ -95,7 +95,7 @@ class Channel:
             free = states.free[links]
             begin = np.maximum(free, now)
             if parameters.queue is not None:
-                # Times are whole nanoseconds: what is too much for less than one of them is not.
+                # Times are whole nanoseconds: tolerate an excess of less than a nanosecond's worth.
                 grace = np.where(np.isfinite(bandwidth), bandwidth / 1e9, 0.0)
                 full = states.backlog.settle(links, now, free) + sizes > parameters.queue + grace
             if parameters.queue_length is not None:
@@ -103,7 +103,7 @@ class Channel:
             some = ~full
             if parameters.queue is not None:
                 states.backlog.add(links[some], sizes[some], bandwidth[some], begin[some])
-            # What rounding takes from one message is given to the next, or a busy link would be slower than it is.
+            # Rounding errors are carried over to the next message, or a busy link would be too slow.
             lasts = np.minimum(sizes * (1e9 / bandwidth) + np.where(free >= now, states.residue[links], 0.0), FOREVER)
             leaving = np.minimum(begin + np.rint(lasts).astype(np.int64), FOREVER)
             if parameters.queue_length is not None:
@@ -126,20 +126,20 @@ class Channel:
         counts: NDArray[np.bool_] | None = None,
         impairment: Impairment | None = None,
     ) -> Fates:
-        """Decide the fates of messages that have got into their links.
+        """Decide the fates of messages that have entered their links.
 
         Args:
-            states: Remembers the links.
-            links: Their rows in it; shape (m,).
-            numbers: Those of the messages on their links; shape (m,).
-            sent: When each was sent, in nanoseconds; shape (m,).
-            leaving: When each is in the link, in nanoseconds; shape (m,).
-            counts: Which of them really are; all if None.
-            impairment: What disturbs them; None for nothing.
+            states: The states of the links.
+            links: The rows of the links; shape (m,).
+            numbers: The numbers of the messages on their links; shape (m,).
+            sent: The times of sending, in nanoseconds; shape (m,).
+            leaving: The times when they have entered the link, in nanoseconds; shape (m,).
+            counts: Which of them have actually entered; all if None.
+            impairment: Disturbances; None for none.
         """
-        parameters, nobody = self.parameters, np.empty(0, np.intp)
+        parameters, no_copies = self.parameters, np.empty(0, np.intp)
         reason = np.zeros(len(links), np.uint8)
-        copies, copies_due = nobody, np.empty(0, np.int64)
+        copies, copies_due = no_copies, np.empty(0, np.int64)
         if self._is_sure:
             due = leaving + (self._constant or 0)
         else:
@@ -167,7 +167,7 @@ class Channel:
         if self._oldest is not None:
             late = (reason == 0) & (due - sent > self._oldest)
             reason[late] = TOO_OLD
-            # A copy of what is too old may be in time, and the other way round; each has its own fate.
+            # A message and its copy may be too old independently of each other.
             timely = copies_due - sent[copies] <= self._oldest
             copies, copies_due = copies[timely], copies_due[timely]
         if counts is not None and len(copies):
@@ -180,7 +180,7 @@ class Channel:
         return bool(self.parameters.duplication) or isinstance(self.parameters.loss, Bursts)
 
     def _travel(self, delay: Array, jitter: Array) -> Times:
-        """How long messages travel, in nanoseconds."""
+        """Return the travel times of messages, in nanoseconds."""
         if self._constant is not None:
             return np.full(len(delay), self._constant, np.int64)
         seconds = delays(self.parameters.delay, delay)
@@ -197,7 +197,7 @@ class Channel:
             lost[:] = drawn[_LOSS] < loss
             return lost
         assert more is not None
-        # The first message finds the link in the state in which it is in the long run.
+        # Before the first message the state is drawn from its stationary distribution.
         share = loss.enter / (loss.enter + loss.leave)
         before = states.bad[links]
         was_bad = np.where(before < 0, more[_START] < share, before == 1)

@@ -1,4 +1,4 @@
-"""What a scenario may say about a channel."""
+"""Parameters of a channel in a scenario: delay, loss, duplication, bandwidth and queue."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Probability = Annotated[float, Field(ge=0, le=1)]
 
 
 class DelayDistribution(Parameters):
-    """A delay that is drawn anew for each message; never less than 0."""
+    """A delay that is drawn for each message; never less than 0."""
 
     uniform: tuple[Seconds, Seconds] | None = Field(
         None, description="Drawn evenly between the least and greatest [s]."
@@ -32,7 +32,7 @@ class DelayDistribution(Parameters):
     @model_validator(mode="after")
     def _is_one(self) -> Self:
         if sum(value is not None for value in (self.uniform, self.normal, self.lognormal, self.exponential)) != 1:
-            raise ValueError("say one of `uniform`, `normal`, `lognormal` and `exponential`")
+            raise ValueError("give exactly one of `uniform`, `normal`, `lognormal` and `exponential`")
         if self.uniform is not None and self.uniform[0] > self.uniform[1]:
             raise ValueError("the least delay comes first")
         return self
@@ -52,7 +52,7 @@ class Bursts(Parameters):
 
 
 class ChannelParameters(Parameters):
-    """How messages get over a link."""
+    """Parameters of a link's channel."""
 
     delay: Seconds | DelayDistribution = Field(
         0.0,
@@ -101,15 +101,15 @@ class ChannelParameters(Parameters):
     )
 
     def changed(self, other: ChannelParameters) -> ChannelParameters:
-        """The same channel but for what another one says expressly."""
+        """Return a copy with the parameters that another one sets explicitly."""
         return self.model_copy(update={name: getattr(other, name) for name in other.model_fields_set})
 
     @property
     def is_bounded(self) -> bool:
-        """Whether what waits for a link has a limit."""
+        """Whether the queue has a limit."""
         return self.queue is not None or self.queue_length is not None
 
     @property
     def is_perfect(self) -> bool:
-        """Whether every message gets through at once."""
+        """Whether every message is delivered without delay."""
         return self == ChannelParameters()

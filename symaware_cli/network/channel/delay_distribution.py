@@ -1,4 +1,4 @@
-"""How long messages travel: distributions of delays, drawn by their quantiles."""
+"""Delay distributions: draws message delays by quantile functions."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ Array = NDArray[np.float64]
 
 
 def delays(delay: float | DelayDistribution, uniform: Array) -> Array:
-    """Turn numbers from (0, 1) into delays of a distribution by its quantile function [s]; shape (m,)."""
+    """Return delays for uniform numbers in (0, 1), by the distribution's quantile function [s]; shape (m,)."""
     if not isinstance(delay, DelayDistribution):
         return np.full(len(uniform), float(delay))
     return delay.constant + _drawn(delay, uniform)
 
 
 def _drawn(delay: DelayDistribution, uniform: Array) -> Array:
-    """What is drawn from a distribution [s]; shape (m,)."""
+    """Return the drawn part of delays [s]; shape (m,)."""
     if delay.uniform is not None:
         least, greatest = delay.uniform
         return least + (greatest - least) * uniform
@@ -33,7 +33,7 @@ def _drawn(delay: DelayDistribution, uniform: Array) -> Array:
     mean, deviation = delay.normal
     if deviation == 0.0:
         return np.full(len(uniform), mean)
-    # Truncated at 0: only the part of (0, 1) that stands for delays above it is used.
+    # Truncated at 0: only quantiles of delays above it are used.
     below = ndtr(-mean / deviation)
     drawn: Array = np.maximum(mean + deviation * ndtri(below + (1.0 - below) * uniform), 0.0)
     return drawn

@@ -1,4 +1,4 @@
-"""Impairments: in what the links of some messages are worse than their channel."""
+"""Impairments: effects of disturbances on single messages, in addition to their channel."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from symaware_cli.world.chance import Array
 
 
 class Impairment(NamedTuple):
-    """What disturbs messages besides their channel.
+    """The effects of disturbances on messages.
 
     Attributes:
-        delay: How much later each arrives, in nanoseconds; shape (m,).
-        bandwidth: How much gets into the link of each at most [bytes/s]; infinite for no limit; shape (m,).
-        reason: Why each is lost, as the number of a reason; 0 where it is not; shape (m,).
+        delay: Additional delay of each, in nanoseconds; shape (m,).
+        bandwidth: Limit of the bandwidth of each one's link [bytes/s]; infinite for none; shape (m,).
+        reason: The number of the reason why each is lost; 0 if not; shape (m,).
     """
 
     delay: Times
@@ -26,9 +26,9 @@ class Impairment(NamedTuple):
 
     @classmethod
     def none(cls, count: int) -> Impairment:
-        """Nothing is worse."""
+        """Return no effects for a number of messages."""
         return cls(np.zeros(count, np.int64), np.full(count, np.inf), np.zeros(count, np.uint8))
 
-    def take(self, places: Indices) -> Impairment:
-        """That of some of the messages."""
-        return Impairment(self.delay[places], self.bandwidth[places], self.reason[places])
+    def take(self, indices: Indices) -> Impairment:
+        """Return the effects on some of the messages."""
+        return Impairment(self.delay[indices], self.bandwidth[indices], self.reason[indices])

@@ -1,4 +1,4 @@
-"""A waiting line before a link, from which the oldest message is dropped when it is full."""
+"""The queue of a link that drops its oldest message when full."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ QueuedMessage = TypeVar("QueuedMessage")
 
 
 class LinkQueue(Generic[QueuedMessage]):
-    """What waits for one link.
+    """The messages that wait for one link.
 
-    What is dropped depends on what is sent later, so nothing can be decided when a message is sent, and each is an
-    object of its own here.
+    Which messages are dropped depends on later ones, so nothing can be decided when a message is sent, and messages are
+    stored as single objects here.
     """
 
     def __init__(self, parameters: ChannelParameters) -> None:
         self._bandwidth = math.inf if parameters.bandwidth is None else parameters.bandwidth
-        #: How much gets in at present [bytes/s].
+        #: The present bandwidth [bytes/s].
         self._present = self._bandwidth
         self._limit = math.inf if parameters.queue is None else parameters.queue
         self._most = math.inf if parameters.queue_length is None else parameters.queue_length
-        #: What the link takes at present: from when until when, to the nanosecond and beyond it, and how much.
+        #: The message that is entering the link: start, end with its sub-nanosecond residue, and size.
         self._begun = self._free = 0
         self._residue = 0.0
         self._size = 0
@@ -37,21 +37,21 @@ class LinkQueue(Generic[QueuedMessage]):
 
     @property
     def next_time(self) -> int | None:
-        """When the link takes the next message, in nanoseconds."""
+        """The time at which the next message starts to enter the link, in nanoseconds."""
         return max(self._free, self._waiting[0][0]) if self._waiting else None
 
     def is_over(self, now: int) -> bool:
-        """Whether nothing waits, and all that did is in the link."""
+        """Return whether nothing waits, and all messages have entered the link."""
         return not self._waiting and self._free < now
 
     def join(self, now: int, size: int, queued: QueuedMessage) -> list[QueuedMessage]:
-        """Let a message wait, and return what is dropped for want of room: older ones, or it itself if it is too big.
+        """Queue a message, and return what is dropped from a full queue: older ones, or itself if too big.
 
         Call `advance` first.
         """
         dropped = []
         carried = self._size * (self._free - now) / (self._free - self._begun) if self._free > now else 0.0
-        # What is too much for less than a nanosecond is not; see `Channel.carry`.
+        # Tolerate an excess of less than a nanosecond's worth; see `Channel.carry`.
         limit = self._limit + (self._present / 1e9 if self._present < math.inf else 0.0)
         if carried + size > limit:
             return [queued]
@@ -67,11 +67,11 @@ class LinkQueue(Generic[QueuedMessage]):
         return dropped
 
     def advance(self, now: int, bandwidth: float = math.inf) -> list[tuple[QueuedMessage, int]]:
-        """Return what the link has taken until now, with when each is in the link, in nanoseconds.
+        """Return the messages that have started to enter the link by now, with the times when they have entered [ns].
 
         Args:
-            now: In nanoseconds.
-            bandwidth: How much gets into the link at most, if that is less than usual [bytes/s].
+            now: The present time, in nanoseconds.
+            bandwidth: A limit of the bandwidth [bytes/s].
         """
         taken = []
         self._present = min(self._bandwidth, bandwidth)

@@ -1,4 +1,4 @@
-"""The states of links: what is remembered of each link that was ever used."""
+"""The states of links: what channels remember of each link that has been used."""
 
 from __future__ import annotations
 
@@ -11,28 +11,28 @@ from symaware_cli.core.message import Indices
 from symaware_cli.network.channel.backlog import Backlog, RecentTransmissions
 from symaware_cli.world.chance import Numbers, agent_numbers, combined, key_of
 
-#: Later than any run ends, and early enough for sums of it not to overflow, in nanoseconds.
+#: Later than the end of any run, and small enough that sums of two do not overflow, in nanoseconds.
 FOREVER = 3 * 10**18
 
 
 class LinkStates:
-    """A row for each link, made when the link is first used.
+    """The states of links, with a row for each link from its first use on.
 
     Attributes:
         latest: The number of the last message that was sent over each link; -1 before the first.
-        keys: What each link's draws are keyed by.
-        arrival: When the last message of each link arrives, in nanoseconds.
-        free: When each link has carried all that waits for it, in nanoseconds.
-        residue: How much later than that it really is, less than a nanosecond.
-        backlog: How much waits for each.
-        recent: When the last messages of each are in it, where a queue counts them.
+        keys: The key of each link's random draws.
+        arrival: The arrival of the last message of each link, in nanoseconds.
+        free: When all messages so far have entered each link, in nanoseconds.
+        residue: The sub-nanosecond part of that time.
+        backlog: The bytes that wait for each.
+        recent: The times when the last messages have entered each, if a queue length is limited.
         bad: Whether each link is in the bad state: 0 or 1, or -1 before its first message.
         channel: The number of each link's channel.
-        congestion: Until when, at most, messages wait for links that have no limit of their own, in nanoseconds.
+        congestion: The latest time until which messages wait for links without a limit of their own, in nanoseconds.
     """
 
     def __init__(self, seed: int, ids: Sequence[str]) -> None:
-        """Know no links.
+        """Start without links.
 
         Args:
             seed: The seed of the run.
@@ -45,7 +45,7 @@ class LinkStates:
         #: sender * count + receiver of each known link, ascending, and the row of each.
         self._known = np.empty(0, np.int64)
         self._rows = np.empty(0, np.intp)
-        #: How many rows are in use, and the link that each stands for.
+        #: The number of rows in use, and the link of each.
         self._used = 0
         self._links = np.zeros(0, np.int64)
         self.latest = np.zeros(0, np.int64)
@@ -59,22 +59,22 @@ class LinkStates:
         self.channel = np.zeros(0, np.intp)
 
     def rows(self, senders: Indices, receivers: Indices) -> tuple[Indices, slice | None]:
-        """The rows of links.
+        """Return the rows of links, adding new ones.
 
         Args:
-            senders: Shape (m,).
-            receivers: Shape (m,).
+            senders: The senders; shape (m,).
+            receivers: The receivers; shape (m,).
 
         Returns:
-            Shape (m,), and which rows are new, if any are.
+            The rows, shape (m,), and which rows are new, if any.
         """
         wanted = senders.astype(np.int64) * self._count + receivers
-        places = np.searchsorted(self._known, wanted)
-        inside = places < len(self._known)
+        indices = np.searchsorted(self._known, wanted)
+        inside = indices < len(self._known)
         known = np.zeros(len(wanted), bool)
-        known[inside] = self._known[places[inside]] == wanted[inside]
+        known[inside] = self._known[indices[inside]] == wanted[inside]
         if known.all():
-            return self._rows[places], None
+            return self._rows[indices], None
         new = np.unique(wanted[~known])
         begun = slice(self._used, self._used + len(new))
         where = np.searchsorted(self._known, new)
@@ -84,7 +84,7 @@ class LinkStates:
         return self._rows[np.searchsorted(self._known, wanted)], begun
 
     def _enter(self, rows: slice, links: NDArray[np.int64]) -> None:
-        """Fill in the rows of new links; there is room for twice as many as are used, since links may come singly."""
+        """Initialise the rows of new links; arrays grow to twice the number in use, since links may come singly."""
         self._used = rows.stop
         if self._used > len(self.latest):
             room = 2 * self._used - len(self.latest)
@@ -103,19 +103,19 @@ class LinkStates:
         self.keys[rows] = combined(self._agents[senders], self._agents[receivers], self._key)
 
     def ends(self, rows: slice) -> tuple[Indices, Indices]:
-        """The senders and receivers of some rows."""
+        """Return the senders and receivers of some rows."""
         senders, receivers = np.divmod(self._links[rows], self._count)
         return senders.astype(np.intp), receivers.astype(np.intp)
 
     def number(self, rows: Indices, now: int) -> NDArray[np.int64]:
-        """Number a message more on each of some links, each at most once.
+        """Return the number of the next message on each of some links, each at most once.
 
-        The number is the instant, so that what was sent before does not matter; of several messages at one instant each
-        has one more than the one before.
+        The number is the present time in nanoseconds, so that it does not depend on earlier messages; several messages
+        at one instant are numbered consecutively from it.
 
         Args:
-            rows: The links; shape (m,).
-            now: In nanoseconds.
+            rows: The rows of the links; shape (m,).
+            now: The present time, in nanoseconds.
         """
         numbers = np.maximum(self.latest[rows] + 1, now)
         self.latest[rows] = numbers

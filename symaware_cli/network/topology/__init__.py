@@ -1,1 +1,1 @@
-"""Topologies: who reaches whom."""
+"""Topologies: which agents have communication links."""

@@ -1,4 +1,4 @@
-"""Topologies that stay as they are."""
+"""Topologies with constant links: complete, star, ring, line, grid, tree, graph, random."""
 
 from __future__ import annotations
 
@@ -18,98 +18,98 @@ Id = Annotated[str, Field(min_length=1, max_length=200)]
 
 
 class FixedTopology(Topology):
-    """A topology whose links are laid once."""
+    """A topology whose links are created once."""
 
     def initialise(self, environment: Environment, seed: int) -> None:
-        """Lay the links."""
+        """Create the links."""
         super().initialise(environment, seed)
         self._links = self.lay()
 
     @abstractmethod
     def lay(self) -> Links:
-        """Make the links."""
+        """Return the links."""
 
     def links(self, now: int) -> Links:
-        """The same at all times."""
+        """Return the links, which are constant."""
         return self._links
 
     def between(self, one: Indices, other: Indices, *, both_ways: bool = True) -> Links:
-        """Links between members, given by their places among them."""
+        """Return links between members, given by their indices in `members`."""
         return Links.of(len(self.roster), self.members[one], self.members[other], both_ways=both_ways)
 
 
 class Complete(FixedTopology):
-    """Everybody reaches everybody."""
+    """Links between all agents."""
 
     def lay(self) -> Links:
-        """A link from each to each."""
-        places = np.arange(len(self.members))
-        return self.between(np.repeat(places, len(places)), np.tile(places, len(places)), both_ways=False)
+        """Return a link from each member to each other."""
+        indices = np.arange(len(self.members))
+        return self.between(np.repeat(indices, len(indices)), np.tile(indices, len(indices)), both_ways=False)
 
 
 class Star(FixedTopology):
-    """All talk with one, and with nobody else."""
+    """Links between a hub and all other agents."""
 
     class Parameters(TopologyParameters):
-        """Who is in the middle."""
+        """The hub."""
 
         hub: Id | None = Field(None, description="Who is in the middle, an id; the first member if left out.")
 
     def lay(self) -> Links:
-        """A link from the hub to each, and back."""
+        """Return links in both directions between the hub and each other member."""
         hub = int(self.members[0])
         if self.parameters.hub is not None:
             found = self.find_members(self.parameters.hub, "hub")
             if len(found) > 1:
-                raise TopologyError(f"`{self.parameters.hub}` are {len(found)} agents, and one is in the middle", "hub")
+                raise TopologyError(f"`{self.parameters.hub}` matches {len(found)} agents; a star has one hub", "hub")
             hub = found[0]
         return Links.of(len(self.roster), np.full(len(self.members), hub), self.members, both_ways=True)
 
 
 class Succession(TopologyParameters):
-    """How far each reaches along a ring or a line."""
+    """Extent and direction of links along a ring or a line."""
 
     neighbours: int = Field(1, ge=1, le=1000, description="How many each reaches in each direction.")
     directed: bool = Field(False, description="Whether each only reaches those after it.")
 
 
 class Ring(FixedTopology):
-    """Each talks with the next and the one before, in a circle."""
+    """Links between successive members, closed to a ring."""
 
     Parameters = Succession
 
     def lay(self) -> Links:
-        """Links to the next ones."""
-        places, count = np.arange(len(self.members)), len(self.members)
+        """Return links to the next members."""
+        indices, count = np.arange(len(self.members)), len(self.members)
         steps = np.arange(1, self.parameters.neighbours + 1)
-        one, other = np.repeat(places, len(steps)), (places[:, None] + steps).reshape(-1) % max(count, 1)
+        one, other = np.repeat(indices, len(steps)), (indices[:, None] + steps).reshape(-1) % max(count, 1)
         return self.between(one, other, both_ways=not self.parameters.directed)
 
 
 class Line(FixedTopology):
-    """Each talks with the next and the one before, in a row, such as the vehicles of a platoon."""
+    """Links between successive members, such as the vehicles of a platoon."""
 
     Parameters = Succession
 
     def lay(self) -> Links:
-        """Links to the next ones, as far as there are any."""
-        places, count = np.arange(len(self.members)), len(self.members)
+        """Return links to the next members."""
+        indices, count = np.arange(len(self.members)), len(self.members)
         steps = np.arange(1, self.parameters.neighbours + 1)
-        one, other = np.repeat(places, len(steps)), (places[:, None] + steps).reshape(-1)
+        one, other = np.repeat(indices, len(steps)), (indices[:, None] + steps).reshape(-1)
         return self.between(one[other < count], other[other < count], both_ways=not self.parameters.directed)
 
 
 class Grid(FixedTopology):
-    """Members stand in rows and columns and talk with those beside, above and below them."""
+    """Links between horizontal and vertical neighbours in rows and columns of members."""
 
     class Parameters(TopologyParameters):
-        """How the grid is laid out."""
+        """Layout of the grid."""
 
         columns: int | None = Field(None, ge=1, description="Members in a row; about a square if left out.")
         wraps: bool = Field(False, description="Whether the last of each row and column reaches the first: a torus.")
 
     def lay(self) -> Links:
-        """Links to the right and down."""
+        """Return links to the right and down."""
         count = len(self.members)
         columns = self.parameters.columns or max(1, round(float(np.sqrt(count))))
         rows = -(-count // columns)
@@ -126,31 +126,31 @@ class Grid(FixedTopology):
 
 
 class Tree(FixedTopology):
-    """Each talks with the one above it and with those below; the first member is at the top."""
+    """Links between parents and children of a tree; the first member is the root."""
 
     class Parameters(TopologyParameters):
-        """How the tree grows."""
+        """Branching of the tree."""
 
         branches: int = Field(2, ge=1, le=100_000, description="How many are below each.")
 
     def lay(self) -> Links:
-        """Links to the one above."""
+        """Return links to the parents."""
         below = np.arange(1, len(self.members))
         return self.between(below, (below - 1) // self.parameters.branches)
 
 
 def _pair(edge: Any) -> Any:
-    """Say where that belongs which somebody wrote into an edge besides its ends."""
+    """Check that an edge is a pair, and point out where channels belong."""
     if isinstance(edge, list | tuple) and len(edge) > 2:
-        raise ValueError("an edge is a pair; a channel of its own stands under `topology.links`")
+        raise ValueError("an edge is a pair; channels of single links belong under `topology.links`")
     return tuple(edge) if isinstance(edge, list) else edge
 
 
 class Graph(FixedTopology):
-    """A graph that is written down edge by edge."""
+    """A graph given by its edges."""
 
     class Parameters(TopologyParameters):
-        """Its edges."""
+        """The edges of the graph."""
 
         edges: tuple[Annotated[tuple[Id, Id], BeforeValidator(_pair)], ...] = Field(
             min_length=1,
@@ -159,7 +159,7 @@ class Graph(FixedTopology):
         directed: bool = Field(False, description="Whether the first of each pair only sends to the second.")
 
     def lay(self) -> Links:
-        """The links of every pair."""
+        """Return the links of all edges."""
         senders: list[int] = []
         receivers: list[int] = []
         errors = ErrorCollector()
@@ -180,13 +180,13 @@ class Graph(FixedTopology):
 
 
 class Random(FixedTopology):
-    """Each pair is linked with a probability, drawn once (P. Erdos, A. Renyi, "On random graphs I", 1959).
+    """Each pair of agents is linked with a probability, drawn once (P. Erdos, A. Renyi, "On random graphs I", 1959).
 
-    Whether two are linked depends on the seed and on these two, not on who else is there.
+    Whether two agents are linked depends on the seed and on their ids only, not on other agents.
     """
 
     class Parameters(TopologyParameters):
-        """How dense it is."""
+        """Density and connectivity."""
 
         probability: float = Field(ge=0, le=1, description="Probability that two are linked.")
         directed: bool = Field(False, description="Whether each direction is drawn by itself.")
@@ -194,15 +194,15 @@ class Random(FixedTopology):
             False, description="Whether to draw again until everybody reaches everybody, at last through others."
         )
 
-    #: How often a graph is drawn, at most, before it is given up that it is connected; and of large ones, as often as
-    #: there are so many pairs, which take some 20 s, but a few times in any case.
+    #: The most and the fewest attempts to draw a connected graph, and the number of pairs to draw in between, which
+    #: takes some 20 s.
     _MOST_TRIES, _FEWEST_TRIES, _MOST_PAIRS = 1000, 10, 10**8
 
-    #: How many pairs are drawn at a time: so many that what is computed on the way stays in the processor's cache.
+    #: How many pairs are drawn at a time: small enough for intermediate results to stay in the processor's cache.
     _BLOCK = 8192
 
     def lay(self) -> Links:
-        """Draw the links."""
+        """Draw and return the links."""
         parameters, count = self.parameters, len(self.members)
         numbers = self.roster.numbers[self.members]
         keys = combined(numbers, np.zeros_like(numbers), key_of(self.seed, "topology"))
@@ -214,17 +214,17 @@ class Random(FixedTopology):
             links = self.between(*drawn, both_ways=not parameters.directed)
             if not parameters.connected or len(np.unique(links.parts()[self.members])) <= 1:
                 return links
-        raise TopologyError(f"of {tries} graphs that were drawn none is connected", "probability")
+        raise TopologyError(f"none of {tries} drawn graphs is connected", "probability")
 
     def _tries(self, count: int) -> int:
-        """How often it is worth while to draw until a graph is connected.
+        """Return the number of attempts to draw a connected graph.
 
         Raises:
-            TopologyError: That is as good as never.
+            TopologyError: Connected graphs are too rare.
         """
         pairs = max(count * (count - 1) // 2, 1)
         tries = min(self._MOST_TRIES, max(self._FEWEST_TRIES, self._MOST_PAIRS // pairs))
-        if self._lonely(count) > math.log(tries) + 3.0:
+        if self._expected_isolated(count) > math.log(tries) + 3.0:
             raise TopologyError(
                 f"{count} agents of which any two are linked with a probability of {self.parameters.probability:g} are "
                 f"hardly ever connected; they often are from about ln(n)/n = {math.log(count) / count:.2g} on",
@@ -232,17 +232,17 @@ class Random(FixedTopology):
             )
         return tries
 
-    def _lonely(self, count: int) -> float:
-        """How many agents are to be expected who reach nobody, or whom nobody reaches.
+    def _expected_isolated(self, count: int) -> float:
+        """Return the expected number of agents without outgoing or without incoming links.
 
-        Below the threshold of connectivity, ln(n)/n, it is they who are missing, and the chance that there are none is
-        about e to the minus this number (P. Erdos, A. Renyi, "On random graphs I", 1959).
+        Below the threshold of connectivity, ln(n)/n, these agents are what disconnects the graph, and the probability
+        that there are none is about e to the minus this number (P. Erdos, A. Renyi, "On random graphs I", 1959).
         """
         alone: float = count * (1.0 - self.parameters.probability) ** (count - 1)
         return 2.0 * alone if self.parameters.directed else alone
 
     def _draw(self, keys: Numbers, attempt: int) -> tuple[Indices, Indices] | None:
-        """Draw every pair, as places among the members; None where the graph is to be connected and cannot be."""
+        """Draw every pair, as indices of members; None if the graph shall be connected and is not."""
         parameters, count = self.parameters, len(keys)
         ones, others = [np.empty(0, np.intp)], [np.empty(0, np.intp)]
         reaches, is_reached = np.zeros(count, bool), np.zeros(count, bool)
@@ -253,7 +253,7 @@ class Random(FixedTopology):
             if parameters.directed:
                 one, other = np.concatenate([one, other]), np.concatenate([other, one])
             else:
-                # The same draw whichever of both comes first in the roster.
+                # Order pairs by key, so that the draw does not depend on the order in the roster.
                 turned = keys[one] > keys[other]
                 one, other = np.where(turned, other, one), np.where(turned, one, other)
             chosen = uniform(keys[one], keys[other], attempt, 1)[:, 0] < parameters.probability
@@ -264,7 +264,7 @@ class Random(FixedTopology):
                 reaches[one] = is_reached[other] = True
                 if not parameters.directed:
                     reaches[other] = is_reached[one] = True
-                # All pairs of these have been drawn by now.
+                # All pairs of these members have been drawn by now.
                 if not (reaches[begin:end] & is_reached[begin:end]).all():
                     return None
             begin = end
@@ -272,7 +272,7 @@ class Random(FixedTopology):
 
 
 def _pairs(begin: int, end: int, count: int) -> tuple[Indices, Indices]:
-    """All pairs of so many whose first is in a phase and whose second comes after it; each of shape (m,)."""
+    """Return all pairs of members with the first in [begin, end) and a later second; each of shape (m,)."""
     rows = np.arange(begin, end)
     lengths = count - 1 - rows
     one = np.repeat(rows, lengths)

@@ -1,4 +1,4 @@
-"""Topologies that follow where agents truly are."""
+"""Topologies that depend on the true positions of agents: range, nearest neighbours, line of sight."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ class SpatialTopology(Topology):
     changes: ClassVar[bool] = True
 
     def initialise(self, environment: Environment, seed: int) -> None:
-        """Begin without links."""
+        """Start without links."""
         super().initialise(environment, seed)
         self._links: Links | None = None
 
     def begin(self, now: int) -> None:
-        """Forget who reached whom when it held before."""
+        """Forget the links of an earlier phase."""
         self._links = None
 
     def within(self, reach: float) -> tuple[Indices, Indices, NDArray[np.float64]]:
-        """Members within reach of each other, from both sides, and their distances [m]; each of shape (m,)."""
+        """Return ordered pairs of members within reach of each other, and their distances [m]; each of shape (m,)."""
         environment = self.environment
         one, other, distance = environment.proximity.directed(environment.snapshot().positions, reach)
         if not self.takes_part.all():
@@ -37,7 +37,7 @@ class SpatialTopology(Topology):
         return one, other, distance
 
     def renewed(self, senders: Indices, receivers: Indices) -> Links:
-        """Links, sorted already; the same object as before if they are the same."""
+        """Return links for sorted pairs; the previous object if they are equal."""
         before = self._links
         if (
             before is None
@@ -50,10 +50,10 @@ class SpatialTopology(Topology):
 
 
 class Range(SpatialTopology):
-    """Those reach each other who are near: a disk graph on true positions."""
+    """Links between agents within a distance of each other: a disk graph on true positions."""
 
     class Parameters(TopologyParameters):
-        """How far a message carries."""
+        """Range and hysteresis."""
 
         range: float = Field(gt=0, description="Greatest distance at which two come to reach each other [m].")
         hysteresis: float = Field(
@@ -61,24 +61,24 @@ class Range(SpatialTopology):
         )
 
     def links(self, now: int) -> Links:
-        """Those within range, and those still held."""
+        """Return links within range, and existing ones within the hysteresis."""
         reach, slack = self.parameters.range, self.parameters.hysteresis
         one, other, distance = self.within(reach + slack)
         if slack:
             held = distance <= reach
             if self._links is not None and len(self._links):
                 keys, before = one.astype(np.int64) * len(self.roster) + other, self._links.keys
-                places = np.minimum(np.searchsorted(before, keys), len(before) - 1)
-                held |= before[places] == keys
+                indices = np.minimum(np.searchsorted(before, keys), len(before) - 1)
+                held |= before[indices] == keys
             one, other = one[held], other[held]
         return self.renewed(one, other)
 
 
 class Nearest(SpatialTopology):
-    """Each reaches so many of those nearest to it, on true positions."""
+    """Links from each agent to its nearest neighbours, on true positions."""
 
     class Parameters(TopologyParameters):
-        """How many."""
+        """Number and direction of links."""
 
         count: int = Field(ge=1, le=1000, description="How many each reaches.")
         directed: bool = Field(
@@ -86,7 +86,7 @@ class Nearest(SpatialTopology):
         )
 
     def links(self, now: int) -> Links:
-        """Links to the nearest."""
+        """Return links to the nearest members."""
         from scipy.spatial import cKDTree
 
         members = np.flatnonzero(self.takes_part)
@@ -94,7 +94,7 @@ class Nearest(SpatialTopology):
         count = min(self.parameters.count, len(members) - 1)
         if count < 1:
             return self.renewed(np.empty(0, np.intp), np.empty(0, np.intp))
-        # The nearest of all is oneself, or somebody at the same place.
+        # The first result is the agent itself, or another one at the same position.
         found = np.asarray(cKDTree(positions).query(positions, k=count + 1)[1])
         own = found == np.arange(len(members))[:, None]
         own[~own.any(axis=1), -1] = True
@@ -105,15 +105,15 @@ class Nearest(SpatialTopology):
 
 
 class LineOfSight(SpatialTopology):
-    """Those reach each other who are near and have no obstacle of the environment between them."""
+    """Links between agents within a distance and without an obstacle of the environment between them."""
 
     class Parameters(TopologyParameters):
-        """How far a message carries."""
+        """Range of links."""
 
         range: float = Field(gt=0, description="Greatest distance at which two reach each other [m].")
 
     def links(self, now: int) -> Links:
-        """Those within range whose straight line is free."""
+        """Return links within range whose line of sight is free."""
         one, other, _ = self.within(self.parameters.range)
         if len(self.environment.scenery):
             # Both directions share a line.

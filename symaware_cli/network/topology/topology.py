@@ -1,4 +1,4 @@
-"""Topologies: which agents reach which others with their messages."""
+"""Base class of topologies, which determine the links between agents."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ Indices = NDArray[np.intp]
 
 
 class TopologyError(UnsupportedError):
-    """A topology cannot be as its parameters want it; `path` is one of these, such as ``("edges", 3)``."""
+    """The parameters of a topology do not fit; `path` is that of a parameter, such as ``("edges", 3)``."""
 
 
 class TopologyParameters(Parameters):
-    """What every topology can be told."""
+    """Parameters of every topology."""
 
     members: tuple[str, ...] = Field(
         ("*",),
@@ -30,15 +30,15 @@ class TopologyParameters(Parameters):
 
 
 class Topology(Plugin, ABC):
-    """Tells which agents reach which others.
+    """Determines which agents reach which others by messages.
 
     Attributes:
         changes: Whether the links may change from step to step.
         environment: The world.
-        roster: Who is who.
+        roster: All agents.
         seed: The seed of the run.
-        members: Those who take part, as indices in the roster, in their order.
-        takes_part: Whether each agent is one of them; shape (n,).
+        members: The agents that take part, as indices in the roster, in their order.
+        takes_part: Whether each agent takes part; shape (n,).
     """
 
     Parameters: ClassVar[type[BaseModel]] = TopologyParameters
@@ -52,14 +52,14 @@ class Topology(Plugin, ABC):
     takes_part: NDArray[np.bool_]
 
     def initialise(self, environment: Environment, seed: int) -> None:
-        """Learn of the world. A subclass that overrides this calls it first.
+        """Look up the members in the world. A subclass that overrides this calls it first.
 
         Args:
-            environment: Who is who is known; where they are, not before `begin`.
+            environment: The world; its roster is known, but positions only from `begin` on.
             seed: The seed of the run.
 
         Raises:
-            TopologyError: The parameters do not fit who is there.
+            TopologyError: The parameters do not fit the agents.
         """
         self.environment = environment
         self.roster = environment.roster
@@ -73,14 +73,14 @@ class Topology(Plugin, ABC):
         self.takes_part[self.members] = True
 
     def find(self, pattern: str, *path: str | int) -> list[int]:
-        """The agents that an id, the name of a group or a pattern means, as indices in the roster.
+        """Return the agents that an id, the name of a group or a pattern matches, as indices in the roster.
 
         Args:
-            pattern: Whom.
-            path: The parameter it stands in.
+            pattern: The id, name or pattern.
+            path: The path of the parameter that contains it.
 
         Raises:
-            TopologyError: There is nobody.
+            TopologyError: It matches no agent.
         """
         try:
             return self.roster.matching(pattern)
@@ -90,31 +90,31 @@ class Topology(Plugin, ABC):
             raise TopologyError(message, *path, name=pattern, names=known) from None
 
     def find_members(self, pattern: str, *path: str | int) -> list[int]:
-        """The same, but only those who take part.
+        """Return the members that an id, the name of a group or a pattern matches; see `find`.
 
         Args:
-            pattern: Whom.
-            path: The parameter it stands in.
+            pattern: The id, name or pattern.
+            path: The path of the parameter that contains it.
 
         Raises:
-            TopologyError: There is nobody, or none of them takes part.
+            TopologyError: It matches no agent, or no member.
         """
         found = [index for index in self.find(pattern, *path) if self.takes_part[index]]
         if not found:
             ids = tuple(self.roster.ids[member] for member in self.members)
-            raise TopologyError(f"`{pattern}` takes no part, as it is not among the `members`", *path, names=ids)
+            raise TopologyError(f"`{pattern}` is not among the `members`", *path, names=ids)
         return found
 
     def begin(self, now: int) -> None:
-        """Begin to hold, at the start or after another topology did.
+        """Start to hold, at the beginning of the run or after another topology.
 
-        One that remembers links forgets them here: agents have moved meanwhile.
+        A topology that remembers links forgets them here, since agents have moved.
 
         Args:
-            now: In nanoseconds.
+            now: The present time, in nanoseconds.
         """
         return
 
     @abstractmethod
     def links(self, now: int) -> Links:
-        """The links at a step of the world, in nanoseconds; the same object as before where nothing changed."""
+        """Return the links at a step of the world [ns]; the same object as before if nothing has changed."""
