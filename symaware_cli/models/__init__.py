@@ -1,1 +1,1 @@
-"""Dynamics that ship with SymAware."""
+"""Built-in dynamical models."""

@@ -1,4 +1,4 @@
-"""The Dubins aircraft: it turns within a limit and cannot stop."""
+"""The Dubins aircraft: a limited turn rate and a minimum speed."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ class DubinsAircraft(HeadingModel):
     """An aircraft with a speed v and a turn rate w: x' = v cos(heading), y' = v sin(heading), heading' = w.
 
     In space, z' is its climb rate, and v the speed over ground (H. Chitsaz and S. M. LaValle, "Time-optimal paths for a
-    Dubins airplane", CDC 2007). Its speed is saturated to between ``min_speed`` and ``max_speed``, so no control input
-    makes it stop; at a constant speed v, the tightest circle has the radius v / max_turn_rate. In closed form, an arc
-    or a helix.
+    Dubins airplane", CDC 2007). Its speed is saturated between ``min_speed`` and ``max_speed``, so no control input
+    stops it; at a constant speed v, the tightest circle has the radius v / max_turn_rate. The closed form is an arc or
+    a helix.
     """
 
     state = (*_PLANE, _HEADING)
@@ -66,21 +66,21 @@ class DubinsAircraft(HeadingModel):
             self.angles = (3,)
 
     def motion(self, control_input: Any, math: Any) -> tuple[Any, Any]:
-        """The first two control inputs."""
+        """Return the first two control inputs."""
         return control_input[0], control_input[1]
 
     def derivative(self, state: Any, control_input: Any, math: Any) -> Sequence[Any]:
-        """X' = v cos(heading), y' = v sin(heading), in space z' = climb rate, heading' = w."""
+        """Return x' = v cos(heading), y' = v sin(heading), in space z' = climb rate, heading' = w."""
         x, y, heading = super().derivative(state, control_input, math)
         return (x, y, heading) if self.heading == 2 else (x, y, control_input[2], heading)
 
     def successor(self, state: Any, control_input: Any, step: Any, math: Any) -> Sequence[Any]:
-        """The end of the arc, and in space the altitude there."""
+        """Return the end of the arc, and in space the altitude there."""
         x, y, heading = super().successor(state, control_input, step, math)
         return (x, y, heading) if self.heading == 2 else (x, y, state[2] + step * control_input[2], heading)
 
     def input_bounds(self) -> tuple[Sequence[float], Sequence[float]]:
-        """Speed within its limits; turn rate and climb rate within theirs to either side."""
+        """Return the limits of speed, turn rate and climb rate."""
         limits = self.parameters
         low, high = [limits.min_speed, -limits.max_turn_rate], [limits.max_speed, limits.max_turn_rate]
         if limits.dimensions == 3:
@@ -90,7 +90,7 @@ class DubinsAircraft(HeadingModel):
         return low, high
 
     def follow_velocity(self, state: Array, velocity: Array) -> Array:
-        """Turn towards the wanted direction at the nearest speed it can fly; straight on where there is none."""
+        """Turn towards the desired direction at the nearest feasible speed; straight on without a direction."""
         limits = self.parameters
         speed, error = self.aim(state, velocity)
         followed = np.empty((len(state), len(self.control_input)))
@@ -101,5 +101,5 @@ class DubinsAircraft(HeadingModel):
         return followed
 
     def slowed(self, state: Array, control_input: Array, factor: Array) -> Array:
-        """Scale the speed, which the limits then keep from falling below the least; it can still turn and climb."""
+        """Scale the speed, down to the minimum speed; it can still turn and climb."""
         return super().slowed(state, control_input, factor)

@@ -1,4 +1,4 @@
-"""The kinematic bicycle: a car at low speed, that steers with its front wheel and does not slip."""
+"""The kinematic bicycle: a car at low speed with front-wheel steering and without slip."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Bicycle(HeadingModel):
     """A car with a speed v and a steering angle s: x' = v cos(heading), y' = v sin(heading), heading' = v tan(s) / L.
 
     L is the wheelbase, and the position is that of the rear axle, which does not slip (S. M. LaValle, Planning
-    Algorithms, 2006, section 13.1.2.1). In closed form, an arc of radius L / tan(s). It cannot turn on the spot, and
+    Algorithms, 2006, section 13.1.2.1). The closed form is an arc of radius L / tan(s). It cannot turn on the spot, and
     the tightest circle it can follow has the radius wheelbase / tan(max_steering_angle).
     """
 
@@ -55,17 +55,17 @@ class Bicycle(HeadingModel):
         return float(self.parameters.wheelbase)
 
     def motion(self, control_input: Any, math: Any) -> tuple[Any, Any]:
-        """V and v tan(s) / L."""
+        """Return v and v tan(s) / L."""
         speed = control_input[0]
         return speed, speed * math.tan(control_input[1]) / self.parameters.wheelbase
 
     def input_bounds(self) -> tuple[Sequence[float], Sequence[float]]:
-        """Speed within its limits; steering angle within its limit to either side."""
+        """Return the limits of speed and steering angle."""
         limits = self.parameters
         return [limits.min_speed, -limits.max_steering_angle], [limits.max_speed, limits.max_steering_angle]
 
     def follow_velocity(self, state: Array, velocity: Array) -> Array:
-        """Roll forwards at the wanted speed, since turning needs it, and steer for a turn rate that ends the error."""
+        """Drive forwards at the desired speed, as turning requires it, and steer to reduce the heading error."""
         speed, error = self.aim(state, velocity)
         followed = np.empty((len(state), 2))
         followed[:, 0] = speed
@@ -73,5 +73,5 @@ class Bicycle(HeadingModel):
         return followed
 
     def slowed(self, state: Array, control_input: Array, factor: Array) -> Array:
-        """Scale the speed; with the same steering angle the way stays the same."""
+        """Scale the speed; with the same steering angle the path stays the same."""
         return super().slowed(state, control_input, factor)

@@ -1,4 +1,4 @@
-"""Whether what a model returns has the form that it declares: asked once, before anything runs."""
+"""Model checks: finds methods that return another shape or type than the model declares, before a run."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ _RAISED = object()
 
 
 def faults_of(model: Model, state: Array | None = None, step: float = 0.1) -> Iterator[str]:
-    """Find what a model returns in another form than it is to.
+    """Find results of a model's methods that have another shape or type than required.
 
-    NumPy would broadcast much of it, so that wrong elements of the state move and nobody is told.
+    NumPy would broadcast many of them silently, and wrong elements of the state would move.
 
     Args:
-        model: Its `state`, `control_input` and indices are sound.
-        state: Where to try; shape (nx,). Zeros if left out.
-        step: Time step to try, for a model in continuous time [s].
+        model: The model; its `state`, `control_input` and indices are valid.
+        state: The state to evaluate the methods at; shape (nx,). Zeros if left out.
+        step: The time step to evaluate them with, for a model in continuous time [s].
 
     Yields:
-        What is wrong, as a predicate such as "returns 2 elements from `derivative`, and the state has 3".
+        A description of each fault, as a predicate such as "returns 2 elements from `derivative`, and the state has 3".
     """
     nx, nu, d = len(model.state), len(model.control_input), len(model.position)
-    # As many rows as nothing else has, so that nothing fits by chance.
+    # A number of rows that differs from all dimensions, so that no wrong shape fits by chance.
     count = max(nx, nu, d) + 2
     states = np.tile(np.zeros(nx) if state is None else state, (count, 1))
     bounds = yield from _bounds(model, nu)
@@ -39,7 +39,7 @@ def faults_of(model: Model, state: Array | None = None, step: float = 0.1) -> It
     parts = list(_elements("derivative", lambda: model.derivative(x, u, np), nx, count, needed=True))
     parts += _elements("successor", lambda: model.successor(x, u, step, np), nx, count)
     yield from parts
-    if not parts:  # which these are made of, where a model does not say otherwise
+    if not parts:  # which the following are derived from by default
         yield from _array("exact_step", lambda: model.exact_step(states, inputs, step), (count, nx), may_be_none=True)
         yield from _array("turn_rate", lambda: model.turn_rate(states, inputs), (count,))
     if bounds is not None:
@@ -54,7 +54,7 @@ def faults_of(model: Model, state: Array | None = None, step: float = 0.1) -> It
 
 
 def _bounds(model: Model, nu: int) -> Iterator[str] | Any:
-    """The bounds of the control input, each of shape (nu,); None where they are not sound."""
+    """Return the bounds of the control input, each of shape (nu,); None if invalid."""
     try:
         low, high = (np.array(bound, float) for bound in model.input_bounds())
     except KeyboardInterrupt:
@@ -72,8 +72,8 @@ def _bounds(model: Model, nu: int) -> Iterator[str] | Any:
     return low, high
 
 
-def _called(call: Callable[[], Any]) -> Any:
-    """What a method returns; `_RAISED` where it raises: it does so when it is used, too, and is told of there."""
+def _result_of(call: Callable[[], Any]) -> Any:
+    """Return the result of a method; `_RAISED` if it raises, which is reported where the method is used."""
     try:
         with np.errstate(all="ignore"):
             return call()
@@ -87,7 +87,7 @@ def _elements(
     name: str, call: Callable[[], Sequence[Any] | None], nx: int, count: int, needed: bool = False
 ) -> Iterator[str]:
     """Check a method that returns an expression for each element of the state."""
-    returned = _called(call)
+    returned = _result_of(call)
     if returned is _RAISED or (returned is None and not needed):
         return
     try:
@@ -111,7 +111,7 @@ def _elements(
 
 def _array(name: str, call: Callable[[], Any], shape: tuple[int, ...], may_be_none: bool = False) -> Iterator[str]:
     """Check a method that returns an array."""
-    returned = _called(call)
+    returned = _result_of(call)
     if returned is _RAISED or (returned is None and may_be_none):
         return
     try:

@@ -1,6 +1,6 @@
-"""The Crazyflie 2.x: its figures, what its rotors do, and what the air does.
+"""The Crazyflie 2.x: physical parameters, rotors, drag, ground effect and downwash.
 
-Sources of the figures: [F] J. Foerster, System Identification of the Crazyflie 2.0 Nano Quadrocopter, ETH Zurich, 2015;
+Sources: [F] J. Foerster, System Identification of the Crazyflie 2.0 Nano Quadrocopter, ETH Zurich, 2015;
 [L] C. Luis and J. Le Ny, Design of a Trajectory Tracking Controller for a Nanoquadcopter, Polytechnique Montreal, 2016
 (arXiv:1608.05786); [P] J. Panerati et al., Learning to Fly, IROS 2021.
 """
@@ -19,31 +19,31 @@ from symaware_cli.world.model import columns
 
 Array = NDArray[np.float64]
 
-#: [kg], of the vehicle with its battery [L].
+#: [kg] The mass with the battery [L].
 MASS = 0.027
 #: [kg m^2] about the x, y and z axes; products of inertia, under a tenth of these, are left out [F].
 INERTIA = (16.6e-6, 16.6e-6, 29.3e-6)
-#: [m] From the centre to a rotor [F], and of that along either axis.
+#: [m] The distance from the centre to a rotor [F], and its component along either axis.
 ARM = 0.046
 REACH = ARM / math.sqrt(2.0)
 #: [m] The radius of a propeller [L].
 PROPELLER = 0.0231348
 _RADIANS = (60.0 / (2.0 * math.pi)) ** 2
-#: [N s^2] and [N m s^2]: thrust and reaction torque of a rotor by the square of its speed [L], who count in rpm.
+#: [N s^2] and [N m s^2]: thrust and reaction torque of a rotor over its squared speed [L], converted from rpm.
 THRUST, REACTION = 3.1582e-10 * _RADIANS, 7.9379e-12 * _RADIANS
-#: [kg] Drag by the velocity and the sum of the rotors' speeds, along the axes of the body [F].
+#: [kg] Drag over the velocity and the sum of rotor speeds, along the axes of the body [F].
 DRAG = (9.1785e-7, 9.1785e-7, 10.311e-7)
-#: The thrust of all rotors at full speed, by the weight [P].
+#: The ratio of the maximum thrust to the weight [P].
 THRUST_TO_WEIGHT = 2.25
-#: Where each rotor is, in units of REACH, and the sense in which its reaction turns the body: the first is in front on
-#: the right, the others follow clockwise as seen from above; the first and the third turn counter-clockwise.
+#: The position of each rotor in units of REACH, and the sign of its reaction torque: the first is at the front right,
+#: the others follow clockwise as seen from above; the first and the third turn counter-clockwise.
 ROTORS = ((1, -1, -1), (-1, -1, 1), (-1, 1, -1), (1, 1, 1))
 #: Downwash: strength, and growth [1/m] and offset of its width with the distance [P].
 _DOWNWASH = (2267.18, 0.16, -0.11)
 
 
 def rotor_wrench(speeds: Any) -> tuple[Any, Vector]:
-    """The thrust of all rotors [N], and their torque about the axes of the body [N m]."""
+    """Return the thrust of all rotors [N], and their torque about the axes of the body [N m]."""
     squares = [speeds[number] * speeds[number] for number in range(4)]
     thrust = THRUST * (squares[0] + squares[1] + squares[2] + squares[3])
     torque = tuple(
@@ -58,16 +58,16 @@ def rotor_wrench(speeds: Any) -> tuple[Any, Vector]:
 
 
 def drag(axes: Axes, velocity: Vector, speeds: Any) -> Vector:
-    """The force of the air, along the axes of the body [N]."""
+    """Return the drag along the axes of the body [N]."""
     turning = speeds[0] + speeds[1] + speeds[2] + speeds[3]
     along = [-coefficient * turning * dot(axis, velocity) for coefficient, axis in zip(DRAG, axes, strict=True)]
     return along[0], along[1], along[2]
 
 
 def rotor_speeds(thrust: Any, torque: Sequence[Any], top: float) -> list[Any]:
-    """The speeds of the rotors for a thrust and a torque.
+    """Return the rotor speeds for a thrust and a torque.
 
-    Thrust gives way to what turns the vehicle over, and the yaw gives way to both, where the rotors cannot do all.
+    If the rotors cannot produce all, roll and pitch take precedence over thrust, and both over yaw.
     """
     roll, pitch, yaw = (
         0.25 * torque[0] / (THRUST * REACH),
@@ -91,12 +91,12 @@ def rotor_speeds(thrust: Any, torque: Sequence[Any], top: float) -> list[Any]:
 
 
 def ground_effect(height: Array) -> Array:
-    """By how much more rotors push above ground: 1 / (1 - (R / 4 z)^2), down to a height of R / 2.
+    """Return the factor of the thrust near the ground: 1 / (1 - (R / 4 z)^2), down to a height of R / 2.
 
     Source: I. C. Cheeseman and W. E. Bennett, The Effect of the Ground on a Helicopter Rotor in Forward Flight, 1955.
 
     Args:
-        height: Above ground [m]; shape (n,).
+        height: Height above ground [m]; shape (n,).
     """
     share = PROPELLER / (4.0 * np.maximum(height, 0.5 * PROPELLER))
     grown: Array = 1.0 / (1.0 - share * share)
@@ -104,7 +104,7 @@ def ground_effect(height: Array) -> Array:
 
 
 def downwash(positions: Array) -> Array:
-    """The force with which those who fly above push each down [N]; (n, 3) to (n,) [P]."""
+    """Return the downward force on each by those above it [N]; (n, 3) to (n,) [P]."""
     x, y, z = columns(positions)
     above = z[None, :] - z[:, None]
     below = above > 1e-3
@@ -113,7 +113,7 @@ def downwash(positions: Array) -> Array:
     width = _DOWNWASH[1] * height + _DOWNWASH[2]
     apart = (x[None, :] - x[:, None]) ** 2 + (y[None, :] - y[:, None]) ** 2
     pushed = strength * np.exp(-0.5 * apart / np.maximum(width * width, 1e-6))
-    # Added up pair by pair, so that it does not matter how many there are.
+    # Added up pair by pair, so that the result does not depend on the size of the array.
     total = np.zeros(len(z))
     for other in range(len(z)):
         total += np.where(below[:, other] & (apart[:, other] < 100.0), pushed[:, other], 0.0)

@@ -1,4 +1,4 @@
-"""Vehicles that go where they point."""
+"""Base class of vehicles that move along their heading."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ Array = NDArray[np.float64]
 
 
 def sinc(angle: Any, math: Any) -> Any:
-    """The sine of an angle by the angle, 1 at 0; for arrays and symbols.
+    """Return sin(angle) / angle, 1 at 0; for arrays and symbols.
 
-    The quotient is accurate down to the smallest angles, so for numbers only 0 itself needs care. Its derivatives are
-    not, and CasADi takes them term by term: for symbols, angles under 0.1 go by the power series, which errs by 3e-18
-    there.
+    The quotient is accurate down to the smallest angles, so for numbers only 0 itself needs care. Its derivatives,
+    which CasADi computes term by term, are not: for symbols, angles under 0.1 use the power series, with an error of
+    3e-18 there.
     """
     if math is np:
         angle = angle + 1e-300 * (angle == 0.0)
@@ -37,9 +37,9 @@ class HeadingModel(NoisyModel):
 
     Its motion is x' = v cos(heading), y' = v sin(heading), heading' = w.
 
-    While v and w stay constant it goes along an arc. The chord of the arc is v step sinc(w step / 2) long and points to
-    heading + w step / 2, which is exact for every w, 0 included, and loses no digits near it. (The usual form divides
-    the difference of two sines by w, and does.)
+    With constant v and w it moves along an arc. The chord of the arc has the length v step sinc(w step / 2) and the
+    direction heading + w step / 2, which is exact for every w, 0 included, without cancellation near 0. (The usual
+    form divides the difference of two sines by w, which cancels.)
 
     The heading is never wrapped; it counts turns.
     """
@@ -50,16 +50,16 @@ class HeadingModel(NoisyModel):
 
     @abstractmethod
     def motion(self, control_input: Any, math: Any) -> tuple[Any, Any]:
-        """The speed [m/s] and the turn rate [rad/s] under a control input, for arrays and symbols."""
+        """Return the speed [m/s] and the turn rate [rad/s] under a control input, for arrays and symbols."""
 
     def derivative(self, state: Any, control_input: Any, math: Any) -> Sequence[Any]:
-        """X' = v cos(heading), y' = v sin(heading), heading' = w."""
+        """Return x' = v cos(heading), y' = v sin(heading), heading' = w."""
         heading = state[self.heading]
         speed, turn_rate = self.motion(control_input, math)
         return (speed * math.cos(heading), speed * math.sin(heading), turn_rate)
 
     def successor(self, state: Any, control_input: Any, step: Any, math: Any) -> Sequence[Any]:
-        """The end of the arc."""
+        """Return the end of the arc."""
         heading = state[self.heading]
         speed, turn_rate = self.motion(control_input, math)
         half = (0.5 * step) * turn_rate
@@ -72,7 +72,7 @@ class HeadingModel(NoisyModel):
         )
 
     def jacobian(self, state: Array, control_input: Array) -> Array:
-        """The velocity turns with the heading."""
+        """Return the derivative of the velocity by the heading; all else is zero."""
         jacobian = np.zeros((len(state), len(self.state), len(self.state)))
         velocity = self.velocity(state, control_input)
         jacobian[:, 0, self.heading] = -velocity[:, 1]
@@ -80,21 +80,21 @@ class HeadingModel(NoisyModel):
         return jacobian
 
     def slowed(self, state: Array, control_input: Array, factor: Array) -> Array:
-        """Scale the speed; the other inputs stay, so that the vehicle can still turn away."""
+        """Scale the speed; other inputs are unchanged, so the vehicle can still turn away."""
         slowed = control_input.copy()
         slowed[:, 0] *= factor
         return slowed
 
     def aim(self, state: Array, velocity: Array) -> tuple[Array, Array]:
-        """What lies between the motion and a wanted velocity.
+        """Return the desired speed and the heading error for a desired velocity.
 
         Args:
-            state: Shape (n, nx).
-            velocity: The wanted velocities [m/s]; shape (n, d), of which the plane counts.
+            state: The states; shape (n, nx).
+            velocity: The desired velocities [m/s]; shape (n, d), of which the components in the plane count.
 
         Returns:
-            The wanted speed in the plane [m/s], and the angle from the heading to the wanted direction, in
-            [-pi, pi) [rad] and 0 where no direction is wanted; each of shape (n,).
+            The desired speed in the plane [m/s], and the angle from the heading to the desired direction, in
+            [-pi, pi) [rad] and 0 for speed 0; each of shape (n,).
         """
         x, y = columns(velocity[:, :2])
         speed = np.sqrt(x * x + y * y)

@@ -1,4 +1,4 @@
-"""Integrators: points that go where they are told, or are pushed there."""
+"""Single and double integrators: points with a velocity or an acceleration as control input."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ def _vector(name: str, unit: str, dimensions: int) -> tuple[Quantity, ...]:
 
 
 def shortened(vectors: Array, longest: float | None) -> Array:
-    """Shorten vectors that are too long; their direction stays.
+    """Limit the length of vectors; their direction stays.
 
     Args:
-        vectors: Shape (n, d).
+        vectors: The vectors; shape (n, d).
         longest: The greatest Euclidean length; None for no limit, which returns the vectors themselves.
     """
     if longest is None:
@@ -46,7 +46,7 @@ def shortened(vectors: Array, longest: float | None) -> Array:
 class SingleIntegrator(NoisyModel):
     """A point whose control input is its velocity: p' = u.
 
-    In closed form, p+ = p + u step. The limit is on the length of the velocity, not on its elements.
+    The closed form is p+ = p + u step. The limit is on the length of the velocity, not on its elements.
     """
 
     state = _positions(2)
@@ -68,44 +68,44 @@ class SingleIntegrator(NoisyModel):
         self.position = tuple(range(dimensions))
 
     def derivative(self, state: Any, control_input: Any, math: Any) -> Sequence[Any]:
-        """P' = u."""
+        """Return p' = u."""
         return tuple(control_input[axis] for axis in self.position)
 
     def successor(self, state: Any, control_input: Any, step: Any, math: Any) -> Sequence[Any]:
-        """P+ = p + u step."""
+        """Return p+ = p + u step."""
         return tuple(state[axis] + step * control_input[axis] for axis in self.position)
 
     def exact_step(self, state: Array, control_input: Array, step: float) -> Array:
-        """`successor` for whole arrays at once: a quarter of the price where there are few agents."""
+        """Evaluate `successor` for whole arrays at once, which costs a quarter for few agents."""
         return state + step * control_input
 
     def jacobian(self, state: Array, control_input: Array) -> Array:
-        """Zero: where the point is does not matter."""
+        """Return zeros: the velocity does not depend on the state."""
         return np.zeros((len(state), len(self.state), len(self.state)))
 
     def input_bounds(self) -> tuple[Sequence[float], Sequence[float]]:
-        """The greatest speed along each axis; `limit` says more, since it is on the length."""
+        """Return the greatest speed along each axis; `limit` is stricter, as it bounds the length."""
         return _box(self.parameters.max_speed, len(self.control_input))
 
     def limit(self, control_input: Array) -> Array:
-        """Shorten velocities that are too long; their direction stays."""
+        """Limit the length of velocities; their direction stays."""
         return shortened(control_input, self.parameters.max_speed)
 
     def follow_velocity(self, state: Array, velocity: Array) -> Array:
-        """The velocity itself."""
+        """Return the velocity itself."""
         return velocity
 
     def slowed(self, state: Array, control_input: Array, factor: Array) -> Array:
-        """Shorten the velocity."""
+        """Scale the velocity."""
         return control_input * factor[:, None]
 
 
 class DoubleIntegrator(NoisyModel):
     """A point whose control input is its acceleration: p' = v, v' = a.
 
-    In closed form, p+ = p + v step + a step^2 / 2 and v+ = v + a step. The limit is on the length of the acceleration.
-    The speed is part of the state, so no control input can be saturated to bound it: ``max_speed`` shortens the
-    velocities that the point is asked to follow, and does nothing for a controller that sets accelerations itself.
+    The closed form is p+ = p + v step + a step^2 / 2 and v+ = v + a step. The limit is on the length of the
+    acceleration. The speed is part of the state, so saturating control inputs cannot bound it: ``max_speed`` limits the
+    velocities that the point is asked to follow, and has no effect on a controller that sets accelerations itself.
     """
 
     state = (*_positions(2), *_vector("velocity", "m/s", 2))
@@ -136,12 +136,12 @@ class DoubleIntegrator(NoisyModel):
         self.velocities = tuple(range(dimensions, 2 * dimensions))
 
     def derivative(self, state: Any, control_input: Any, math: Any) -> Sequence[Any]:
-        """P' = v, v' = a."""
+        """Return p' = v, v' = a."""
         count = len(self.position)
         return (*(state[count + axis] for axis in self.position), *(control_input[axis] for axis in self.position))
 
     def successor(self, state: Any, control_input: Any, step: Any, math: Any) -> Sequence[Any]:
-        """P+ = p + v step + a step^2 / 2, v+ = v + a step."""
+        """Return p+ = p + v step + a step^2 / 2, v+ = v + a step."""
         count = len(self.position)
         return (
             *(
@@ -152,34 +152,34 @@ class DoubleIntegrator(NoisyModel):
         )
 
     def velocity(self, state: Array, control_input: Array) -> Array:
-        """The velocity in the state."""
+        """Return the velocity in the state."""
         return state[:, len(self.position) :].copy()
 
     def jacobian(self, state: Array, control_input: Array) -> Array:
-        """One where a position depends on its velocity."""
+        """Return ones where a position depends on its velocity."""
         count = len(self.position)
         jacobian = np.zeros((len(state), 2 * count, 2 * count))
         jacobian[:, self.position, np.arange(count, 2 * count)] = 1.0
         return jacobian
 
     def input_bounds(self) -> tuple[Sequence[float], Sequence[float]]:
-        """The greatest acceleration along each axis; `limit` says more, since it is on the length."""
+        """Return the greatest acceleration along each axis; `limit` is stricter, as it bounds the length."""
         return _box(self.parameters.max_acceleration, len(self.control_input))
 
     def limit(self, control_input: Array) -> Array:
-        """Shorten accelerations that are too great; their direction stays."""
+        """Limit the length of accelerations; their direction stays."""
         return shortened(control_input, self.parameters.max_acceleration)
 
     def follow_velocity(self, state: Array, velocity: Array) -> Array:
-        """Accelerate in proportion to what is missing to the wanted velocity, shortened to the greatest speed."""
+        """Accelerate in proportion to the velocity error, with the desired velocity limited to the greatest speed."""
         wanted = shortened(velocity, self.parameters.max_speed)
         followed: Array = self.parameters.velocity_gain * (wanted - state[:, len(self.position) :])
         return followed
 
     def slowed(self, state: Array, control_input: Array, factor: Array) -> Array:
-        """Mix the acceleration with braking: at factor 0 the point comes to rest, at 1 nothing is changed.
+        """Blend the acceleration with braking: at factor 0 the point comes to rest, at 1 nothing changes.
 
-        A point that was told to follow a velocity follows that part of it.
+        For a point that follows a velocity, this equals following that fraction of it.
         """
         part = factor[:, None]
         braking = self.parameters.velocity_gain * state[:, len(self.position) :]

@@ -1,4 +1,4 @@
-"""The linear model: a stochastic map from each time step to the next."""
+"""The linear model in discrete time, with Gaussian noise."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ Positive = Annotated[float, Field(gt=0)]
 class Linear(Model):
     """A map in discrete time, x+ = A x + B u + w with w ~ N(0, W), over a time step of its own.
 
-    The environment must have the same ``time_step``; it is refused otherwise. Nothing is integrated, whatever the
+    The environment must have the same ``time_step``, and is refused otherwise. Nothing is integrated, whatever the
     environment's ``integrator``. `derivative` is the mean rate over one step without noise, (A x + B u - x) /
     time_step; `velocity` is part of it, and `jacobian` its derivative, (A - I) / time_step.
 
-    It can be steered by a velocity where the state is the position and nothing else and the control input can move it
-    in every direction, as in x+ = x + u + w.
+    The model can follow a velocity if its state is exactly the position and the control input can move it in every
+    direction, as in x+ = x + u + w.
     """
 
     class Parameters(Parameters):
-        """The matrices, and what their rows mean."""
+        """The matrices, and names and units of their rows."""
 
         time_step: float = Field(ge=1e-6, le=1e6, description="Time between x and x+ [s]; that of the environment too.")
         state: dict[str, str] = Field(description="Name and unit of each element of x, in order.")
@@ -77,49 +77,49 @@ class Linear(Model):
         self._steering = self._steered_by_velocity()
 
     def derivative(self, state: Any, control_input: Any, math: Any) -> Sequence[Any]:
-        """The mean rate over one step, (A x + B u - x) / time_step."""
+        """Return the mean rate over one step, (A x + B u - x) / time_step."""
         after = self.successor(state, control_input, self.time_step, math)
         return tuple((one - state[row]) / self.time_step for row, one in enumerate(after))
 
     def successor(self, state: Any, control_input: Any, step: Any, math: Any) -> Sequence[Any]:
-        """A x + B u.
+        """Return A x + B u.
 
         Raises:
             ValueError: The step is not the model's own.
         """
         if nanoseconds(step) != nanoseconds(self.time_step):
             raise ValueError(f"this model is a map over {self.time_step:g} s; it has no step of {step:g} s")
-        # Sums in the order of the board: a matrix product may add in another order for other numbers of agents.
+        # Sums in textbook order: a matrix product may use another order for other numbers of agents.
         return tuple(
             _sum(own, state) + _sum(added, control_input)
             for own, added in zip(self.parameters.A, self.parameters.B, strict=True)
         )
 
     def jacobian(self, state: Array, control_input: Array) -> Array:
-        """(A - I) / time_step, so that I + time_step J is A."""
+        """Return (A - I) / time_step, so that I + time_step J is A."""
         count = len(self.state)
         rate = (np.array(self.parameters.A) - np.eye(count)) / self.time_step
         return np.broadcast_to(rate, (len(state), count, count)).copy()
 
     def input_bounds(self) -> tuple[Sequence[float], Sequence[float]]:
-        """Each element of the control input within its magnitude."""
+        """Return the bounds of each element of the control input."""
         given, count = self.parameters.max_input, len(self.control_input)
         high = given if isinstance(given, list) else [np.inf if given is None else given] * count
         return [-bound for bound in high], high
 
     def noise_deviation(self, step: float) -> Array | None:
-        """The root of the diagonal of W; correlations show in `noise_covariance` only."""
+        """Return the root of the diagonal of W; correlations are in `noise_covariance` only."""
         return None if self._covariance is None else np.sqrt(np.diag(self._covariance))
 
     def noise_covariance(self, step: float) -> Array | None:
-        """W, for a step of the model's own."""
+        """Return W."""
         return None if self._covariance is None else self._covariance.copy()
 
     def follow_velocity(self, state: Array, velocity: Array) -> Array:
-        """Return the least control input that moves the state by the velocity in one step.
+        """Return the smallest control input that moves the state by the velocity in one step.
 
         Raises:
-            NotImplementedError: The state is more than a position, or B cannot move it in every direction.
+            NotImplementedError: The state is not exactly a position, or B cannot move it in every direction.
         """
         if self._steering is None:
             raise NotImplementedError(
@@ -136,7 +136,7 @@ class Linear(Model):
         return followed
 
     def _steered_by_velocity(self) -> Array | None:
-        """The pseudo-inverse of B, its columns in the order of the position; None where no velocity can be followed."""
+        """Return the pseudo-inverse of B, its columns in the order of the position; None if not applicable."""
         added = np.array(self.parameters.B)[list(self.position)]
         if len(self.position) < len(self.state) or np.linalg.matrix_rank(added) < len(self.position):
             return None
@@ -149,7 +149,7 @@ def _quantities(units: Mapping[str, str]) -> tuple[Quantity, ...]:
 
 
 def _sum(factors: Sequence[float], elements: Sequence[Any]) -> Any:
-    """The product of a row and a column; factors of 0 are left out."""
+    """Return the product of a row and a column; factors of 0 are left out."""
     total: Any = 0.0
     for index, factor in enumerate(factors):
         if factor:

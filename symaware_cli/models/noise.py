@@ -1,4 +1,4 @@
-"""Process noise: what every model that ships with SymAware can be told of it."""
+"""Process noise: the base class and parameter of built-in models with random motion."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from symaware_cli.core import Model, Parameters
 Array = NDArray[np.float64]
 _NotNegative = Annotated[float, Field(ge=0)]
 
-#: The parameter ``process_noise`` of every model that ships with SymAware, but for those that have a covariance.
+#: The parameter ``process_noise`` of all built-in models without a covariance of their own.
 Deviation = Annotated[
     _NotNegative | list[_NotNegative] | None,
     Field(
@@ -26,13 +26,13 @@ Deviation = Annotated[
 class NoisyModel(Model):
     """A model whose state takes a random walk on top of its motion.
 
-    The noise is added once for each step of the world, its elements independent of each other. Its variance is in
-    proportion to the step, so that the spread after a second does not depend on the step. What an increment does within
-    its own step is neglected.
+    The noise is added once in each step of the world, with independent elements. Its variance is proportional to the
+    time step, so that the spread after a second does not depend on the time step. The effect of an increment within its
+    own step is neglected.
     """
 
     class Parameters(Parameters):
-        """How much chance there is in the motion; models with parameters of their own repeat it."""
+        """The process noise; models with parameters of their own repeat it."""
 
         process_noise: Deviation = None
 
@@ -46,7 +46,7 @@ class NoisyModel(Model):
         self._deviation = np.array(deviations) if any(deviations) else None
 
     def _declare(self) -> None:
-        """Set the quantities that depend on the parameters, for models that have such."""
+        """Set the quantities of the model, if they depend on the parameters."""
 
     def noise_deviation(self, step: float) -> Array | None:
         """Return the standard deviation over a step [s]; it grows with the root of the step."""

@@ -1,4 +1,4 @@
-"""The quadrotor: a Crazyflie 2.x, told the speeds of its four rotors."""
+"""The quadrotor: a Crazyflie 2.x with four rotor speeds as control input."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ Array = NDArray[np.float64]
 
 
 class Quadrotor(NoisyModel):
-    """A Crazyflie 2.x in flight: a rigid body under the thrust of four rotors, told how fast to turn.
+    """A Crazyflie 2.x in flight: a rigid body under the thrust of four rotors, with their speeds as control input.
 
-    Its attitude is roll, pitch and yaw (first about z, then y, then x), which fail where the nose points straight up or
-    down. Angular rates are about the axes of the body. Rotors reach their speed at once.
+    Its attitude is roll, pitch and yaw (first about z, then y, then x), which are singular if the nose points straight
+    up or down. Angular rates are about the axes of the body. Rotors reach their speed instantaneously.
 
-    In the world `pybullet` it is a body that can hit and be hit. Elsewhere the same equations are integrated; there the
-    ground effect and downwash are left out.
+    In the world `pybullet` it is a body with collisions. In other worlds the same equations are integrated, without
+    ground effect and downwash.
     """
 
     state = (
@@ -50,12 +50,12 @@ class Quadrotor(NoisyModel):
     heading = 5
     velocities = (6, 7, 8)
     angles = (3, 4, 5)
-    # What of assets/crazyflie.urdf collides.
+    # The collision shape of assets/crazyflie.urdf.
     body = Entity(shape=Shape(cylinder=Cylinder(radius=0.07, height=0.03)), mass=MASS)
     needs_vehicle = ("ground_effect", "downwash")
 
     class Parameters(Parameters):
-        """What acts on it, what it is told, and how it follows a velocity."""
+        """Control input, environment effects, and gains for following a velocity."""
 
         input: Literal["speed", "normalised"] = Field(
             "speed",
@@ -95,17 +95,17 @@ class Quadrotor(NoisyModel):
         return numbers.sqrt(MASS * self.parameters.gravity / (4.0 * THRUST))
 
     def input_bounds(self) -> tuple[Sequence[float], Sequence[float]]:
-        """From standstill to what lifts 2.25 times its weight on Earth."""
+        """Return the range from standstill to the thrust of 2.25 times its weight on Earth."""
         return [0.0] * 4, [self.top_speed / self.input_scale] * 4
 
     def rotor_speeds(self, control_input: Any) -> Any:
-        """The speeds that a control input tells the rotors [rad/s]; its elements are those of `derivative`."""
+        """Return the rotor speeds for a control input [rad/s], with elements as in `derivative`."""
         if self.input_scale == 1.0:
             return control_input
         return [control_input[number] * self.input_scale for number in range(4)]
 
     def derivative(self, state: Any, control_input: Any, math: Any) -> Sequence[Any]:
-        """Newton's and Euler's equations of a rigid body."""
+        """Return the Newton-Euler equations of a rigid body."""
         roll, pitch, yaw = state[3], state[4], state[5]
         velocity, rate = (state[6], state[7], state[8]), (state[9], state[10], state[11])
         axes = body_axes(roll, pitch, yaw, math)
@@ -131,25 +131,25 @@ class Quadrotor(NoisyModel):
         )
 
     def velocity(self, state: Array, control_input: Array) -> Array:
-        """The velocity in the state."""
+        """Return the velocity in the state."""
         return state[:, 6:9].copy()
 
     def follow_velocity(self, state: Array, velocity: Array) -> Array:
-        """Accelerate in proportion to what is missing to the wanted velocity, and keep the yaw."""
+        """Accelerate in proportion to the velocity error, and keep the yaw."""
         wanted = self.parameters.velocity_gain * (velocity - state[:, 6:9])
         return self.accelerate(state, wanted, state[:, 5])
 
     def accelerate(self, state: Array, acceleration: Array, yaw: Array) -> Array:
-        """Return the control inputs that tilt the vehicle towards an acceleration and push it there.
+        """Return the control inputs that tilt the vehicle towards an acceleration and produce it.
 
-        Gravity and drag are made up for. The attitude is corrected on the group of rotations (T. Lee, M. Leok and N. H.
-        McClamroch, Geometric Tracking Control of a Quadrotor UAV on SE(3), CDC 2010), without feeding forward how the
-        wanted attitude turns.
+        Gravity and drag are compensated. The attitude is controlled on the group of rotations (T. Lee, M. Leok and N.
+        H. McClamroch, Geometric Tracking Control of a Quadrotor UAV on SE(3), CDC 2010), without feedforward of the
+        rate of the desired attitude.
 
         Args:
-            state: Shape (n, 12).
-            acceleration: What is wanted [m/s^2]; shape (n, 3).
-            yaw: Where the nose is to point [rad]; shape (n,).
+            state: The states; shape (n, 12).
+            acceleration: The desired accelerations [m/s^2]; shape (n, 3).
+            yaw: The desired yaw angles [rad]; shape (n,).
 
         Returns:
             Shape (n, 4), not yet saturated.
@@ -166,7 +166,7 @@ class Quadrotor(NoisyModel):
             wanted_x, wanted_y, wanted_z = (
                 wanted - by / MASS for wanted, by in zip((wanted_x, wanted_y, wanted_z), lost, strict=True)
             )
-        # Never upside down, and never too far aside: height goes before way.
+        # Never upside down, and limited tilt: height takes precedence over horizontal motion.
         wanted_z = np.maximum(wanted_z, 0.2 * parameters.gravity)
         aside = np.sqrt(wanted_x * wanted_x + wanted_y * wanted_y)
         share = np.minimum(1.0, np.tan(parameters.max_tilt) * wanted_z / np.maximum(aside, 1e-9))
@@ -188,19 +188,19 @@ class Quadrotor(NoisyModel):
         return rows([speed / self.input_scale for speed in speeds], len(state))
 
     def vehicle(self) -> Vehicle:
-        """Its body and rotors in the world `pybullet`."""
+        """Return its body and rotors in the world `pybullet`."""
         return QuadrotorVehicle(self.parameters, self.rotor_speeds)
 
 
 def _axes_towards(thrust: Vector, yaw: Array) -> Axes:
-    """The attitude whose z axis points along a thrust and whose nose points to a yaw."""
+    """Return the attitude with the z axis along a thrust and the nose at a yaw."""
     upwards = unit(thrust)
     left = unit(cross(upwards, (np.cos(yaw), np.sin(yaw), np.zeros_like(yaw))))
     return cross(left, upwards), left, upwards
 
 
 def _attitude_error(axes: Axes, wanted: Axes) -> Vector:
-    """Half of what is skew in the rotation from one attitude to another, about the axes of the body."""
+    """Return the skew part of the rotation from one attitude to another as a vector in the axes of the body."""
 
     def element(row: int, column: int) -> Any:
         return dot(wanted[row], axes[column])

@@ -1,4 +1,4 @@
-"""Quadrotors in the world `pybullet`: bodies that can hit and be hit, pushed by their rotors."""
+"""Quadrotor bodies in the world `pybullet`, with rotor forces applied in each physics step."""
 
 from __future__ import annotations
 
@@ -27,26 +27,26 @@ class QuadrotorVehicle(Vehicle):
         self._rotor_speeds = rotor_speeds
 
     def description(self) -> Path:
-        """Our own file."""
+        """Return the URDF file that comes with this package."""
         return Path(__file__).parent / "assets" / "crazyflie.urdf"
 
     def pose(self, state: Array) -> tuple[Sequence[float], Sequence[float]]:
-        """The centre of mass, turned by yaw, pitch and roll."""
+        """Return the position of the centre of mass and the attitude."""
         return state[:3].tolist(), attitude(state[3], state[4], state[5]).tolist()
 
     def attach(self, engine: Any, client: int, bodies: Sequence[int], state: Array, step_time: float) -> None:
-        """Set the bodies going.
+        """Set masses and initial velocities of the bodies.
 
         Raises:
-            WorldError: The world has another gravity than the model, so that a hover would not hover.
+            WorldError: The world has another gravity than the model.
         """
         self._engine, self._client, self._bodies = engine, client, tuple(bodies)
-        self._fresh = False
+        self._is_current = False
         settings = engine.getPhysicsEngineParameters(client)
         gravity = [settings[f"gravityAcceleration{axis}"] for axis in "XYZ"]
         *aside, down = gravity
         if any(aside) or down >= 0.0:
-            raise WorldError(f"it flies where gravity points straight down, and that of the world is {gravity}")
+            raise WorldError(f"it needs gravity straight down, and that of the world is {gravity}")
         if not np.isclose(-down, self._parameters.gravity):
             raise WorldError(
                 f"the gravity of the world is {-down:g} m/s^2, and the model's {self._parameters.gravity:g}: set "
@@ -64,18 +64,18 @@ class QuadrotorVehicle(Vehicle):
             )
             engine.resetBaseVelocity(body, own[6:9].tolist(), spin.tolist(), client)
         self._yaws = state[:, 5].copy()
-        self._look()
+        self._read_bodies()
 
     def actuate(self, control_input: Array) -> None:
-        """Let the rotors turn as told."""
+        """Set the rotor speeds."""
         self._rotors = self._rotor_speeds(columns(control_input))
         self._thrust, self._torque = crazyflie.rotor_wrench(self._rotors)
 
     def push(self) -> None:
-        """Apply thrust, reaction and what the air does, at the centre of mass."""
-        if not self._fresh:
-            self._look()
-        self._fresh = False
+        """Apply thrust, reaction torques and aerodynamic forces at the centre of mass."""
+        if not self._is_current:
+            self._read_bodies()
+        self._is_current = False
         axes, parameters = self._axes, self._parameters
         lift = self._thrust
         if parameters.ground_effect and self.ground is not None:
@@ -95,7 +95,7 @@ class QuadrotorVehicle(Vehicle):
 
     def read(self) -> tuple[Array, Array]:
         """Read the poses and velocities of the bodies."""
-        self._look()
+        self._read_bodies()
         values = self._values
         axes = self._axes
         state = np.empty((len(values), 12))
@@ -110,7 +110,7 @@ class QuadrotorVehicle(Vehicle):
         return state, values[:, 7:10].copy()
 
     def displace(self, rows: Sequence[int], change: Array) -> None:
-        """Move the centres of mass, and turn the bodies; with their attitude, their angular rates turn in the world."""
+        """Displace and turn the bodies, and change their velocities; angular rates stay in the axes of the body."""
         changed = self.read()[0][list(rows)] + change
         values, spins = self._values[list(rows)], _spins(changed)
         values[:, :3], values[:, 7:10] = changed[:, :3], changed[:, 6:9]
@@ -118,20 +118,20 @@ class QuadrotorVehicle(Vehicle):
             own[3:7], own[10:13] = attitude(state[3], state[4], state[5]), spin
             self._yaws[row] = state[5]
             place_body(self._engine, self._client, self._bodies[row], own.tolist())
-        self._fresh = False
+        self._is_current = False
 
-    def _look(self) -> None:
-        """Read where everybody is and how it turns, until the next physics step."""
+    def _read_bodies(self) -> None:
+        """Read the poses and velocities of all bodies; valid until the next physics step."""
         values = self._values = read_bodies(self._engine, self._client, self._bodies)
         x, y, z, w = columns(values[:, 3:7])
         self._axes = quaternion_axes(x, y, z, w)
         velocity_x, velocity_y, velocity_z = columns(values[:, 7:10])
         self._velocity = (velocity_x, velocity_y, velocity_z)
-        self._fresh = True
+        self._is_current = True
 
 
 def _spins(state: Array) -> Array:
-    """The angular velocities in the world's coordinates [rad/s]; (n, 12) to (n, 3)."""
+    """Return the angular velocities in the world's coordinates [rad/s]; (n, 12) to (n, 3)."""
     values = columns(state)
     axes = body_axes(values[3], values[4], values[5], np)
     return np.stack(np.broadcast_arrays(*to_world(axes, (values[9], values[10], values[11]))), axis=1)

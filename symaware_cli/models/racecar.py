@@ -19,27 +19,27 @@ from symaware_cli.models.noise import Deviation
 
 Array = NDArray[np.float64]
 
-#: [m] As pybullet_data/racecar/racecar.urdf has them: between the axles, between the wheels of one, and of a wheel, to
-#: which PyBullet adds a margin of 1 mm.
+#: [m] From pybullet_data/racecar/racecar.urdf: the wheelbase, the distance between the wheels of an axle, and the
+#: radius of a wheel, to which PyBullet adds a margin of 1 mm.
 WHEELBASE, TRACK, WHEEL_RADIUS = 0.325, 0.245, 0.051
-#: [rad] As far as the hinges go.
+#: [rad] The limit of the hinges.
 _MOST_STEERED = 1.0
-#: The colour of the wheels, where they are seen.
+#: The colour of the wheels.
 _TYRE = (0.1, 0.1, 0.1, 1.0)
 
 
 class Racecar(HeadingModel):
-    """A model car of the scale 1:10 (MIT Racecar) that is told a speed and a steering angle.
+    """A model car of the scale 1:10 (MIT Racecar), with speed and steering angle as control input.
 
-    In the world `pybullet` it is what racecar/racecar.urdf of pybullet_data describes. Motors turn the rear wheels and
-    the front hinges with what torque they have, and the ground drives it by friction. The inner wheels turn slower and
-    steer more, as on a car (Ackermann).
+    In the world `pybullet` it is the car of racecar/racecar.urdf in pybullet_data. Motors turn the rear wheels and the
+    front hinges with limited torque, and friction with the ground drives it. The inner wheels turn slower and steer
+    more, as on a car (Ackermann).
 
-    Elsewhere, and for those who plan, it is a kinematic bicycle whose speed and steering angle follow what is asked
-    for with a time constant each: x' = v cos(heading), y' = v sin(heading), heading' = v tan(s) / L, v' = (speed - v) /
+    In other worlds, and for planning, it is a kinematic bicycle whose speed and steering angle follow their set points
+    with a time constant each: x' = v cos(heading), y' = v sin(heading), heading' = v tan(s) / L, v' = (speed - v) /
     speed_time, s' = (steering_angle - s) / steering_time.
 
-    The position is that of the middle of the rear axle, and the wheels stand on the ground.
+    The position is the middle of the rear axle, and the wheels stand on the ground.
     """
 
     state = (
@@ -53,13 +53,13 @@ class Racecar(HeadingModel):
     heading = 2
     angles = (2, 4)
     wheelbase = WHEELBASE
-    # What of the file collides, around the middle of the rear axle; and all of its masses.
+    # The outline of the file's collision shapes, around the middle of the rear axle, and its total mass.
     body = Entity(
         shape=Shape(polygon=Polygon(vertices=((-0.06, -0.15), (0.41, -0.15), (0.41, 0.15), (-0.06, 0.15)))), mass=5.89
     )
 
     class Parameters(Parameters):
-        """Limits of the racecar, and how it responds."""
+        """Limits, time constants and tyres of the racecar."""
 
         min_speed: float = Field(-1.0, description="Least speed [m/s]; negative to drive backwards.")
         max_speed: float = Field(3.0, gt=0, description="Greatest speed [m/s].")
@@ -86,11 +86,11 @@ class Racecar(HeadingModel):
             return self
 
     def motion(self, control_input: Any, math: Any) -> tuple[Any, Any]:
-        """Where speed and steering angle settle."""
+        """Return speed and turn rate in the steady state."""
         return control_input[0], control_input[0] * math.tan(control_input[1]) / WHEELBASE
 
     def derivative(self, state: Any, control_input: Any, math: Any) -> Sequence[Any]:
-        """A bicycle whose speed and steering angle lag behind."""
+        """Return the rates of a bicycle with first-order lags of speed and steering angle."""
         heading, speed, angle = state[2], state[3], state[4]
         return (
             speed * math.cos(heading),
@@ -103,25 +103,25 @@ class Racecar(HeadingModel):
     def successor(  # type: ignore[override]
         self, state: Any, control_input: Any, step: Any, math: Any
     ) -> None:
-        """It has no closed form."""
+        """Return None: the model has no closed form."""
         return
 
     def jacobian(self, state: Array, control_input: Array) -> Array:
-        """By central differences."""
+        """Return the Jacobian by central differences."""
         return Model.jacobian(self, state, control_input)
 
     def velocity(self, state: Array, control_input: Array) -> Array:
-        """The speed in the state, along the heading."""
+        """Return the velocity along the heading, with the speed in the state."""
         heading, speed = state[:, 2].copy(), state[:, 3].copy()
         return np.stack([speed * np.cos(heading), speed * np.sin(heading)], axis=1)
 
     def input_bounds(self) -> tuple[Sequence[float], Sequence[float]]:
-        """Speed within its limits; steering angle within its limit to either side."""
+        """Return the limits of speed and steering angle."""
         limits = self.parameters
         return [limits.min_speed, -limits.max_steering_angle], [limits.max_speed, limits.max_steering_angle]
 
     def follow_velocity(self, state: Array, velocity: Array) -> Array:
-        """Roll forwards at the wanted speed, since turning needs it, and steer for a turn rate that ends the error."""
+        """Drive forwards at the desired speed, as turning requires it, and steer to reduce the heading error."""
         speed, error = self.aim(state, velocity)
         followed = np.empty((len(state), 2))
         followed[:, 0] = speed
@@ -129,14 +129,14 @@ class Racecar(HeadingModel):
         return followed
 
     def vehicle(self) -> Vehicle:
-        """Its wheels and hinges in the world `pybullet`."""
+        """Return its wheels and hinges in the world `pybullet`."""
         return RacecarVehicle(self.parameters)
 
 
 class RacecarVehicle(Vehicle):
     """The wheels and hinges of racecars in the world `pybullet`."""
 
-    #: URDF_USE_INERTIA_FROM_FILE: by default PyBullet makes inertia up from collision shapes, and the chassis has none.
+    #: URDF_USE_INERTIA_FROM_FILE: by default PyBullet derives inertia from collision shapes, and the chassis has none.
     flags = 2
     needs_ground = True
 
@@ -144,24 +144,24 @@ class RacecarVehicle(Vehicle):
         self._parameters = parameters
 
     def description(self) -> Path:
-        """The file in pybullet_data."""
+        """Return the file in pybullet_data."""
         import pybullet_data
 
         return Path(pybullet_data.getDataPath(), "racecar", "racecar.urdf")
 
     def pose(self, state: Array) -> tuple[Sequence[float], Sequence[float]]:
-        """The base of the file is the middle of the rear axle, at the height where the wheels stand."""
+        """Return the pose of the base, which is the middle of the rear axle at the height of standing wheels."""
         half, height = 0.5 * float(state[2]), (self.ground or 0.0) + WHEEL_RADIUS - 0.05
         return (float(state[0]), float(state[1]), height), (0.0, 0.0, numbers.sin(half), numbers.cos(half))
 
     def dress(self, engine: Any, client: int, body: int) -> None:
-        """Paint the wheels: PyBullet would keep 0.9 MB of texture for each, more than half of what a car takes."""
+        """Replace the textures of the wheels by a colour: they take 0.9 MB each, more than half of a car's memory."""
         for joint, name in enumerate(self._joints(engine, client, body)):
             if name.endswith("_wheel_joint"):
                 engine.changeVisualShape(body, joint, textureUniqueId=-1, rgbaColor=_TYRE, physicsClientId=client)
 
     def attach(self, engine: Any, client: int, bodies: Sequence[int], state: Array, step_time: float) -> None:
-        """Find the joints, and let the wheels roll."""
+        """Find the joints, and set the initial velocities."""
         self._engine, self._client, self._bodies = engine, client, tuple(bodies)
         names = {name: joint for joint, name in enumerate(self._joints(engine, client, bodies[0]))}
         self._driven = [names["left_rear_wheel_joint"], names["right_rear_wheel_joint"]]
@@ -169,7 +169,7 @@ class RacecarVehicle(Vehicle):
         self._rolling = [*self._driven, *rolling]
         self._steered = [names["left_steering_hinge_joint"], names["right_steering_hinge_joint"]]
         self._headings = state[:, 2].copy()
-        self._told: list[list[float]] = [[] for _ in bodies]
+        self._last_inputs: list[list[float]] = [[] for _ in bodies]
         for body, own in zip(bodies, state, strict=True):
             for joint in names.values():
                 engine.changeDynamics(
@@ -188,19 +188,19 @@ class RacecarVehicle(Vehicle):
             engine.resetBaseVelocity(body, forwards, (0.0, 0.0, speed * numbers.tan(own[4]) / WHEELBASE), client)
 
     def _joints(self, engine: Any, client: int, body: int) -> list[str]:
-        """The names of all joints, in the order of the engine."""
+        """Return the names of all joints, in the order of the engine."""
         return [
             engine.getJointInfo(body, joint, client)[1].decode() for joint in range(engine.getNumJoints(body, client))
         ]
 
     def actuate(self, control_input: Array) -> None:
-        """Set the motors of those who are told something new."""
+        """Set the motors of cars whose control input has changed."""
         engine, torque = self._engine, self._parameters.motor_torque
-        for row, (body, told) in enumerate(zip(self._bodies, control_input.tolist(), strict=True)):
-            if told == self._told[row]:
+        for row, (body, requested) in enumerate(zip(self._bodies, control_input.tolist(), strict=True)):
+            if requested == self._last_inputs[row]:
                 continue
-            self._told[row] = told
-            speed, angle = told
+            self._last_inputs[row] = requested
+            speed, angle = requested
             aside = 0.5 * TRACK * numbers.tan(angle) / WHEELBASE
             engine.setJointMotorControlArray(
                 body,
@@ -234,7 +234,7 @@ class RacecarVehicle(Vehicle):
         return state, values[:, 7:10]
 
     def displace(self, rows: Sequence[int], change: Array) -> None:
-        """Move the rear axle over the ground, turn the car about it, and its front wheels; nothing tilts it."""
+        """Move the rear axle over the ground, and turn the car about it and its front wheels, without tilting."""
         engine, client = self._engine, self._client
         states = self.read()[0][list(rows)]
         values = read_bodies(engine, client, [self._bodies[row] for row in rows])
@@ -256,7 +256,7 @@ class RacecarVehicle(Vehicle):
 
 
 def hinge_angles(angle: float) -> list[float]:
-    """The angles of the left and the right hinge that turn the car as a bicycle with a steering angle [rad]."""
+    """Return the angles of the left and right hinge equivalent to a bicycle's steering angle [rad]."""
     tangent = numbers.tan(angle)
     aside = 0.5 * TRACK * tangent / WHEELBASE
     return [numbers.atan(tangent / (1.0 - aside)), numbers.atan(tangent / (1.0 + aside))]

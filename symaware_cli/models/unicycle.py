@@ -1,4 +1,4 @@
-"""The unicycle: it rolls where it points, and turns on the spot."""
+"""The unicycle: moves along its heading and turns on the spot."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 class Unicycle(HeadingModel):
     """A vehicle with a speed v and a turn rate w: x' = v cos(heading), y' = v sin(heading), heading' = w.
 
-    In closed form, an arc.
+    The closed form is an arc.
     """
 
     state = (Quantity("x", "m"), Quantity("y", "m"), Quantity("heading", "rad"))
@@ -45,16 +45,16 @@ class Unicycle(HeadingModel):
             return self
 
     def motion(self, control_input: Any, math: Any) -> tuple[Any, Any]:
-        """The control input itself."""
+        """Return the control input itself."""
         return control_input[0], control_input[1]
 
     def input_bounds(self) -> tuple[Sequence[float], Sequence[float]]:
-        """Speed within its limits; turn rate within its limit to either side."""
+        """Return the limits of speed and turn rate."""
         limits = self.parameters
         return [limits.min_speed, -limits.max_turn_rate], [limits.max_speed, limits.max_turn_rate]
 
     def follow_velocity(self, state: Array, velocity: Array) -> Array:
-        """Turn towards the wanted direction, and roll at the part of the speed that already points there."""
+        """Turn towards the desired direction, at the component of the speed along the heading."""
         speed, error = self.aim(state, velocity)
         followed = np.empty((len(state), 2))
         np.multiply(speed, np.maximum(np.cos(error), 0.0), out=followed[:, 0])

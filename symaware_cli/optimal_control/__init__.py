@@ -1,6 +1,6 @@
-"""Optimal control: what every model predictive controller needs, over a model's own dynamics.
+"""Optimal control problems over a model's dynamics, and solvers for model predictive control.
 
-It needs CasADi, the extra ``casadi``. Import it where it is used, so that whatever does not use it starts without.
+It needs CasADi (the extra ``casadi``). Import it locally where it is used, so that programs start without it.
 """
 
 from symaware_cli.optimal_control.dynamics import Dynamics

@@ -1,4 +1,4 @@
-"""Discrete dynamics: the model's own motion over one step, for arrays and for symbols alike."""
+"""Discrete dynamics: a model integrated over one step, for arrays and symbols."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ Integrator = Literal["exact", "rk4", "euler"]
 
 
 class Dynamics:
-    """How a state changes over one step under a constant control input, x+ = F(x, u).
+    """The state after one step under a constant control input, x+ = F(x, u).
 
-    It is the arithmetic of the kinematic world, so that a prediction is what happens there: in closed form where the
-    model has one, else by Runge-Kutta, or by the method that is asked for. Models in discrete time are never
+    It uses the arithmetic of the kinematic world, so predictions are exact there: in closed form where the model has
+    one, else by Runge-Kutta, or by the requested method. Models in discrete time are never
     integrated; each substep must be a step of theirs.
 
     Attributes:
-        model: The dynamics in continuous time, or the map.
-        step: Time [s].
+        model: The model in continuous or discrete time.
+        step: Duration [s].
         integrator: ``exact``, ``rk4`` or ``euler``, as of the kinematic world.
-        substeps: Into how many equal parts the step is divided.
+        substeps: The number of equal parts of a step.
     """
 
     __slots__ = ("_part", "integrator", "model", "step", "substeps")
@@ -36,10 +36,10 @@ class Dynamics:
         """Choose the step and the method.
 
         Raises:
-            ValueError: There is no such step, or no such integrator.
+            ValueError: The step, the number of parts or the integrator is invalid.
         """
         if not (np.isfinite(step) and step > 0.0) or substeps < 1:
-            raise ValueError(f"a step of {step:g} s in {substeps} parts is none")
+            raise ValueError(f"invalid step: {step:g} s in {substeps} parts")
         if integrator not in _METHODS:
             raise ValueError(f"the integrator must be one of {', '.join(_METHODS)}, not {integrator}")
         self.model = model
@@ -49,7 +49,7 @@ class Dynamics:
         self._part = self.step / substeps
 
     def __call__(self, state: Array, control_input: Array) -> Array:
-        """The states (n, nx) after one step under control inputs (n, nu), without noise; shape (n, nx)."""
+        """Return the states (n, nx) after one step under control inputs (n, nu), without noise; shape (n, nx)."""
         model, part = self.model, self._part
         for _ in range(self.substeps):
             after = model.exact_step(state, control_input, part) if self._closed else None
@@ -57,7 +57,7 @@ class Dynamics:
         return state
 
     def symbolic(self, state: Any, control_input: Any) -> Any:
-        """The state after one step as a CasADi expression, of columns of symbols of state and control input."""
+        """Return the state after one step as a CasADi expression, for symbols of state and control input."""
         model, part = self.model, self._part
 
         def rate(x: Any) -> Any:
@@ -69,7 +69,7 @@ class Dynamics:
         return state
 
     def rollout(self, state: ArrayLike, inputs: ArrayLike) -> Array:
-        """The states that a sequence of control inputs (N, nu) leads to from a state (nx,); shape (N + 1, nx)."""
+        """Return the states from a state (nx,) under control inputs (N, nu); shape (N + 1, nx)."""
         sequence = np.array(inputs, float)
         states = np.empty((len(sequence) + 1, len(self.model.state)))
         states[0] = state
@@ -79,7 +79,7 @@ class Dynamics:
 
     @property
     def _closed(self) -> bool:
-        """Whether the model is asked for its closed form."""
+        """Whether the model's closed form is used if it has one."""
         return self.integrator == "exact" or self.model.time_step is not None
 
 
@@ -95,7 +95,7 @@ def _rk4(rate: Callable[[Any], Any], state: Any, step: float) -> Any:
     return state + (step / 6.0) * (first + 2.0 * (second + third) + fourth)
 
 
-#: The same method for arrays, of a model, and for symbols, of a rate.
+#: Each method for arrays (of a model) and for symbols (of a derivative).
 _METHODS: Mapping[str, tuple[Callable[[Model, Array, Array, float], Array], Callable[..., Any]]] = {
     "exact": (rk4, _rk4),
     "rk4": (rk4, _rk4),

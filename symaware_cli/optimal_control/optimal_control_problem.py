@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 
 class ProblemParameter(NamedTuple):
-    """A quantity that is known only when the problem is to be solved."""
+    """A quantity whose value is given when the problem is solved."""
 
     symbol: Any
     shape: tuple[int, ...]
@@ -24,14 +24,14 @@ class ProblemParameter(NamedTuple):
 
 
 class Cost(NamedTuple):
-    """A scalar expression that is added up over stages."""
+    """A scalar expression that is summed over stages."""
 
     expression: Any
     stages: frozenset[int]
 
 
 class Constraint(NamedTuple):
-    """Bounds of a column of expressions at some stages, scaled; soft if violating it has a price."""
+    """Bounds of a column of expressions at some stages, scaled; soft if it has a penalty."""
 
     expression: Any
     lower: Array
@@ -41,45 +41,45 @@ class Constraint(NamedTuple):
 
 
 class OptimalControlProblem:
-    """Minimise a cost along the motion of a model over N steps, subject to constraints.
+    """A cost along the motion of a model over N steps, to be minimised subject to constraints.
 
-    Costs and constraints are CasADi expressions of what belongs to one stage: `state`, `control_input`,
-    `previous_input` and whatever `parameter` declared. They are written once and count at every stage they are given
-    for. Stages run from 0, the present state, to N; there are control inputs at the stages 0 to N - 1.
+    Costs and constraints are CasADi expressions of the symbols of one stage: `state`, `control_input`,
+    `previous_input` and the results of `parameter`. They are written once and apply to all stages that are given for
+    them. Stages run from 0, the present state, to N; control inputs exist at the stages 0 to N - 1.
 
-    The limits of the model's control input hold by themselves. The present state is given when the problem is solved.
+    The limits of the model's control input always apply. The present state is given when the problem is solved.
 
     Attributes:
-        dynamics: The motion from one stage to the next.
+        dynamics: The dynamics from one stage to the next.
         steps: N.
         state: Symbols of the state; a column of nx.
         control_input: Symbols of the control input; a column of nu.
-        previous_input: Symbols of the control input of the stage before; a column of nu. At stage 0 it is what `solve`
-            is given. The elements that are used are carried along as states, so that the problem stays stage-wise.
-        parameters: What `parameter` declared, by name.
-        costs: What was added.
-        constraints: Likewise.
-        state_bounds: The least and greatest states, shape (nx,) each.
-        input_bounds: The least and greatest control inputs, shape (nu,) each.
+        previous_input: Symbols of the control input of the previous stage; a column of nu. At stage 0 it is given to
+            `solve`. The elements in use are additional states of the program, which keeps the problem stage-wise.
+        parameters: The declared parameters by name.
+        costs: The costs.
+        constraints: The constraints.
+        state_bounds: Lower and upper bounds of the state, shape (nx,) each.
+        input_bounds: Lower and upper bounds of the control input, shape (nu,) each.
     """
 
     def __init__(
         self, model: Model, *, steps: int, time_step: float, integrator: Integrator = "exact", substeps: int = 1
     ) -> None:
-        """State a problem without cost.
+        """Initialise a problem without costs.
 
         Args:
-            model: Whose motion it is.
-            steps: How many time steps the horizon has, N.
+            model: The model.
+            steps: The number of time steps of the horizon, N.
             time_step: The time from one stage to the next [s].
             integrator: ``exact``, ``rk4`` or ``euler``, as of the kinematic world.
-            substeps: Into how many parts a time step is divided for the integrator.
+            substeps: The number of parts of a time step for the integrator.
 
         Raises:
-            ValueError: There is no step, or no such integrator.
+            ValueError: There are no steps, or the integrator is unknown.
         """
         if steps < 1:
-            raise ValueError(f"a horizon of {steps} steps is none")
+            raise ValueError(f"a horizon has at least one step, not {steps}")
         self.dynamics = Dynamics(model, time_step, integrator, substeps)
         self.steps = steps
         self.state = casadi.SX.sym("state", len(model.state))
@@ -97,19 +97,19 @@ class OptimalControlProblem:
 
     @property
     def model(self) -> Model:
-        """Whose motion it is."""
+        """The model."""
         return self.dynamics.model
 
     def parameter(self, name: str, shape: int | tuple[int, int] = 1, *, per_stage: bool = False) -> Any:
-        """Declare a quantity that is known only when the problem is to be solved.
+        """Declare a quantity whose value is given when the problem is solved.
 
         Args:
-            name: What `Solver.solve` calls it.
+            name: Its name for `Solver.solve`.
             shape: Length of a column, or rows and columns of a matrix.
-            per_stage: Whether it has a value for each of the N + 1 stages, such as the position of somebody who moves.
+            per_stage: Whether it has a value for each of the N + 1 stages, such as the position of a moving agent.
 
         Returns:
-            Its symbols, of that shape.
+            Its symbols, of this shape.
 
         Raises:
             ValueError: The name is taken.
@@ -126,10 +126,10 @@ class OptimalControlProblem:
 
         Args:
             expression: A scalar of the symbols of a stage.
-            stages: Where it counts; from 0 to N - 1 if nothing is said.
+            stages: The stages that it applies to; 0 to N - 1 by default.
 
         Raises:
-            ValueError: It is no scalar, uses foreign symbols, or there are no such stages.
+            ValueError: It is no scalar, uses foreign symbols, or a stage does not exist.
         """
         scalar = self._expression(expression)
         if scalar.numel() != 1:
@@ -150,21 +150,21 @@ class OptimalControlProblem:
         scale: float = 1.0,
         penalty: float | None = None,
     ) -> None:
-        """Demand lower <= expression <= upper.
+        """Add a constraint lower <= expression <= upper.
 
         Args:
             expression: A column of expressions of the symbols of a stage.
             lower: A number for all rows, or one for each.
-            upper: Likewise; equal to the lower one for an equation.
-            stages: Where it holds; if nothing is said, from 0 to N - 1 for what depends on control inputs, and from
-                1 to N for what does not, since nothing can be done about the present state.
-            scale: What it is divided by before a solver sees it, so that it is of the order of one; its tolerance is
+            upper: A number for all rows, or one for each; equal to the lower one for an equation.
+            stages: The stages that it applies to; by default 0 to N - 1 if it depends on control inputs, and 1 to N
+                otherwise, since the present state cannot be changed.
+            scale: The divisor that makes it of the order of one for solvers; their tolerance is
                 relative to this.
-            penalty: The price of violating it, for each stage and each `scale` by which its worst row does; None if it
-                must hold. Where there is a solution without violation, a penalty above its multipliers finds it.
+            penalty: The cost of a violation, for each stage and each `scale` of its worst row; None for a hard
+                constraint. If a feasible solution exists, a penalty above its multipliers finds it.
 
         Raises:
-            ValueError: It uses foreign symbols, or there are no such stages.
+            ValueError: It uses foreign symbols, or a stage does not exist.
         """
         column = self._expression(expression).reshape((-1, 1))
         low, high = (np.broadcast_to(np.asarray(each, float) / scale, column.numel()) for each in (lower, upper))
@@ -173,7 +173,7 @@ class OptimalControlProblem:
         self.constraints.append(Constraint(column / scale, low, high, chosen, penalty))
 
     def bound_state(self, lower: ArrayLike = -np.inf, upper: ArrayLike = np.inf) -> None:
-        """Keep each element of the state within bounds at the stages 1 to N; cheaper than a constraint.
+        """Bound each element of the state at the stages 1 to N; cheaper than a constraint.
 
         Args:
             lower: A number for all elements, or one for each.
@@ -183,7 +183,7 @@ class OptimalControlProblem:
         self.state_bounds = np.maximum(low, lower), np.minimum(high, upper)
 
     def bound_input(self, lower: ArrayLike = -np.inf, upper: ArrayLike = np.inf) -> None:
-        """Keep each element of the control input within bounds, where these are tighter than the model's own.
+        """Bound each element of the control input, in addition to the model's own limits.
 
         Args:
             lower: A number for all elements, or one for each.
@@ -199,25 +199,25 @@ class OptimalControlProblem:
         chosen = frozenset(usual if stages is None else stages)
         last = self.steps - 1 if self._needs_input(expression) else self.steps
         if not chosen <= frozenset(range(last + 1)):
-            raise ValueError(f"this can be asked for at the stages 0 to {last}, not at {max(chosen, key=abs)}")
+            raise ValueError(f"this applies to the stages 0 to {last} only, not to {max(chosen, key=abs)}")
         return chosen
 
     def _expression(self, expression: Any) -> Any:
-        """The expression as a matrix of symbols that all belong to the problem."""
+        """Return the expression as a matrix, all of whose symbols belong to the problem."""
         matrix = casadi.SX(expression)
         given = [parameter.symbol for parameter in self.parameters.values()]
         own = casadi.veccat(self.state, self.control_input, self.previous_input, *given)
         known = {each.element_hash() for each in casadi.symvar(own)}
         foreign = sorted(str(each) for each in casadi.symvar(matrix) if each.element_hash() not in known)
         if foreign:
-            raise ValueError(f"the problem does not know the symbol {foreign[0]}; declare it as a parameter")
+            raise ValueError(f"the problem has no symbol {foreign[0]}; declare it as a parameter")
         return matrix
 
 
 def _limits_length(model: Model, low: Array, high: Array) -> bool:
-    """Whether a model limits the length of its control input, each element measured by its bound, and not only a box.
+    """Return whether a model limits the length of its scaled control input, and not only its elements.
 
-    A model tells what it does to control inputs and not why; what becomes of the corners of the box gives it away.
+    A model does not declare this; it follows from how `limit` changes the corners of the box.
     """
     if not (np.isfinite(high).all() and (high > 0.0).all() and (low == -high).all()):
         return False

@@ -1,4 +1,4 @@
-"""Plans: what is going to be done, and what a solver has to say of it."""
+"""Plans of a model predictive controller, and the results of solvers."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ class Plan:
     """Control inputs over a horizon and the states they lead to.
 
     Attributes:
-        states: At the stages 0 to N; shape (N + 1, nx).
-        inputs: Held over the steps 0 to N - 1; shape (N, nu).
-        dynamics: What leads from one state to the next.
-        left: How many of the inputs a solver chose; the others only hold on to the last of them.
+        states: The states at the stages 0 to N; shape (N + 1, nx).
+        inputs: The control inputs, held over the steps 0 to N - 1; shape (N, nu).
+        dynamics: The dynamics from one state to the next.
+        left: The number of inputs that a solver chose; the others repeat the last of them.
     """
 
     states: Array
@@ -31,7 +31,7 @@ class Plan:
     left: int
 
     def shifted(self, steps: int = 1) -> Plan:
-        """What is left of the plan some steps later, then its last input held on; the usual warm start."""
+        """Return the rest of the plan after some steps, with its last input held; the usual warm start."""
         steps = min(steps, len(self.inputs))
         held = np.repeat(self.inputs[-1:], steps, axis=0)
         added = self.dynamics.rollout(self.states[-1], held)[1:]
@@ -43,7 +43,7 @@ class Plan:
         )
 
     def intent(self, now: int) -> TimeSeries:
-        """The positions as a time series, which is what an intent consists of.
+        """Return the positions as a time series, the form of an intent.
 
         Args:
             now: Simulated time of stage 0, in nanoseconds.
@@ -54,18 +54,18 @@ class Plan:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Solution:
-    """What came of a solver's work.
+    """The result of a solver.
 
     Attributes:
         plan: The last iterate; a plan to follow only if `solved`.
-        solved: Whether it is a solution to the tolerance.
-        cost: Value of the cost in the units of the problem, with the price of violated soft constraints.
-        infeasibility: The most by which it violates what must hold, the motion included, in scaled units.
-        violation: The most by which it violates a soft constraint, in its scaled units; 0 without such.
-        solver: Who solved it, or tried last.
-        status: ``solved``, ``out of iterations``, or that solver's own word.
-        iterations: How many iterations all solvers together made.
-        wall_time: How long they took [s]; never the same twice, so nothing in a run may depend on it.
+        solved: Whether it is a solution within the tolerance.
+        cost: The cost in the units of the problem, including penalties of soft constraints.
+        infeasibility: The greatest violation of a hard constraint, dynamics included, in scaled units.
+        violation: The greatest violation of a soft constraint, in its scaled units; 0 without any.
+        solver: The solver that succeeded, or was tried last.
+        status: ``solved``, ``out of iterations``, or the status that the solver returned.
+        iterations: The total number of iterations of all solvers.
+        wall_time: The wall time [s]; it varies, so nothing in a run may depend on it.
     """
 
     plan: Plan
@@ -81,11 +81,11 @@ class Solution:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlanDecision:
-    """What to do next, whether or not a solver found a new plan.
+    """The plan to follow, whether or not a solver found a new one.
 
     Attributes:
-        plan: The new plan, else the rest of the previous one, else None where that is used up too.
-        solution: What came of the attempt.
+        plan: The new plan, else the rest of the previous one, else None if that is used up.
+        solution: The result of the solver.
     """
 
     plan: Plan | None

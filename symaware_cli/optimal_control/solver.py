@@ -1,4 +1,4 @@
-"""Solvers: from the present state to a plan, within a budget."""
+"""Solvers of optimal control problems, with a budget of iterations."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ Array = NDArray[np.float64]
 
 
 class Solver:
-    """Solves a problem again and again, for other states and parameters.
+    """Solves a problem repeatedly, for different states and parameters.
 
-    Building it takes a while, and one serves any number of agents: nothing of one solution enters into the next but
-    what is handed over as a guess.
+    Building it takes a while, but one solver serves any number of agents: no solution influences the next, except by
+    the guess that is passed.
     """
 
-    #: A solver keeps nothing from one call to the next: where it begins is told each time.
+    #: A solver has no state between calls: the initial guess is passed each time.
     uncaptured: ClassVar[Collection[str]] = "*"
 
     def __init__(
@@ -39,21 +39,21 @@ class Solver:
         cost_scale: float = 1.0,
         options: Mapping[str, Mapping[str, Any]] | None = None,
     ) -> None:
-        """Build the program; later changes of the problem do not reach it.
+        """Build the program; later changes of the problem have no effect.
 
         Args:
-            problem: What to solve.
-            solvers: Names of CasADi's solvers; each is tried where the one before failed. Others than ``fatrop`` and
-                ``ipopt`` get their budget by `options`.
-            iterations: The budget of each of them, from each guess. It bounds the time that a step takes, and the
-                result is the same on a slow machine.
-            tolerance: To which the scaled problem is to be solved.
-            barrier: Where interior-point methods begin; small values make the most of a good guess.
-            cost_scale: What the cost is multiplied by before a solver sees it, so that it is of the order of one.
+            problem: The problem to solve.
+            solvers: Names of CasADi's solvers; each is tried if the previous one failed. Solvers other than ``fatrop``
+                and ``ipopt`` need their budget in `options`.
+            iterations: The budget of each solver for each guess. It bounds the computation time, with the same result
+                on a slow machine.
+            tolerance: The tolerance for the scaled problem.
+            barrier: The initial barrier parameter of interior-point methods; small values exploit a good guess.
+            cost_scale: The factor that makes the cost of the order of one for solvers.
             options: Further options of CasADi by solver.
 
         Raises:
-            ValueError: No solver is named, or CasADi has none of the name.
+            ValueError: No solver is named, or CasADi does not have one.
         """
         if not solvers:
             raise ValueError("at least one solver must be named")
@@ -69,14 +69,14 @@ class Solver:
                 raise ValueError(f"CasADi has no solver `{name}` here")
             chosen = {**usual[""], **usual.get(name, {}), **(options or {}).get(name, {})}
             self._solvers[name] = casadi.nlpsol("program", name, self.program.nlp, chosen)
-        # Converted once: they never change.
+        # Converted once, as they never change.
         (low, high), (least, most) = self.program.variables, self.program.constraints
         bounds = {"lbx": low, "ubx": high, "lbg": least, "ubg": most}
         self._bounds = {name: casadi.DM(values) for name, values in bounds.items()}
 
     @property
     def steps(self) -> int:
-        """How many steps the horizon has, N."""
+        """The number of steps of the horizon, N."""
         return len(self.program.inputs)
 
     def solve(
@@ -91,17 +91,17 @@ class Solver:
         """Solve the problem from a state.
 
         Args:
-            state: The present one; shape (nx,).
-            parameters: A value for each that the problem declared, of its shape. What is declared for each stage has
-                the stages first, (N + 1, ...); a single value holds for all of them.
-            previous_input: The control input before stage 0, shape (nu,); zero if nothing is said.
-            guess: Where to begin, such as ``plan.shifted()``; without, the motion under the least control input.
-            alternatives: Where else the first solver begins, in this order, if it fails from the guess, before others
-                try that: a program that is not convex may have solutions that are not found from there. They are made
-                only when they are needed.
+            state: The present state; shape (nx,).
+            parameters: A value of each declared parameter, of its shape. Values for each stage have the stages first,
+                (N + 1, ...); a single value applies to all of them.
+            previous_input: The control input before stage 0, shape (nu,); zero by default.
+            guess: The initial guess, such as ``plan.shifted()``; by default the smallest control input.
+            alternatives: Further guesses that the first solver tries in order if it fails, before other solvers are
+                tried: a program that is not convex may have solutions that are not found from the first guess. They are
+                evaluated only when needed.
 
         Returns:
-            What came of it; that solvers fail is no exception. Where all fail it is what came of the guess.
+            The result; failure of the solvers raises no exception. If all fail it is the last result from the guess.
 
         Raises:
             ValueError: The state or a parameter is missing, has another shape or is not finite.
@@ -153,13 +153,13 @@ class Solver:
         previous_input: ArrayLike | None = None,
         rest: Plan | None = None,
     ) -> PlanDecision:
-        """Solve the problem while a plan is in force, and fall back to what is left of that if this fails.
+        """Solve the problem, and fall back to the rest of the previous plan if this fails.
 
         Args:
-            state: As for `solve`, as all that is not said here.
-            parameters: Likewise.
-            previous_input: Likewise.
-            rest: What is left of the plan in force, ``plan.shifted()``; it is the guess, too.
+            state: As for `solve`.
+            parameters: As for `solve`.
+            previous_input: As for `solve`.
+            rest: The rest of the previous plan, ``plan.shifted()``; also the guess.
         """
         solution = self.solve(state, parameters, previous_input=previous_input, guess=rest)
         if solution.solved:
@@ -167,18 +167,18 @@ class Solver:
         return PlanDecision(rest if rest is not None and rest.left else None, solution)
 
     def rollout(self, state: ArrayLike, inputs: ArrayLike | None = None) -> Plan:
-        """What control inputs lead to, a first guess.
+        """Return the motion under given control inputs, as a first guess.
 
         Args:
-            state: The present one; shape (nx,).
-            inputs: Shape (N, nu), or (nu,) to hold one; the least that is allowed if nothing is said.
+            state: The present state; shape (nx,).
+            inputs: Shape (N, nu), or (nu,) for a constant; the smallest allowed by default.
         """
         held = np.clip(0.0, *self._input_bounds) if inputs is None else np.asarray(inputs, float)
         sequence = np.broadcast_to(held, (self.steps, len(self._dynamics.model.control_input))).copy()
         return Plan(self._dynamics.rollout(state, sequence), sequence, self._dynamics, 0)
 
     def _start(self, present: Array, before: Array, guess: Plan) -> Array:
-        """Where solvers begin; shape (nv,)."""
+        """Return the initial values of the variables; shape (nv,)."""
         program = self.program
         start = np.zeros(len(program.variables[0]))
         start[program.states] = guess.states
@@ -188,23 +188,23 @@ class Solver:
         return start
 
     def _attempt(self, name: str, start: Array, values: Array) -> tuple[Mapping[str, Any], bool, str, int]:
-        """Let one solver try: what it found, whether it succeeded, what it said, and its number of iterations."""
+        """Run one solver, and return its result, whether it succeeded, its status, and its number of iterations."""
         solver = self._solvers[name]
         found = solver(x0=start, p=values, **self._bounds)
         statistics = solver.stats()
         count, success = int(statistics.get("iter_count", 0)), bool(statistics["success"])
-        said = str(statistics["return_status"]).replace("_", " ").lower()
+        message = str(statistics["return_status"]).replace("_", " ").lower()
         if success:
             status = "solved"
         elif count >= self._iterations:
             status = "out of iterations"
         else:
-            # FATROP says only that it failed.
-            status = "no solution found" if said.lstrip("-").isdigit() else said
+            # FATROP returns a number if it fails.
+            status = "no solution found" if message.lstrip("-").isdigit() else message
         return found, success, status, count
 
     def _values(self, parameters: Mapping[str, ArrayLike]) -> list[Array]:
-        """The values of the parameters in the order of the program."""
+        """Return the values of the parameters in the order of the program."""
         unknown = sorted(parameters.keys() - self._declared.keys())
         if unknown:
             raise ValueError(f"the problem has no parameter `{unknown[0]}`")
@@ -220,7 +220,7 @@ class Solver:
                 if value.shape == shape[1:]:
                     value = np.broadcast_to(value, shape)
             value = _checked(f"the parameter `{name}`", value, shape)
-            # CasADi's matrices stand column by column.
+            # CasADi stores matrices in columns.
             values.append((np.swapaxes(value, -1, -2) if len(declared.shape) == 2 else value).ravel())
         return values
 
@@ -242,7 +242,7 @@ def _checked(what: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
 
 
 def _options(program: Program, iterations: int, tolerance: float, barrier: float | None) -> dict[str, dict[str, Any]]:
-    """Options of CasADi by solver; those of all under an empty name."""
+    """Return CasADi's options by solver; those for all solvers are under an empty name."""
     low, high = program.constraints
     fatrop = {
         "fatrop.print_level": 0,

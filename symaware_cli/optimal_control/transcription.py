@@ -1,9 +1,9 @@
-"""Direct multiple shooting: from an optimal control problem to a nonlinear program that keeps its stages apart.
+"""Direct multiple shooting: transcribes an optimal control problem to a nonlinear program with stage structure.
 
-The variables of stage k are its state, what is carried of the previous control input, its control input and its slacks;
-its constraints are the motion to stage k + 1, then (at stage 0) the present state, then all others. This order is what
-solvers need that exploit the structure (H. G. Bock, K. J. Plitt, "A multiple shooting algorithm for direct solution of
-optimal control problems", IFAC World Congress 1984; L. Vanroye, A. Sathya, J. De Schutter, W. Decré, "FATROP: a fast
+The variables of stage k are its state, the carried elements of the previous control input, its control input and its
+slacks; its constraints are the dynamics to stage k + 1, then (at stage 0) the present state, then all others. Solvers
+that exploit the structure need this order (H. G. Bock, K. J. Plitt, "A multiple shooting algorithm for direct solution
+of optimal control problems", IFAC World Congress 1984; L. Vanroye, A. Sathya, J. De Schutter, W. Decré, "FATROP: a fast
 constrained optimal control problem solver for robot trajectory optimization and control", IROS 2023).
 """
 
@@ -25,14 +25,14 @@ Indices = NDArray[np.intp]
 
 @dataclass
 class Stack:
-    """Expressions on top of each other, with a lower and an upper bound for each."""
+    """A column of expressions with a lower and an upper bound for each."""
 
     expressions: list[Any] = field(default_factory=list)
     lower: list[float] = field(default_factory=list)
     upper: list[float] = field(default_factory=list)
 
     def put(self, expression: Any, lower: Iterable[float], upper: Iterable[float]) -> Indices:
-        """Add a column, and return where it stands."""
+        """Append a column, and return its indices."""
         first = len(self.lower)
         self.expressions.append(expression)
         self.lower.extend(lower)
@@ -48,18 +48,18 @@ class Program:
     """A nonlinear program, stage by stage.
 
     Attributes:
-        nlp: The program as CasADi wants it: ``x``, ``p``, ``f``, ``g``. Its parameters are the present state, what is
-            carried into stage 0, then those of the problem, stage after stage, each column by column.
+        nlp: The program for CasADi: ``x``, ``p``, ``f``, ``g``. Its parameters are the present state, the carried
+            elements at stage 0, then those of the problem, stage after stage, each in columns.
         variables: Bounds of the variables, two arrays of shape (nv,).
         constraints: Bounds of the constraints, two arrays of shape (ng,).
-        states: Where the states stand among the variables; shape (N + 1, nx).
-        inputs: Where the control inputs stand; shape (N, nu).
-        carried: Where what is carried of the previous control input stands; shape (N + 1, nc).
-        carried_inputs: Which of its elements are carried; shape (nc,).
-        slacks: Where the slacks of soft constraints stand; shape (ns,).
-        state_sizes: How many states each stage has, with what is carried.
-        input_sizes: How many control inputs, with slacks.
-        constraint_sizes: How many constraints, the motion left out.
+        states: Indices of the states among the variables; shape (N + 1, nx).
+        inputs: Indices of the control inputs; shape (N, nu).
+        carried: Indices of the carried elements of the previous control input; shape (N + 1, nc).
+        carried_inputs: The elements of the control input that are carried; shape (nc,).
+        slacks: Indices of the slacks of soft constraints; shape (ns,).
+        state_sizes: The number of states of each stage, including carried elements.
+        input_sizes: The number of control inputs of each stage, including slacks.
+        constraint_sizes: The number of constraints of each stage, without the dynamics.
     """
 
     nlp: dict[str, Any]
@@ -77,26 +77,26 @@ class Program:
 
 @dataclass
 class _Stage:
-    """The symbols of one stage, and where they stand."""
+    """The symbols of one stage, and their indices."""
 
     state: Any
     carried: Any
     control_input: Any
     previous_input: Any
     slacks: dict[int, Any]
-    places: dict[str, Indices]
+    indices: dict[str, Indices]
 
     @property
     def input_size(self) -> int:
-        return len(self.places["input"]) + len(self.slacks)
+        return len(self.indices["input"]) + len(self.slacks)
 
 
 def transcribe(problem: OptimalControlProblem, cost_scale: float) -> Program:
-    """Write a problem as a program.
+    """Transcribe a problem.
 
     Args:
-        problem: What to write.
-        cost_scale: What the cost is multiplied by.
+        problem: The problem.
+        cost_scale: The factor of the cost.
     """
     steps, nx = problem.steps, problem.state.numel()
     carried_inputs = _used(problem)
@@ -124,10 +124,10 @@ def transcribe(problem: OptimalControlProblem, cost_scale: float) -> Program:
         if k < steps:
             following = casadi.vertcat(motion(*arguments), *(stage.control_input[n] for n in carried_inputs.tolist()))
             gap = casadi.vertcat(stages[k + 1].state, stages[k + 1].carried) - following
-            constraints.put(gap, *_nothing(gap.numel()))
+            constraints.put(gap, *_zeros(gap.numel()))
         before = len(constraints)
         if k == 0:
-            constraints.put(casadi.vertcat(stage.state, stage.carried) - start, *_nothing(start.numel()))
+            constraints.put(casadi.vertcat(stage.state, stage.carried) - start, *_zeros(start.numel()))
         for number, (each, function) in enumerate(demands):
             if k not in each.stages:
                 continue
@@ -136,7 +136,7 @@ def transcribe(problem: OptimalControlProblem, cost_scale: float) -> Program:
                 constraints.put(value, each.lower, each.upper)
             else:
                 total += each.penalty * stage.slacks[number]
-                _put_softly(constraints, value, stage.slacks[number], each.lower, each.upper)
+                _put_soft(constraints, value, stage.slacks[number], each.lower, each.upper)
         sizes.append(len(constraints) - before)
         total += sum(function(*arguments) for each, function in costs if k in each.stages)
     return Program(
@@ -148,11 +148,11 @@ def transcribe(problem: OptimalControlProblem, cost_scale: float) -> Program:
         },
         variables=(np.array(variables.lower), np.array(variables.upper)),
         constraints=(np.array(constraints.lower), np.array(constraints.upper)),
-        states=np.array([stage.places["state"] for stage in stages]),
-        inputs=np.array([stage.places["input"] for stage in stages[:-1]]),
-        carried=np.array([stage.places["carried"] for stage in stages]),
+        states=np.array([stage.indices["state"] for stage in stages]),
+        inputs=np.array([stage.indices["input"] for stage in stages[:-1]]),
+        carried=np.array([stage.indices["carried"] for stage in stages]),
         carried_inputs=carried_inputs,
-        slacks=np.concatenate([stage.places["slacks"] for stage in stages]),
+        slacks=np.concatenate([stage.indices["slacks"] for stage in stages]),
         state_sizes=[nx + len(carried_inputs)] * (steps + 1),
         input_sizes=[stage.input_size for stage in stages],
         constraint_sizes=sizes,
@@ -160,7 +160,7 @@ def transcribe(problem: OptimalControlProblem, cost_scale: float) -> Program:
 
 
 def _used(problem: OptimalControlProblem) -> Indices:
-    """Which elements of the previous control input anything depends on."""
+    """Return the elements of the previous control input that any expression depends on."""
     every = [each.expression for each in problem.costs] + [each.expression for each in problem.constraints]
     expressions = casadi.veccat(*every)
     if not expressions.numel():
@@ -171,18 +171,18 @@ def _used(problem: OptimalControlProblem) -> Indices:
 def _stage(problem: OptimalControlProblem, k: int, carried_inputs: Indices, variables: Stack) -> _Stage:
     """Declare the variables of a stage."""
     nx, nu, nc = problem.state.numel(), problem.control_input.numel(), len(carried_inputs)
-    places = {}
+    indices = {}
 
     def declare(name: str, lower: list[float] | Array, upper: list[float] | Array) -> Any:
         symbols = casadi.SX.sym(name, len(lower))
-        places[name] = variables.put(symbols, lower, upper)
+        indices[name] = variables.put(symbols, lower, upper)
         return symbols
 
-    # The present state is given by an equation, whatever its bounds: there is nothing left to decide about it.
-    state = declare("state", *(problem.state_bounds if k else _anything(nx)))
-    carried = declare("carried", *_anything(nc))
+    # The present state is given by an equation, so its bounds have no effect.
+    state = declare("state", *(problem.state_bounds if k else _unbounded(nx)))
+    carried = declare("carried", *_unbounded(nc))
     at_end = k == problem.steps
-    control_input = declare("input", *(_nothing(0) if at_end else problem.input_bounds))
+    control_input = declare("input", *(_zeros(0) if at_end else problem.input_bounds))
     soft = [n for n, each in enumerate(problem.constraints) if each.penalty is not None and k in each.stages]
     slacks = declare("slacks", [0.0] * len(soft), [np.inf] * len(soft))
     previous = casadi.SX(nu, 1)
@@ -192,22 +192,22 @@ def _stage(problem: OptimalControlProblem, k: int, carried_inputs: Indices, vari
         carried,
         casadi.SX(nu, 1) if at_end else control_input,
         previous,
-        {number: slacks[place] for place, number in enumerate(soft)},
-        places,
+        {number: slacks[index] for index, number in enumerate(soft)},
+        indices,
     )
 
 
-def _put_softly(constraints: Stack, value: Any, slack: Any, lower: Array, upper: Array) -> None:
-    """Demand lower - slack <= value <= upper + slack, one side after the other."""
+def _put_soft(constraints: Stack, value: Any, slack: Any, lower: Array, upper: Array) -> None:
+    """Add the constraints lower - slack <= value <= upper + slack."""
     for sign, bound in ((1.0, lower), (-1.0, upper)):
         rows = np.flatnonzero(np.isfinite(bound)).tolist()
         if rows:
             constraints.put(sign * value[rows] + slack, sign * bound[rows], [np.inf] * len(rows))
 
 
-def _nothing(count: int) -> tuple[list[float], list[float]]:
+def _zeros(count: int) -> tuple[list[float], list[float]]:
     return [0.0] * count, [0.0] * count
 
 
-def _anything(count: int) -> tuple[list[float], list[float]]:
+def _unbounded(count: int) -> tuple[list[float], list[float]]:
     return [-np.inf] * count, [np.inf] * count

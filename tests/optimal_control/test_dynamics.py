@@ -111,7 +111,7 @@ def test_a_rollout_goes_step_by_step() -> None:
 
 @pytest.mark.parametrize(("step", "substeps"), [(0.0, 1), (-1.0, 1), (np.nan, 1), (0.1, 0)])
 def test_there_is_no_empty_step(step: float, substeps: int) -> None:
-    with pytest.raises(ValueError, match="is none"):
+    with pytest.raises(ValueError, match="invalid step"):
         Dynamics(Unicycle(), step, substeps=substeps)
 
 
