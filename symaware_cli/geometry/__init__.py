@@ -1,1 +1,1 @@
-"""Geometry that knows nothing of agents: convex pieces and how far they are apart, who is near whom, rotations."""
+"""Geometry without agents: shapes, convex pieces and their distances, nearby pairs, rays, paths, rotations."""

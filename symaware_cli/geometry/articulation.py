@@ -1,4 +1,4 @@
-"""Articulations: what a body consists of, links with joints between them, and what each link looks like.
+"""Articulations: bodies as trees of links with joints, and the visual shapes of each link.
 
 Lengths are metres, angles radians; an orientation is a unit quaternion in the order x, y, z, w.
 """
@@ -20,7 +20,7 @@ _Share = Annotated[float, Field(ge=0, le=1)]
 _Vector = tuple[_Number, _Number, _Number]
 _Quaternion = tuple[_Number, _Number, _Number, _Number]
 
-#: How many numbers say how large each kind is.
+#: The number of sizes of each kind.
 _SIZES = {"box": 3, "sphere": 1, "cylinder": 2, "capsule": 2, "prism": 1, "mesh": 3}
 
 
@@ -32,17 +32,17 @@ class _Placed(BaseModel):
 
 
 class Visual(_Placed):
-    """A part of what a link looks like.
+    """A visual shape of a link.
 
     Attributes:
-        position: Where its origin is in the frame of the link.
-        orientation: How it is turned there.
-        kind: What it is. All but meshes have their origin in their middle, and stand along the z axis.
-        size: Of a box its extents; of a sphere its radius; of a cylinder its radius and length; of a capsule the same
-            without the caps; of a prism its height; of a mesh how many metres a unit of the file is, along each axis.
+        position: Its origin in the frame of the link.
+        orientation: Its orientation in the frame of the link.
+        kind: Its kind. All but meshes have their origin in their middle, and their axis along z.
+        size: The extents of a box; the radius of a sphere; the radius and length of a cylinder; the same, without the
+            caps, of a capsule; the height of a prism; the metres per unit of a mesh's file, along each axis.
         outline: The convex base of a prism, counter-clockwise.
         mesh: The file of a mesh: a path, in the log the name of an attachment.
-        colour: Red, green, blue and opacity, from 0 to 1; None where nothing is said.
+        colour: Red, green, blue and opacity, from 0 to 1; None if not given.
     """
 
     kind: Literal["box", "sphere", "cylinder", "capsule", "prism", "mesh"]
@@ -64,14 +64,14 @@ class Link(_Placed):
     """A rigid part of a body.
 
     Attributes:
-        position: Where the joint that carries it is, in the frame of the parent.
-        orientation: How its frame is turned there while the joint is at 0.
+        position: The origin of its frame in the frame of the parent, while the joint is at 0.
+        orientation: The orientation of its frame in that of the parent, while the joint is at 0.
         name: Its name.
-        parent: The link that carries it, by place; -1 for the base.
-        joint: The name of the joint that carries it, if that moves.
-        motion: How the joint moves it.
-        axis: About or along which, in its own frame; of length 1.
-        visuals: What it looks like.
+        parent: The index of its parent; -1 for the base.
+        joint: The name of the joint to the parent, if movable.
+        motion: The motion of the joint.
+        axis: The axis of the joint, in its own frame; a unit vector.
+        visuals: Its visual shapes.
     """
 
     name: str
@@ -83,7 +83,7 @@ class Link(_Placed):
 
 
 class Articulation(BaseModel):
-    """A tree of links, each behind its parent; the first is the base, which the pose of the body says where it is."""
+    """A tree of links, each listed after its parent; the first is the base, whose pose is that of the body."""
 
     model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
 
@@ -92,18 +92,18 @@ class Articulation(BaseModel):
 
     @model_validator(mode="after")
     def _is_a_tree(self) -> Articulation:
-        for place, link in enumerate(self.links):
-            if not (link.parent == -1 if place == 0 else 0 <= link.parent < place):
-                raise ValueError("a link stands behind its parent, and the base has none")
+        for index, link in enumerate(self.links):
+            if not (link.parent == -1 if index == 0 else 0 <= link.parent < index):
+                raise ValueError("a link comes after its parent, and the base has none")
         return self
 
     @property
     def joints(self) -> dict[str, str]:
-        """The joints that move, in order, and the unit of each."""
+        """The movable joints, in order, and the unit of each."""
         return {link.joint: "rad" if link.motion == "turn" else "m" for link in self.links if link.motion != "fixed"}
 
     def frames(self, joints: ArrayLike | None = None) -> tuple[Array, Array]:
-        """Where the links are in the frame of the base, by forward kinematics.
+        """Return the poses of the links in the frame of the base, by forward kinematics.
 
         Args:
             joints: The positions of the joints in the order of `joints`, (..., number of joints) [rad] or [m]; None
@@ -116,14 +116,14 @@ class Articulation(BaseModel):
         known = np.zeros(len(order)) if joints is None else np.asarray(joints, float)
         positions: list[Any] = []
         orientations: list[Any] = []
-        for place, link in enumerate(self.links):
+        for index, link in enumerate(self.links):
             position, orientation = np.array(link.position), np.array(link.orientation)
             if link.motion == "turn":
                 orientation = composed(orientation, about(link.axis, known[..., order.index(link.joint)]))
             elif link.motion == "slide":
                 way = known[..., order.index(link.joint), None] * np.array(link.axis)
                 position = position + rotated(orientation, way)
-            if place:
+            if index:
                 outer = orientations[link.parent]
                 position = positions[link.parent] + rotated(outer, position)
                 orientation = composed(outer, orientation)

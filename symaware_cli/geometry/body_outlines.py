@@ -1,7 +1,7 @@
-"""Many bodies, a convex outline each: where they are, how far they are apart, and which two are nearest.
+"""Outlines of many bodies: placement, gaps between bodies, and the nearest pair.
 
-One definition for contacts, summaries, plots and replays: in space, bodies count as seen from above once the balls
-around them meet. Two bodies touch where their separation is 0, and overlap where it is negative.
+Contacts, summaries, plots and replays share this definition: in space, bodies count as seen from above once their
+bounding balls meet. Two bodies touch if their separation is 0, and overlap if it is negative.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ class NearestPair(NamedTuple):
     """The two bodies that are nearest to each other.
 
     Attributes:
-        gap: How far their outlines are apart; negative where they overlap [m].
-        one: The body of the lesser index.
-        other: The other.
+        gap: The gap between their outlines; negative if they overlap [m].
+        one: The body with the smaller index.
+        other: The other body.
     """
 
     gap: float
@@ -40,23 +40,23 @@ class BodyOutlines:
     """The outlines of bodies, by index.
 
     Attributes:
-        radii: Of the smallest circles around the positions that hold them [m]; shape (n,).
-        cornered: Which of them are no discs; shape (n,).
-        any_cornered: Whether any of them is.
+        radii: The radii of the bounding circles around the positions [m]; shape (n,).
+        cornered: Whether each body is not a disc; shape (n,).
+        any_cornered: Whether any of them is not a disc.
     """
 
     def __init__(self, outlines: Sequence[Outline | None], counts: Sequence[int] | None = None) -> None:
-        """Take the outlines.
+        """Store the outlines.
 
         Args:
-            outlines: Of each body, or of each kind; None for points.
-            counts: How many bodies there are of each kind, one after the other; one if left out.
+            outlines: The outline of each body, or of each kind; None for points.
+            counts: The number of bodies of each kind, in order; one by default.
         """
         known = [([(0.0, 0.0)], 0.0) if each is None else each for each in outlines]
         self._set(Pieces.of(known), np.repeat(np.arange(len(known)), 1 if counts is None else counts))
 
     def some(self, bodies: Indices) -> BodyOutlines:
-        """Some of them, by index."""
+        """Return the outlines of some bodies, by index."""
         chosen = BodyOutlines.__new__(BodyOutlines)
         chosen._set(self._kinds, self._kind.take(bodies))
         return chosen
@@ -75,16 +75,16 @@ class BodyOutlines:
         return len(self._kind)
 
     def outlines(self, bodies: Indices) -> Pieces:
-        """The outlines of some bodies, x along their headings, around the origin."""
+        """Return the outlines of some bodies around the origin, x along their headings."""
         return self._kinds.take(self._kind.take(bodies))
 
     def placed(self, bodies: Indices, positions: Array, headings: Array) -> Pieces:
-        """The outlines of some bodies in their places.
+        """Return the outlines of some bodies at their poses.
 
         Args:
-            bodies: Which, by index; shape (m,).
-            positions: Of all of them [m]; shape (n, d).
-            headings: Of all of them [rad]; shape (n,).
+            bodies: The indices of the bodies; shape (m,).
+            positions: The positions of all bodies [m]; shape (n, d).
+            headings: The headings of all bodies [rad]; shape (n,).
         """
         places = positions[:, :2].take(bodies, 0)
         if not self.any_cornered:
@@ -92,17 +92,17 @@ class BodyOutlines:
         return self.outlines(bodies).placed(places, headings.take(bodies))
 
     def gaps(self, one: Indices, other: Indices, distance: Array, positions: Array, headings: Array) -> Array:
-        """How far bodies are apart, pair by pair.
+        """Return the gaps between bodies, pair by pair.
 
         Args:
-            one: One of each pair, by index; shape (m,).
-            other: The other.
-            distance: Between the positions of both [m]; shape (m,).
-            positions: Of all bodies [m]; shape (n, d).
-            headings: Of all bodies [rad]; shape (n,).
+            one: The first body of each pair, by index; shape (m,).
+            other: The second body; shape (m,).
+            distance: The distance between their positions [m]; shape (m,).
+            positions: The positions of all bodies [m]; shape (n, d).
+            headings: The headings of all bodies [rad]; shape (n,).
 
         Returns:
-            From outline to outline [m]; shape (m,).
+            The gaps between the outlines [m]; shape (m,).
         """
         gaps: Array = distance - self.radii.take(one) - self.radii.take(other)
         if self.any_cornered:
@@ -115,21 +115,21 @@ class BodyOutlines:
     def nearest(
         self, positions: Array, headings: Array, proximity: Proximity, below: float = np.inf
     ) -> NearestPair | None:
-        """Find the two that are nearest to each other.
+        """Find the nearest pair.
 
         Args:
-            positions: Of all bodies [m]; shape (n, d).
-            headings: Of all bodies [rad]; shape (n,).
-            proximity: Which of them are near each other.
-            below: Only if they are nearer than this [m].
+            positions: The positions of all bodies [m]; shape (n, d).
+            headings: The headings of all bodies [rad]; shape (n,).
+            proximity: Finds the bodies that are near each other.
+            below: Consider smaller gaps only [m].
 
         Returns:
-            None if no two are so near.
+            The pair; None if no gap is below.
         """
         if len(positions) < 2:
             return None
         if below == np.inf:
-            # Nobody is nearer than whoever is nearest once discs take the place of all bodies.
+            # The gap between bounding discs is an upper bound.
             below = float(np.nextafter(proximity.nearest(positions) * (1 + 1e-12), np.inf))
             if below == np.inf:
                 return None

@@ -1,4 +1,4 @@
-"""Footprints: what a body that is tilted covers, seen from above."""
+"""Footprints: the outlines of tilted bodies as seen from above."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from symaware_cli.geometry.shape import Polygon, Shape
 
 Array = NDArray[np.float64]
 
-#: How many corners stand for the edge of a round face; they lie outside of it, by less than 1 % of its radius.
+#: The number of corners of a round face; they lie outside of it, by less than 1 % of its radius.
 _CORNERS = 24
 
-#: [m] Corners that are nearer to each other, or to the line between two others, are none.
+#: [m] Corners nearer to each other, or to the line between two others, are dropped.
 _FINE = 1e-6
 
 
 def footprint(shape: Shape, roll: float, pitch: float) -> Shape:
-    """What a body covers that is turned by a roll about its x axis, and then by a pitch about the y axis [rad].
+    """Return the outline of a body turned by a roll about its x axis, and then by a pitch about the y axis [rad].
 
     Returns:
-        An outline in the coordinates of the body, before its heading turns it. Balls cover what they did; so do meshes
-        and what URDF files describe, which a ball stands for.
+        An outline in the coordinates of the body, before its heading turns it. That of a ball does not change, nor do
+        those of meshes and URDF files, which count as balls.
     """
     if not (roll or pitch) or not (shape.box or shape.cylinder):
         return shape
@@ -43,7 +43,7 @@ def footprint(shape: Shape, roll: float, pitch: float) -> Shape:
 
 
 def _hull(points: Sequence[Sequence[float]]) -> list[tuple[float, float]]:
-    """The corners of the convex hull, counter-clockwise: A. M. Andrew's monotone chain (1979)."""
+    """Return the corners of the convex hull, counter-clockwise: A. M. Andrew's monotone chain (1979)."""
     ordered = sorted({(round(x / _FINE) * _FINE, round(y / _FINE) * _FINE) for x, y in points})
 
     def chain(ordered: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:

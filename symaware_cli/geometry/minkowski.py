@@ -1,8 +1,8 @@
-"""Two bodies as one: where their relative position must be for them to overlap, and when it is there.
+"""Minkowski sums of pairs of convex pieces: at which relative positions they overlap, and when they do.
 
-Bodies A at the origin and B at x overlap exactly where x lies in the Minkowski sum of A and the reflection of B. If x
-moves by v each second, they overlap at some time up to T exactly where x lies in that sum and the line from the origin
-to -v T added up (C. Ericson, Real-Time Collision Detection, 2005, 3.10 and 5.5). The sum of convex polygons consists of
+Bodies A at the origin and B at x overlap exactly if x lies in the Minkowski sum of A and the reflection of B. If x
+moves by v each second, they overlap at some time up to T exactly if x lies in the sum of that and the line from the
+origin to -v T (C. Ericson, Real-Time Collision Detection, 2005, 3.10 and 5.5). The sum of convex polygons consists of
 the edges of all of them, in the order of their directions (M. de Berg et al., Computational Geometry, 2008, 13.3).
 """
 
@@ -18,36 +18,36 @@ from symaware_cli.geometry.pieces import Pieces
 
 Array = NDArray[np.float64]
 
-#: Edges of the polygon that stands for a circle where corners are needed; 0.9 % wider, and never inside.
+#: The number of edges of polygons around circles; they are 0.9 % wider, and never inside.
 _FACETS = 24
 
 
 class Interval(NamedTuple):
-    """From when until when; nothing where the first is later than the second.
+    """Time intervals; empty if the start is later than the end.
 
     Attributes:
-        start: Shape (m,).
-        end: Shape (m,).
+        start: The start of each; shape (m,).
+        end: The end of each; shape (m,).
     """
 
     start: Array
     end: Array
 
     def also(self, other: Interval) -> Interval:
-        """When both are."""
+        """Return the intersections with other intervals."""
         return Interval(np.maximum(self.start, other.start), np.minimum(self.end, other.end))
 
 
-def meeting_places(first: Pieces, second: Pieces, way: Array | None = None) -> Pieces:
-    """The places of the second, relative to the first, at which the two overlap, row by row.
+def overlap_region(first: Pieces, second: Pieces, way: Array | None = None) -> Pieces:
+    """Return the positions of the second, relative to the first, at which the two overlap, row by row.
 
     Args:
-        first: One body of each pair, in its own place at the origin.
-        second: The other, likewise.
-        way: How far the second goes relative to the first [m]; shape (m, 2). They overlap at some time on that way.
+        first: One body of each pair, at its pose around the origin.
+        second: The other, at its pose around the origin.
+        way: The displacement of the second relative to the first [m]; shape (m, 2). They overlap at some time on it.
 
     Returns:
-        Convex pieces; rounded by what rounds both.
+        Convex pieces, rounded by the sum of both roundings.
     """
     if way is None and not (first.vertices.any() or second.vertices.any()):
         return Pieces.points(np.zeros((len(first), 2)), first.rounding + second.rounding)
@@ -57,7 +57,7 @@ def meeting_places(first: Pieces, second: Pieces, way: Array | None = None) -> P
 
 
 def cornered(pieces: Pieces) -> Pieces:
-    """Polygons that hold rounded pieces, and are little wider than these."""
+    """Return polygons that contain rounded pieces and are slightly wider."""
     if not pieces.rounding.any():
         return pieces
     circles = pieces.rounding[:, None, None] * _unit_polygon()
@@ -65,12 +65,12 @@ def cornered(pieces: Pieces) -> Pieces:
 
 
 def _summed(polygons: list[Array], rounding: Array) -> Pieces:
-    """The Minkowski sums of convex polygons that run counter-clockwise, (m, k, 2) each."""
+    """Return the Minkowski sums of counter-clockwise convex polygons, (m, k, 2) each."""
     edges = np.concatenate([_next(each) - each for each in polygons], axis=1)
     order = np.arctan2(edges[..., 1], edges[..., 0]).argsort(axis=1, kind="stable")
     edges = np.take_along_axis(edges, order[..., None], axis=1)
     vertices = np.cumsum(edges, axis=1)
-    # Which corner the edges began from does not matter: the sum reaches as far as all of them together.
+    # The start of the edges is arbitrary; shift the polygon so that its extent is the sum of all extents.
     farthest = np.sum([each.max(axis=1) for each in polygons], axis=0)
     vertices += (farthest - vertices.max(axis=1))[:, None, :]
     length = np.sqrt(edges[..., 0] ** 2 + edges[..., 1] ** 2)
@@ -83,27 +83,27 @@ def _summed(polygons: list[Array], rounding: Array) -> Pieces:
 
 
 def _next(values: Any) -> Any:
-    """Each of what stands in rows takes the place of the one before it; as `numpy.roll`, several times as fast."""
+    """Shift rows by one element to the left; like `numpy.roll`, several times as fast."""
     return np.concatenate([values[:, 1:], values[:, :1]], axis=1)
 
 
 @cache
 def _unit_polygon() -> Array:
-    """A regular polygon around the unit circle."""
+    """Return a regular polygon around the unit circle."""
     angles = np.arange(_FACETS) * (2.0 * np.pi / _FACETS)
     polygon: Array = np.stack([np.cos(angles), np.sin(angles)], axis=1) / np.cos(np.pi / _FACETS)
     return polygon
 
 
 def loosened(pieces: Pieces, angle: Array) -> Pieces:
-    """Pieces that hold others however these turn about the origin by up to an angle to either side.
+    """Return pieces that contain others turned about the origin by up to an angle to either side.
 
-    Nothing within R of the origin moves by more than 2 R sin(angle / 2), which is added to the rounding; where a disc
-    around the origin is smaller than what that makes, it is the disc.
+    A point within R of the origin moves by at most 2 R sin(angle / 2), which is added to the rounding; if a disc around
+    the origin is smaller than the result, the disc is used.
 
     Args:
-        pieces: The others.
-        angle: [rad]; shape (m,).
+        pieces: The pieces to turn.
+        angle: The greatest angle [rad]; shape (m,).
     """
     if not angle.any():
         return pieces
@@ -121,11 +121,11 @@ def loosened(pieces: Pieces, angle: Array) -> Pieces:
 
 
 def width(pieces: Pieces, directions: Array) -> tuple[Array, Array]:
-    """How far pieces reach against and along directions of length 1 from the origin.
+    """Return the extents of pieces along unit vectors.
 
     Args:
         pieces: The pieces.
-        directions: Shape (m, k, 2).
+        directions: The unit vectors; shape (m, k, 2).
 
     Returns:
         The least and the greatest coordinate along each direction [m]; shape (m, k) each.
@@ -139,7 +139,7 @@ def width(pieces: Pieces, directions: Array) -> tuple[Array, Array]:
 
 
 def between(value: Array, rate: Array, low: Array, high: Array) -> Interval:
-    """When values that change at constant rates lie between two bounds; any shape."""
+    """Return when values with constant rates lie between two bounds; any shape."""
     moving = rate != 0.0
     safe = np.where(moving, rate, 1.0)
     one, other = (low - value) / safe, (high - value) / safe
@@ -150,18 +150,18 @@ def between(value: Array, rate: Array, low: Array, high: Array) -> Interval:
 
 
 def within(points: Array, velocities: Array, pieces: Pieces) -> Interval:
-    """When points that move straight on are within pieces, row by row.
+    """Return when points with constant velocities are within pieces, row by row.
 
-    A rounded piece consists of its core, of a rectangle on each of its edges and of a disc around each of its
-    vertices; as it is convex, a point is within it from the first of all their times to the last.
+    A rounded piece consists of its core, a rectangle on each of its edges and a disc around each of its vertices; as it
+    is convex, a point is within it from the first of all their times to the last.
 
     Args:
-        points: Where they are at time 0 [m]; shape (m, 2).
-        velocities: How fast they move [m/s]; shape (m, 2).
-        pieces: What they may be in.
+        points: Positions at time 0 [m]; shape (m, 2).
+        velocities: Velocities [m/s]; shape (m, 2).
+        pieces: The pieces.
 
     Returns:
-        Times [s], which may be before 0; nothing for those that never are.
+        Times [s], which may be before 0; empty intervals for points that never are.
     """
     vertices, normals, rounding = pieces.vertices, pieces.normals, pieces.rounding[:, None]
     real = np.isfinite(pieces.offsets)
@@ -172,10 +172,10 @@ def within(points: Array, velocities: Array, pieces: Pieces) -> Interval:
     outwards = u * normals[..., 0] + v * normals[..., 1]
     inner = between(out, outwards, np.full_like(out, -np.inf), np.where(real, 0.0, np.inf))
     core = Interval(inner.start.max(axis=1), inner.end.min(axis=1))
-    found = [_something(core, real.sum(axis=1) >= 3)]
+    found = [_masked(core, real.sum(axis=1) >= 3)]
     rounded = np.broadcast_to(rounding > 0.0, out.shape)
     if rounded.any():
-        # The x axis of each edge is its normal turned back by a right angle.
+        # The x axis of each edge is its normal turned by a right angle.
         along_x, along_y = -normals[..., 1], normals[..., 0]
         edges = _next(vertices) - vertices
         length = along_x * edges[..., 0] + along_y * edges[..., 1]
@@ -188,26 +188,26 @@ def within(points: Array, velocities: Array, pieces: Pieces) -> Interval:
 
 
 def _near(x: Array, y: Array, u: Array, v: Array, radius: Array) -> Interval:
-    """When moving points are within a radius of the origin: the roots of |x + u t|^2 = r^2."""
+    """Return when moving points are within a radius of the origin: the roots of |x + u t|^2 = r^2."""
     square, slope, gap = u * u + v * v, x * u + y * v, x * x + y * y - radius * radius
     moving = np.broadcast_to(square > 0.0, x.shape)
     safe = np.where(moving, square, 1.0)
-    # How far the line passes from the origin, by a product that does not cancel as slope^2 - square gap does.
+    # How far the line passes from the origin, by a product without the cancellation of slope^2 - square gap.
     missed = (x * v - y * u) ** 2
     root = np.sqrt(np.maximum(radius * radius * safe - missed, 0.0))
     meets = np.where(moving, (missed <= radius * radius * safe), gap <= 0.0) & (radius > 0.0)
     start = np.where(moving, (-slope - root) / safe, -np.inf)
     end = np.where(moving, (-slope + root) / safe, np.inf)
-    return _something(Interval(start, end), meets)
+    return _masked(Interval(start, end), meets)
 
 
-def _something(interval: Interval, some: NDArray[np.bool_]) -> Interval:
-    """The intervals that a mask picks out, nothing elsewhere."""
+def _masked(interval: Interval, some: NDArray[np.bool_]) -> Interval:
+    """Return intervals selected by a mask, and empty ones elsewhere."""
     some = some & (interval.start <= interval.end)
     return Interval(np.where(some, interval.start, np.inf), np.where(some, interval.end, -np.inf))
 
 
 def _first_and_last(intervals: Interval, some: NDArray[np.bool_] | bool = True) -> Interval:
-    """From the first to the last of the intervals in a row; (m, k) to (m,)."""
-    known = _something(intervals, np.asarray(some))
+    """Return the span of the intervals in each row; (m, k) to (m,)."""
+    known = _masked(intervals, np.asarray(some))
     return Interval(known.start.min(axis=1), known.end.max(axis=1))

@@ -1,4 +1,4 @@
-"""Paths: where something is at which time, and how it moves there.
+"""Poses and scripted paths: the position and motion of a body over time.
 
 Lengths are metres, times seconds, angles radians.
 """
@@ -15,7 +15,7 @@ from symaware_cli.geometry.shape import Number, Position, StrictModel
 
 
 class Pose(NamedTuple):
-    """Where a body is and how it moves.
+    """The position, heading and velocities of a body.
 
     Attributes:
         position: Coordinates [m]; 2 or 3 of them.
@@ -31,9 +31,9 @@ class Pose(NamedTuple):
 
 
 class ScriptedPath(StrictModel):
-    """Where a moving obstacle is at which time; straight and even in between.
+    """The positions of a moving obstacle at given times, interpolated linearly.
 
-    Before the first time it rests at the first position. After the last it rests at the last, or begins anew.
+    Before the first time it rests at the first position. After the last it rests at the last, or starts again.
     """
 
     times: tuple[Number, ...] = Field(
@@ -65,7 +65,7 @@ class ScriptedPath(StrictModel):
         return self
 
     def pose(self, time: float, heading: float = 0.0) -> Pose:
-        """Return where the obstacle is, and how it moves from there on.
+        """Return the pose at a time, and the velocities from there on.
 
         Args:
             time: Simulated time [s].
@@ -92,13 +92,13 @@ class ScriptedPath(StrictModel):
         return Pose(position, headings[before] + share * turn, velocity, turn / span)
 
     def course(self, time: float, span: float, heading: float = 0.0) -> Pose:
-        """Return where the obstacle is, and how it moves on average over a span of time from there on.
+        """Return the pose at a time, and the mean velocities over a span of time from there on.
 
-        Where the path begins anew in between and jumps, it moves as it does before that: a jump is no motion.
+        If the path starts again in between and jumps, the velocities are those before the jump.
 
         Args:
             time: Simulated time [s].
-            span: How long [s].
+            span: Duration [s].
             heading: Its heading if the path states none [rad].
         """
         now, then = self.pose(time, heading), self.pose(time + span, heading)
@@ -109,10 +109,10 @@ class ScriptedPath(StrictModel):
 
     @property
     def _jumps(self) -> bool:
-        """Whether it begins anew elsewhere, or turned another way, than it ends."""
+        """Whether its start differs from its end in position or heading, so that a repetition jumps."""
         turned = self.headings is not None and self.headings[0] != self.headings[-1]
         return self.repeat and (turned or self.positions[0] != self.positions[-1])
 
     def _round(self, time: float) -> int:
-        """How often it has begun anew at a time."""
+        """Return the number of repetitions before a time."""
         return int(max(0.0, time - self.times[0]) // (self.times[-1] - self.times[0]))

@@ -1,8 +1,8 @@
-"""Geometry of the plane: how far shapes are apart, how deep they overlap, and what stands in the way.
+"""Convex pieces in the plane: distances and overlaps of shapes, and lines that cross them.
 
-Everything consists of convex *pieces*: a core of one point, two points or a convex polygon, rounded by a radius. A
-disc is a rounded point, a segment of a wall a rounded line, a box a polygon rounded by nothing. The signed distance of
-two pieces is then that of their cores less both radii, whether they overlap or not.
+Every shape consists of convex *pieces*: a core of one point, two points or a convex polygon, rounded by a radius. A
+disc is a rounded point, a segment of a wall a rounded line, a box a polygon with rounding 0. The signed distance of
+two pieces is that of their cores minus both radii, whether they overlap or not.
 
 Positions in space are seen from above: only their first two coordinates count.
 """
@@ -18,21 +18,21 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-#: [m] What is nearer than this is so by rounding.
+#: [m] Smaller distances count as rounding errors.
 _TINY = 1e-12
 
-#: [m] What overlaps by more than this does so without doubt.
+#: [m] Deeper overlaps are no rounding errors.
 _CERTAIN = 1e-9
 
 
 class Pieces:
-    """Convex pieces, as many as there are rows, padded to the same number of vertices.
+    """Convex pieces, one in each row, padded to the same number of vertices.
 
     Attributes:
-        vertices: The core of each, counter-clockwise [m]; shape (m, k, 2). Repeats of the last pad it.
-        normals: The unit normal of the edge from each vertex to the next, outwards; shape (m, k, 2). Zero where there
-            is no edge.
-        offsets: How far along its normal each edge lies [m]; shape (m, k). Infinite where there is no edge.
+        vertices: The core of each, counter-clockwise [m]; shape (m, k, 2). Padded by repeating the last.
+        normals: The outward unit normal of the edge from each vertex to the next; shape (m, k, 2). Zero without an
+            edge.
+        offsets: The offset of each edge along its normal [m]; shape (m, k). Infinite without an edge.
         rounding: The radius that rounds each core [m]; shape (m,).
     """
 
@@ -46,7 +46,7 @@ class Pieces:
 
     @classmethod
     def of(cls, pieces: Iterable[tuple[Sequence[Sequence[float]] | Array, float]]) -> Pieces:
-        """Make them of cores and radii, such as `Shape.pieces`."""
+        """Create pieces from cores and radii, such as `Shape.pieces`."""
         listed = list(pieces)
         width = max((len(core) for core, _ in listed), default=1)
         vertices = np.zeros((len(listed), width, 2))
@@ -59,21 +59,21 @@ class Pieces:
         offsets = np.where(real, (normals * vertices).sum(axis=2), np.inf)
         for row, (core, _) in enumerate(listed):
             if len(core) == 2:
-                # Exactly opposite, so that no point seems to be on the inner side of both.
+                # Exactly opposite, so that no point is on the inner side of both.
                 back = int(np.flatnonzero(real[row])[1])
                 normals[row, back], offsets[row, back] = -normals[row, 0], -offsets[row, 0]
         return cls(vertices, normals, offsets, np.array([rounding for _, rounding in listed], float))
 
     @classmethod
     def points(cls, positions: Array, rounding: ArrayLike = 0.0) -> Pieces:
-        """Discs at positions (m, 2), by default mere points."""
+        """Return discs at positions (m, 2), by default points."""
         count = len(positions)
         radii: Array = np.broadcast_to(np.asarray(rounding, float), (count,))
         return cls(positions[:, None, :], np.zeros((count, 1, 2)), np.full((count, 1), np.inf), radii)
 
     @classmethod
     def lines(cls, origins: Array, targets: Array) -> Pieces:
-        """Straight lines from origins to targets, (m, 2) each, without thickness."""
+        """Return straight lines from origins to targets, (m, 2) each, without thickness."""
         along = targets - origins
         length = np.sqrt(along[:, 0] ** 2 + along[:, 1] ** 2)
         real = length > 0.0
@@ -91,7 +91,7 @@ class Pieces:
         return len(self.vertices)
 
     def take(self, rows: Indices) -> Pieces:
-        """Pick rows, as often as they are given."""
+        """Return the given rows, possibly repeated."""
         return Pieces(
             self.vertices.take(rows, 0),
             self.normals.take(rows, 0),
@@ -108,7 +108,7 @@ class Pieces:
         return Pieces(vertices, normals, offsets, self.rounding)
 
     def bounds(self) -> tuple[Array, Array]:
-        """The least and the greatest coordinates of each [m]; both of shape (m, 2)."""
+        """Return the least and the greatest coordinates of each [m]; both of shape (m, 2)."""
         rounding = self.rounding[:, None]
         return self.vertices.min(axis=1) - rounding, self.vertices.max(axis=1) + rounding
 
@@ -121,13 +121,13 @@ def _turned(vectors: Array, cosine: Array, sine: Array) -> Array:
 
 
 class Separation(NamedTuple):
-    """How far pairs of pieces are apart.
+    """The distances between pairs of pieces, and their nearest points.
 
     Attributes:
-        distance: The distance of each pair, or how deep it overlaps, negative: the least that one has to move for
-            the two to part [m]; shape (m,).
+        distance: The distance of each pair [m]; if they overlap the negative depth, which is the shortest displacement
+            that separates them; shape (m,).
         first: The point on the outline of the first that is nearest to the second, or deepest in it [m]; shape (m, 2).
-        second: The same of the second [m]; shape (m, 2).
+        second: The corresponding point on the outline of the second [m]; shape (m, 2).
     """
 
     distance: Array
@@ -138,14 +138,14 @@ class Separation(NamedTuple):
 def separation(first: Pieces, second: Pieces) -> Separation:
     """Measure pairs of pieces, row by row.
 
-    Whether cores overlap, and by how much, is found by separating axes: the gap along the best normal of an edge
-    (C. Ericson, Real-Time Collision Detection, 2005, 5.2.1). Cores that overlap are moved apart along it; what is left
-    is the distance of a vertex of one from an edge of the other (5.1.2). Where several are equally near, as with edges
-    that are parallel, the point in the middle is taken.
+    The overlap of cores is found by separating axes: the gap along the best normal of an edge (C. Ericson, Real-Time
+    Collision Detection, 2005, 5.2.1). Overlapping cores are moved apart along it; the remaining distance is that of a
+    vertex of one from an edge of the other (5.1.2). If several points are equally near, as with parallel edges, their
+    mean is returned.
 
     Args:
-        first: One piece of each pair.
-        second: The other; as many.
+        first: The first piece of each pair.
+        second: The second piece; as many.
     """
     if first.vertices.shape[1] == 1:
         return separation_from_points(first.vertices[:, 0], first.rounding, second)
@@ -156,7 +156,7 @@ def separation(first: Pieces, second: Pieces) -> Separation:
     towards = other - one
     apart = np.sqrt(towards[:, 0] ** 2 + towards[:, 1] ** 2)
     direction = np.where((apart > _TINY)[:, None], towards / np.maximum(apart, _TINY)[:, None], axis)
-    # Cores on a common line seem to overlap by nothing along its normal, though they may be far apart on it.
+    # Cores on a common line have the gap 0 along its normal, though they may be far apart on it.
     core = np.where(overlaps, gap, 0.0) + apart
     distance = core - first.rounding - second.rounding
     one = one + first.rounding[:, None] * direction
@@ -165,7 +165,7 @@ def separation(first: Pieces, second: Pieces) -> Separation:
 
 
 def separation_from_points(points: Array, rounding: Array, pieces: Pieces) -> Separation:
-    """Do what `separation` does for pieces whose cores are points (m, 2), in fewer operations."""
+    """Do the same as `separation` for first pieces whose cores are points (m, 2), in fewer operations."""
     vertices = pieces.vertices
     count, width, _ = vertices.shape
     x, y = points[:, 0, None] - vertices[..., 0], points[:, 1, None] - vertices[..., 1]
@@ -201,9 +201,9 @@ def separation_from_points(points: Array, rounding: Array, pieces: Pieces) -> Se
 
 
 def _widest_gap(first: Pieces, second: Pieces) -> tuple[Array, Array]:
-    """The widest gap between two cores along the normal of an edge, and that normal, from first to second.
+    """Return the widest gap between two cores along the normal of an edge, and that normal, from first to second.
 
-    Where neither has an edge the gap is minus infinity, and the normal is the x axis.
+    If neither has an edge, the gap is minus infinity, and the normal is the x axis.
     """
     one = _products(first.normals, second.vertices).min(axis=2) - first.offsets
     other = _products(second.normals, first.vertices).min(axis=2) - second.offsets
@@ -216,13 +216,13 @@ def _widest_gap(first: Pieces, second: Pieces) -> tuple[Array, Array]:
 
 
 def _products(ones: Array, others: Array) -> Array:
-    """The scalar product of each of the ones with each of the others: (m, a, 2) and (m, b, 2) to (m, a, b)."""
+    """Return the scalar products of all pairs of vectors: (m, a, 2) and (m, b, 2) to (m, a, b)."""
     product: Array = ones[:, :, None, 0] * others[:, None, :, 0] + ones[:, :, None, 1] * others[:, None, :, 1]
     return product
 
 
 def _closest(first: Array, second: Array) -> tuple[Array, Array]:
-    """The closest points of cores that do not overlap, (m, a, 2) and (m, b, 2); two arrays of shape (m, 2)."""
+    """Return the closest points of cores that do not overlap, (m, a, 2) and (m, b, 2); two arrays of shape (m, 2)."""
     on_second, on_first = _on_edges(first, second), _on_edges(second, first)
     shape = (len(first), first.shape[1] * second.shape[1], 2)
     corners_of_first = np.broadcast_to(first[:, :, None, :], on_second.shape)
@@ -237,7 +237,7 @@ def _closest(first: Array, second: Array) -> tuple[Array, Array]:
 
 
 def _on_edges(points: Array, vertices: Array) -> Array:
-    """The point of each edge that is nearest to each point: (m, p, 2) and (m, k, 2) to (m, p, k, 2)."""
+    """Return the point of each edge that is nearest to each point: (m, p, 2) and (m, k, 2) to (m, p, k, 2)."""
     edges = np.roll(vertices, -1, axis=1) - vertices
     length = np.maximum((edges * edges).sum(axis=2), np.finfo(float).tiny)
     along = _products(points, edges) - (vertices * edges).sum(axis=2)[:, None, :]
@@ -247,9 +247,9 @@ def _on_edges(points: Array, vertices: Array) -> Array:
 
 
 def crosses(lines: Pieces, pieces: Pieces) -> NDArray[np.bool_]:
-    """Tell whether straight lines go through the inside of pieces, row by row; shape (m,)."""
+    """Return whether straight lines cross the inside of pieces, row by row; shape (m,)."""
     gap, _ = _widest_gap(lines, pieces)
-    # The gap is never wider than the distance, so most rows need nothing more.
+    # The gap is never wider than the distance, so it decides most rows.
     through = (gap < -_CERTAIN) & np.isfinite(gap)
     unclear = np.flatnonzero(~through & (gap < pieces.rounding))
     if len(unclear):

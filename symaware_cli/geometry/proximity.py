@@ -1,8 +1,8 @@
-"""Who is near whom: the pairs of bodies within a distance, kept from step to step.
+"""Proximity: finds pairs of bodies within a distance, by a neighbour list that is kept from step to step.
 
-The list of candidate pairs is wider than what was asked for by a margin (L. Verlet, "Computer 'experiments' on
-classical fluids I", Phys. Rev. 159, 1967), so that it stays valid until a body has moved by half of it; the index is
-built anew only then.
+The list of candidate pairs is wider than requested by a margin (L. Verlet, "Computer 'experiments' on classical fluids
+I", Phys. Rev. 159, 1967), so that it stays valid until a body has moved by half of it; only then is the index
+rebuilt.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from symaware_cli.geometry.vectors import lengths
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-#: Up to here all pairs are looked at every time; measured: a tree pays from about a hundred bodies.
+#: Up to this number all pairs are computed; measured: a tree pays off from about a hundred bodies.
 _ALL_PAIRS = 64
 
 
@@ -23,11 +23,11 @@ class Pairs:
     """Pairs of bodies, sorted by index.
 
     Attributes:
-        first: The lesser index of each pair; shape (m,).
-        second: The greater; shape (m,).
-        distance: Between the two [m]; shape (m,).
-        closest: The number of the closest pair; -1 where there is none.
-        least: Its distance [m]; infinite where there is none.
+        first: The smaller index of each pair; shape (m,).
+        second: The greater index; shape (m,).
+        distance: The distance of each pair [m]; shape (m,).
+        closest: The number of the closest pair; -1 without pairs.
+        least: Its distance [m]; infinite without pairs.
     """
 
     __slots__ = ("closest", "distance", "first", "least", "second")
@@ -41,7 +41,7 @@ class Pairs:
 
 
 class Proximity:
-    """Finds the pairs within a distance of each other among bodies that move a little each time."""
+    """Finds the pairs of bodies within a distance; fast for bodies that move little between calls."""
 
     def __init__(self) -> None:
         self._present: NDArray[np.bool_] | None = None
@@ -50,7 +50,7 @@ class Proximity:
         self._first: Indices = np.empty(0, np.intp)
         self._second: Indices = np.empty(0, np.intp)
         self._seen: Array | None = None
-        self._before: Array | None = None  # what was seen before that
+        self._before: Array | None = None  # the array before that
         self._directed: tuple[Indices, Indices, Indices] | None = None
         self._pairs = Pairs(self._first, self._second, np.empty(0))
 
@@ -67,18 +67,18 @@ class Proximity:
     def pairs(self, positions: Array, reach: float) -> Pairs:
         """Return at least all pairs whose distance is at most ``reach``.
 
-        There may be more of them: every pair carries its distance, and who wants fewer picks them out.
+        The result may contain more pairs: callers that need an exact bound select by distance.
 
         Args:
-            positions: One row for each body [m]; shape (n, d). An array that was given before is not looked at
-                again, so do not change it in place.
+            positions: One row for each body [m]; shape (n, d). Arrays are compared by identity with those of previous
+                calls, so do not change one in place.
             reach: The distance [m].
         """
         if not self._valid(positions, reach):
             self._build(positions, reach)
         elif positions is self._seen:
             return self._pairs
-        # `take` and plain products: five times as fast as fancy indices and einsum where there are few.
+        # `take` and plain products are five times as fast as fancy indexing and einsum for few bodies.
         apart = positions.take(self._first, 0) - positions.take(self._second, 0)
         apart *= apart
         squared = apart[:, 0]
@@ -90,15 +90,15 @@ class Proximity:
         return self._pairs
 
     def directed(self, positions: Array, reach: float) -> tuple[Indices, Indices, Array]:
-        """Return who is within reach of whom, each pair from both sides.
+        """Return the pairs of bodies within reach of each other, in both orders.
 
         Args:
             positions: As for `pairs`.
             reach: The distance [m].
 
         Returns:
-            The index of the one, ascending, the index of the other, ascending for each one, and their distance [m];
-            each of shape (m,).
+            The first index, ascending, the second index, ascending for each first one, and their distance [m]; each of
+            shape (m,).
         """
         pairs = self.pairs(positions, reach)
         if self._directed is None:
@@ -109,7 +109,7 @@ class Proximity:
         return one.take(near), other.take(near), distance.take(near)
 
     def _both_ways(self, count: int) -> tuple[Indices, Indices, Indices]:
-        """Sort the candidates by the one and the other, from both sides, with the number of each pair.
+        """Sort the candidates in both orders by first and second index, with the number of each pair.
 
         All three are packed into one integer, since sorting plain numbers is several times as fast as `lexsort`. They
         fit: a hundred thousand bodies take 34 bits, which leaves room for half a billion pairs.
@@ -157,15 +157,15 @@ class Proximity:
         return positions if self._present is None else positions[self._present]
 
     def _greatest(self, values: Array) -> float:
-        """The greatest number in the rows of those that count."""
+        """Return the greatest value in the rows of present bodies."""
         values = self._of_present(values)
         return float(values.max(initial=0.0))
 
     def _margin(self, positions: Array, reach: float) -> float:
-        """Choose how much wider than asked the list of candidates is [m].
+        """Return how much wider than requested the list of candidates is to be [m].
 
-        Wide enough for about ten more steps like the last one, but not so wide that a body has more than about
-        eight candidates where bodies are spread evenly: looking at those each time costs as much as a new tree.
+        Wide enough for about ten more steps like the last one, but not so wide that a body has more than about eight
+        candidates if bodies are spread evenly: computing their distances each time costs as much as a new tree.
         """
         least = 0.1 * reach + 1e-6
         earlier = self._before if positions is self._seen else self._seen
@@ -180,7 +180,7 @@ class Proximity:
         return float(max(least, min(20.0 * step, crowded - reach)))
 
     def nearest(self, positions: Array) -> float:
-        """The least distance between any two bodies [m]; infinite where there are fewer than two."""
+        """Return the least distance between any two bodies [m]; infinite for fewer than two."""
         if len(positions) <= _ALL_PAIRS:
             return self.pairs(positions, 0.0).least
         positions = self._of_present(positions)

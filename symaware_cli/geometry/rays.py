@@ -1,4 +1,4 @@
-"""Rays in the plane: how far they go until they meet a convex piece.
+"""Ray casting in the plane: distances along rays to convex pieces.
 
 As in `symaware_cli.geometry.pieces`, pieces are convex cores rounded by a radius, seen from above.
 """
@@ -17,22 +17,22 @@ from symaware_cli.geometry.shape import Shape
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-#: How many pairs of a ray and a piece are looked at together, to bound memory.
+#: The number of pairs of a ray and a piece that are computed together, to bound memory.
 _TOGETHER = 1 << 17
 
 
 def nearest_hits(origins: Array, directions: Array, pieces: Pieces, source: Indices, piece: Indices) -> Array:
-    """Measure how far fans of rays go until they meet the nearest of some pieces.
+    """Return the distances along fans of rays to the nearest of some pieces.
 
     Args:
-        origins: Where the rays of each source begin [m]; shape (n, 2).
-        directions: Where they point, of length 1; shape (n, k, 2).
-        pieces: What they may meet.
-        source: The sources of pairs of a source and a piece that is to be looked at; shape (m,).
+        origins: The origin of each fan [m]; shape (n, 2).
+        directions: Unit vectors; shape (n, k, 2).
+        pieces: The pieces.
+        source: The fans in the pairs of a fan and a piece to test; shape (m,).
         piece: The pieces of these pairs, as rows of `pieces`; shape (m,).
 
     Returns:
-        Distances [m], infinite where a ray meets none; 0 where it begins inside of a piece; shape (n, k).
+        Distances [m], infinite if a ray hits none; 0 if it starts inside of a piece; shape (n, k).
     """
     count, width = directions.shape[:2]
     distances = np.full(count * width, np.inf)
@@ -45,7 +45,7 @@ def nearest_hits(origins: Array, directions: Array, pieces: Pieces, source: Indi
         towards = directions.take(one, 0)
         along, aside = (towards * to_centre).sum(axis=2), _cross(towards, to_centre)
         reach = reaches.take(other)[:, None]
-        # Most rays pass by the circle around a piece.
+        # Most rays miss the circle around a piece.
         row, ray = np.nonzero((np.abs(aside) <= reach) & (along >= -reach))
         if len(row):
             hit = _entry(origins.take(one.take(row), 0), towards[row, ray], pieces.take(other.take(row)))
@@ -54,10 +54,10 @@ def nearest_hits(origins: Array, directions: Array, pieces: Pieces, source: Indi
 
 
 def _entry(origins: Array, directions: Array, pieces: Pieces) -> Array:
-    """Where rays enter pieces, row by row; (m, 2) each to (m,).
+    """Return the distances at which rays enter pieces, row by row; (m, 2) each to (m,).
 
-    A rounded polygon is the union of its discs, one at each vertex, and of its edges moved outwards by the radius
-    (with what lies between them): the ray enters it where it first meets any of them.
+    A rounded polygon is the union of discs at its vertices, and of its edges moved outwards by the radius (with the
+    area in between): the ray enters it where it first meets any of them.
     """
     vertices, rounding = pieces.vertices, pieces.rounding[:, None]
     to_vertex = vertices - origins[:, None]
@@ -70,7 +70,7 @@ def _entry(origins: Array, directions: Array, pieces: Pieces) -> Array:
     real = np.isfinite(pieces.offsets)
     edges = np.concatenate([vertices[:, 1:], vertices[:, :1]], axis=1) - vertices
     speed = (pieces.normals * directions[:, None]).sum(axis=2)
-    # How far outside of each edge of the core a ray begins.
+    # The distance of the ray's origin outside of each edge of the core.
     height = (pieces.normals * origins[:, None]).sum(axis=2) - np.where(real, pieces.offsets, 0.0)
     inwards = real & (speed < 0.0) & (height >= rounding)
     distance = np.where(inwards, (rounding - height) / np.where(inwards, speed, -1.0), np.inf)
@@ -83,9 +83,9 @@ def _entry(origins: Array, directions: Array, pieces: Pieces) -> Array:
 
 
 def _beside(points: Array, edges: Array) -> NDArray[np.bool_]:
-    """Whether points, relative to where edges begin, lie beside the edge and not beyond its ends; (m, k, 2) each."""
+    """Return whether points, relative to the starts of edges, project onto the edge; (m, k, 2) each."""
     share, length = (points * edges).sum(axis=2), (edges * edges).sum(axis=2)
-    # With some room, so that no ray slips through between two edges.
+    # With a tolerance, so that no ray slips through between two edges.
     beside: NDArray[np.bool_] = (share >= -1e-12 * length) & (share <= (1.0 + 1e-12) * length)
     return beside
 
@@ -99,18 +99,18 @@ class BodiesInPlane:
     """The outlines of all agents, seen from above."""
 
     def __init__(self, shapes: Sequence[Shape | None]) -> None:
-        """Take the shape of each agent by index; None for those without one."""
+        """Store the shape of each agent by index; None for those without one."""
         parts = [(index, piece) for index, shape in enumerate(shapes) if shape for piece in shape.pieces]
         self._owners: Indices = np.array([index for index, _ in parts], np.intp)
         self._shapes = Pieces.of(piece for _, piece in parts)
 
     def placed(self, positions: Array, headings: Array, present: NDArray[np.bool_] | None) -> tuple[Pieces, Indices]:
-        """Put them where the agents are.
+        """Return the outlines at the poses of the agents.
 
         Args:
-            positions: Of all agents [m]; shape (n, d).
-            headings: Of all agents [rad]; shape (n,).
-            present: Which of them are there; shape (n,). None for all of them.
+            positions: The positions of all agents [m]; shape (n, d).
+            headings: The headings of all agents [rad]; shape (n,).
+            present: Which agents are present; shape (n,). None for all.
 
         Returns:
             Convex pieces, and for each the index of its agent, ascending; shape (p,).
@@ -134,9 +134,9 @@ def rays_in_plane(
     """Measure rays against the bodies of agents and the scenery; see `Environment.ray_cast`.
 
     Args:
-        senders: Who sends them; shape (n,).
-        origins: Where they begin [m]; shape (n, d).
-        directions: Where they point; shape (n, k, 2).
+        senders: The agent that casts each fan; shape (n,).
+        origins: The origins of the fans [m]; shape (n, d).
+        directions: Unit vectors; shape (n, k, 2).
         reach: The greatest distance [m].
         bodies: The outlines of agents.
         owners: The agent of each of them; shape (p,).

@@ -1,4 +1,4 @@
-"""Regions: named sets of the workspace, and how deep a point lies in them; lengths are metres."""
+"""Regions: named sets of points in the workspace, and the depth of points in them; lengths are metres."""
 
 from __future__ import annotations
 
@@ -41,8 +41,8 @@ class Disc(StrictModel):
 class RegionShape(StrictModel):
     """A set of points; exactly one kind.
 
-    Primitive kinds (`box`, `circle`, `polygon`) contain their boundaries. Of a point with more coordinates than the
-    region has, the first ones count.
+    Primitive kinds (`box`, `circle`, `polygon`) contain their boundaries. Coordinates of a point beyond those of the
+    region are ignored.
     """
 
     model_config = ConfigDict(json_schema_extra={"minProperties": 1})
@@ -78,28 +78,28 @@ class RegionShape(StrictModel):
 
     @property
     def kind(self) -> Kind:
-        """Which of the kinds it is."""
+        """The kind of the region."""
         return next(kind for kind in KINDS if getattr(self, kind) is not None)
 
     @property
     def members(self) -> Sequence[str | RegionShape]:
-        """What it is made of; nothing where it is a primitive."""
+        """The regions that it is composed of; empty for a primitive."""
         if self.complement is not None:
             return (self.complement,)
         return self.union or self.intersection or ()
 
     @property
     def dimensions(self) -> int:
-        """How many coordinates a primitive has."""
+        """The number of coordinates of a primitive."""
         if self.box is not None:
             return len(self.box) // 2
         return len(self.circle.centre) if self.circle is not None else 2
 
     def depth(self, points: Array) -> Array:
-        """How far points lie within a primitive [m]: the distance to its boundary, negative outside.
+        """Return the depth of points in a primitive [m]: the distance to its boundary, negative outside.
 
         Args:
-            points: At least as many coordinates as the region has; shape (n, d).
+            points: Points with at least as many coordinates as the region; shape (n, d).
 
         Returns:
             Exact Euclidean distances; shape (n,).
@@ -130,7 +130,7 @@ class Region(RegionShape):
 
 
 def names_in(region: RegionShape) -> Iterator[str]:
-    """Yield the names of the regions that a region is made of."""
+    """Yield the names of the regions that a region is composed of."""
     for member in region.members:
         if isinstance(member, str):
             yield member
@@ -139,12 +139,12 @@ def names_in(region: RegionShape) -> Iterator[str]:
 
 
 def relative(points: Array, origin: Array, heading: float | None) -> Array:
-    """The coordinates of points in the frame of an agent.
+    """Return the coordinates of points in the frame of an agent.
 
     Args:
-        points: In the world; shape (n, d).
-        origin: The agent's position; shape (k,). What it lacks is 0.
-        heading: Where the x axis of the frame points [rad]; None where the frame does not turn.
+        points: Points in the world; shape (n, d).
+        origin: The agent's position; shape (k,). Missing coordinates are 0.
+        heading: The direction of the frame's x axis [rad]; None if the frame does not turn.
     """
     moved = points.copy()
     shared = min(points.shape[1], len(origin))
@@ -159,7 +159,7 @@ def relative(points: Array, origin: Array, heading: float | None) -> Array:
 
 
 def _polygon_depth(vertices: Array, points: Array) -> Array:
-    """The depth in a convex polygon whose corners run counter-clockwise."""
+    """Return the depth in a convex polygon with counter-clockwise corners."""
     inward = np.full(len(points), np.inf)
     apart = np.full(len(points), np.inf)
     for corner, following in zip(vertices, np.roll(vertices, -1, axis=0), strict=True):

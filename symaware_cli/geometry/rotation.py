@@ -1,4 +1,4 @@
-"""Rotations as unit quaternions (x, y, z, w), many at once."""
+"""Rotations as unit quaternions (x, y, z, w), in arrays."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ Array = NDArray[np.float64]
 
 
 def about(axis: ArrayLike, angles: ArrayLike) -> Array:
-    """Turn about an axis (3,) of length 1 by angles (...) [rad]; returns (..., 4)."""
+    """Return rotations (..., 4) about a unit vector (3,) by angles (...) [rad]."""
     half = 0.5 * np.asarray(angles, float)[..., None]
     return np.concatenate([np.sin(half) * np.asarray(axis, float), np.cos(half)], axis=-1)
 
 
 def attitude(roll: ArrayLike, pitch: ArrayLike, yaw: ArrayLike) -> Array:
-    """Turn by a yaw about z, then by a pitch about the new y, then by a roll about the new x [rad].
+    """Return rotations by a yaw about z, then a pitch about the new y, then a roll about the new x [rad].
 
-    The same as about the fixed axes x, y and z, one after the other, as in the ``rpy`` of URDF. (...) to (..., 4).
+    This equals rotations about the fixed axes x, y and z, in this order, as in the ``rpy`` of URDF. (...) to (..., 4).
     """
     turned = composed(about((0.0, 0.0, 1.0), yaw), about((0.0, 1.0, 0.0), pitch))
     return composed(turned, about((1.0, 0.0, 0.0), roll))
 
 
 def attitude_columns(names: Sequence[str]) -> tuple[int, int, int] | None:
-    """Where a state with these elements has its attitude: roll, pitch and yaw; None if it has none."""
+    """Return the columns of roll, pitch and yaw in a state with these elements; None without an attitude."""
     known = list(names)
     if not {"roll", "pitch", "yaw"} <= set(known):
         return None
@@ -34,7 +34,7 @@ def attitude_columns(names: Sequence[str]) -> tuple[int, int, int] | None:
 
 
 def composed(outer: ArrayLike, inner: ArrayLike) -> Array:
-    """Turn by one rotation in the frame that another has turned already; (..., 4) both."""
+    """Compose rotations: the inner one is in the frame that the outer one has turned; (..., 4) both."""
     a, b = np.moveaxis(np.asarray(outer, float), -1, 0), np.moveaxis(np.asarray(inner, float), -1, 0)
     return np.stack(
         [
@@ -57,13 +57,13 @@ def rotated(orientations: ArrayLike, vectors: ArrayLike) -> Array:
 
 
 def yaws(orientations: Array) -> Array:
-    """Where the x axis points as seen from above, in (-pi, pi] [rad]; (n, 4) to (n,)."""
+    """Return the heading of the x axis as seen from above, in (-pi, pi] [rad]; (n, 4) to (n,)."""
     x, y, z, w = orientations.T
     turned: Array = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
     return turned
 
 
 def continued(before: Array, angles: Array) -> Array:
-    """Count the turns of angles that were a little different before [rad]; any shape."""
+    """Unwrap angles, given the previous unwrapped ones [rad]; any shape."""
     counted: Array = before + np.remainder(angles - before + np.pi, 2 * np.pi) - np.pi
     return counted

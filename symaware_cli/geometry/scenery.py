@@ -1,7 +1,7 @@
-"""Scenery: the obstacles of an environment at one time, and what of them is near or in the way.
+"""Scenery: all obstacles of an environment at one time, with queries for nearby obstacles and lines of sight.
 
-As in `symaware_cli.geometry.pieces`, positions in space are seen from above; but lines of sight go over and under
-obstacles where the world says how high these are.
+As in `symaware_cli.geometry.pieces`, positions in space are seen from above; but lines of sight pass over and under
+obstacles whose heights the world knows.
 """
 
 from __future__ import annotations
@@ -20,35 +20,35 @@ from symaware_cli.geometry.shape import Shape
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-#: How many pairs of a point or line and a piece are looked at together, to bound memory.
+#: The number of pairs of a point or line and a piece that are computed together, to bound memory.
 _TOGETHER = 1 << 19
 
-#: [ns]
+#: Nanoseconds in a second.
 _SECOND = 1_000_000_000
 
 
 class PlacedShape(Protocol):
-    """What scenery consists of; `symaware_cli.Obstacle` is one."""
+    """An obstacle of the scenery, such as `symaware_cli.Obstacle`."""
 
     @property
     def outline(self) -> Shape:
-        """What it covers, seen from above."""
+        """Its outline, seen from above."""
 
     @property
     def path(self) -> ScriptedPath | None:
-        """Where it is at which time; None if it does not move."""
+        """Its path; None if it does not move along one."""
 
     def pose(self, time: float = 0.0) -> Pose:
-        """Where it is at a time [s], and how it moves from there on."""
+        """Return its pose at a time [s], and its velocities from there on."""
 
 
 class HeightRange(NamedTuple):
-    """How high an obstacle reaches.
+    """The vertical extent of an obstacle.
 
     Attributes:
-        level: The height of its position, where that is one in a plane [m].
-        below: Where it begins, above the height of its position [m].
-        above: Where it ends, above the height of its position [m].
+        level: The height of its position, if that has two coordinates [m].
+        below: The lower end relative to the height of its position [m].
+        above: The upper end relative to the height of its position [m].
     """
 
     level: float
@@ -57,13 +57,13 @@ class HeightRange(NamedTuple):
 
 
 class Nearby(NamedTuple):
-    """What of the scenery is near points: an entry for each point and each convex piece within reach, by row.
+    """Obstacles near points: an entry for each point and each convex piece within reach, ordered by point.
 
     Attributes:
         row: The row of the point, ascending; shape (m,).
         obstacle: The index of the obstacle, in the order of `Scenery.names`; shape (m,).
-        point: The point on its surface that is nearest [m]; shape (m, 2).
-        distance: How far that is; negative inside of the obstacle [m]; shape (m,).
+        point: The nearest point on its surface [m]; shape (m, 2).
+        distance: The distance of that point; negative inside of the obstacle [m]; shape (m,).
         velocity: The velocity of the obstacle at that point [m/s]; shape (m, 2).
     """
 
@@ -75,13 +75,13 @@ class Nearby(NamedTuple):
 
 
 class Course(NamedTuple):
-    """Where obstacles are and how they move, row by row.
+    """Positions and velocities of obstacles, row by row.
 
     Attributes:
-        positions: [m]; shape (m, 2).
-        velocities: [m/s]; shape (m, 2).
-        turn_rates: How fast they turn about their positions [rad/s]; shape (m,).
-        heights: Where they begin and end [m], infinite where they are as high as the world; shape (m, 2).
+        positions: Positions [m]; shape (m, 2).
+        velocities: Velocities [m/s]; shape (m, 2).
+        turn_rates: Turn rates about the positions [rad/s]; shape (m,).
+        heights: Lower and upper ends [m], infinite for obstacles as high as the world; shape (m, 2).
     """
 
     positions: Array
@@ -94,7 +94,7 @@ class Scenery:
     """All obstacles of an environment at one time.
 
     Attributes:
-        names: The names of the obstacles; the position of one in this order is its index.
+        names: The names of the obstacles, in the order of their indices.
         moves: Whether any of them ever moves.
         pieces: The convex pieces they consist of.
         owner: The index of the obstacle that each piece belongs to, ascending; shape (p,).
@@ -104,12 +104,12 @@ class Scenery:
     def __init__(
         self, obstacles: Mapping[str, PlacedShape], time: int = 0, spans: Mapping[str, HeightRange] | None = None
     ) -> None:
-        """Put obstacles in place.
+        """Place the obstacles.
 
         Args:
-            obstacles: By name.
+            obstacles: The obstacles by name.
             time: Simulated time in nanoseconds.
-            spans: How high each reaches; by default everything is as high as the world.
+            spans: The vertical extent of each; by default all are as high as the world.
         """
         self.names = tuple(obstacles)
         self.time = time
@@ -128,7 +128,7 @@ class Scenery:
         self._spans = np.array([(spans or {}).get(name, unbounded) for name in self.names]).reshape(-1, 3)
         self._levels: Array = self._spans[:, 0].copy()
         self._bounded = bool(np.isfinite(self._spans).all(axis=1).any())
-        self._set_out((index, obstacle.pose(now)) for index, obstacle in enumerate(every))
+        self._place((index, obstacle.pose(now)) for index, obstacle in enumerate(every))
 
     def at(self, time: int) -> Scenery:
         """Return the scenery at another time, in nanoseconds; the same one if nothing moves."""
@@ -138,17 +138,17 @@ class Scenery:
         return self.moved(time, [(index, obstacle.pose(now)) for index, obstacle in self._movers])
 
     def moved(self, time: int, poses: Iterable[tuple[int, Pose]]) -> Scenery:
-        """Return the scenery at another time, in nanoseconds, with some obstacles, by index, in other places."""
+        """Return the scenery at another time, in nanoseconds, with new poses of some obstacles, by index."""
         other = copy(self)
         other.time = time
         other.moves = True
         for name in ("_positions", "_velocities", "_headings", "_turn_rates", "_levels"):
             setattr(other, name, getattr(self, name).copy())
-        other._set_out(poses)
+        other._place(poses)
         return other
 
-    def _set_out(self, poses: Iterable[tuple[int, Pose]]) -> None:
-        """Put some obstacles in their places."""
+    def _place(self, poses: Iterable[tuple[int, Pose]]) -> None:
+        """Set the poses of some obstacles."""
         for index, pose in poses:
             self._positions[index] = pose.position[:2]
             self._velocities[index] = pose.velocity[:2]
@@ -162,10 +162,10 @@ class Scenery:
         return len(self.names)
 
     def nearest(self, points: Array, reach: Array | float) -> Nearby:
-        """Find what is within reach of points.
+        """Find the obstacles within reach of points.
 
         Args:
-            points: Positions [m]; shape (n, 2), further columns are not looked at.
+            points: Positions [m]; shape (n, 2), further columns are ignored.
             reach: The greatest distance to the surface of an obstacle [m], for all or for each; scalar or shape (n,).
         """
         row, piece = self.candidates(points, reach)
@@ -178,7 +178,7 @@ class Scenery:
         return Nearby(row, obstacle, point, found.distance.take(near), self.velocity(obstacle, point))
 
     def velocity(self, obstacle: Indices, point: Array) -> Array:
-        """Return how fast obstacles, by index (m,), move at points of theirs (m, 2) [m/s]; shape (m, 2)."""
+        """Return the velocities of obstacles, by index (m,), at points on them (m, 2) [m/s]; shape (m, 2)."""
         if not self.moves:
             return np.zeros((len(obstacle), 2))
         arm = point - self._positions.take(obstacle, 0)
@@ -188,11 +188,11 @@ class Scenery:
 
     @property
     def has_heights(self) -> bool:
-        """Whether the world says how high any obstacle is."""
+        """Whether the height of any obstacle is known."""
         return self._bounded
 
     def course(self, obstacle: Indices) -> Course:
-        """Return where obstacles are, by index (m,), and how they move."""
+        """Return positions and velocities of obstacles, by index (m,)."""
         heights = self._levels.take(obstacle)[:, None] + self._spans.take(obstacle, 0)[:, 1:]
         return Course(
             self._positions.take(obstacle, 0),
@@ -202,10 +202,10 @@ class Scenery:
         )
 
     def candidates(self, points: Array, reach: Array | float) -> tuple[Indices, Indices]:
-        """Return at least all pairs of a point and a piece that is within its reach.
+        """Return at least all pairs of a point and a piece within its reach.
 
         Args:
-            points: Positions [m]; shape (n, 2), further columns are not looked at.
+            points: Positions [m]; shape (n, 2), further columns are ignored.
             reach: The distance [m], for all or for each point; scalar or shape (n,).
 
         Returns:
@@ -216,7 +216,7 @@ class Scenery:
         return self._overlapping(points - margin, points + margin)
 
     def _overlapping(self, low: Array, high: Array) -> tuple[Indices, Indices]:
-        """Pairs of a rectangle along the axes, (n, 2) each, and a piece whose own such rectangle meets it."""
+        """Return pairs of an axis-aligned rectangle, (n, 2) each, and a piece whose bounding rectangle meets it."""
         count = len(self.pieces)
         rows = max(1, _TOGETHER // max(count, 1))
         parts = []
@@ -228,21 +228,21 @@ class Scenery:
             parts.append((row + start, piece))
         if len(parts) == 1:
             return parts[0]
-        nobody = np.empty(0, np.intp)
+        no_rows = np.empty(0, np.intp)
         return (
-            np.concatenate([nobody, *(row for row, _ in parts)]),
-            np.concatenate([nobody, *(piece for _, piece in parts)]),
+            np.concatenate([no_rows, *(row for row, _ in parts)]),
+            np.concatenate([no_rows, *(piece for _, piece in parts)]),
         )
 
     def blocks(self, origins: Array, targets: Array) -> NDArray[np.bool_]:
-        """Tell whether an obstacle interrupts the straight line between two points.
+        """Return whether an obstacle blocks the straight line between two points.
 
-        A line that only grazes an obstacle is free; one that begins or ends inside of an obstacle is not.
+        A line that only grazes an obstacle is free; one that starts or ends inside of an obstacle is blocked.
 
         Args:
-            origins: Where lines begin [m]; shape (m, 2), or (m, 3) to look over and under obstacles whose spans are
-                known.
-            targets: Where they end [m]; the same shape.
+            origins: The starts of lines [m]; shape (m, 2), or (m, 3) to pass over and under obstacles with known
+                heights.
+            targets: The ends of lines [m]; the same shape.
 
         Returns:
             Shape (m,).
@@ -263,10 +263,10 @@ class Scenery:
     def _within_spans(
         self, origins: Array, targets: Array, obstacle: Indices
     ) -> tuple[NDArray[np.bool_], Array, Array]:
-        """Cut lines to where they are as high as obstacles, row by row; (m, 3) each.
+        """Clip lines to the vertical extents of obstacles, row by row; (m, 3) each.
 
         Returns:
-            Which of them are so anywhere, (m,), and the origins and targets of what is left of these.
+            Which lines have a part within, (m,), and the starts and ends of these parts.
         """
         low, high = (self._levels[obstacle] + self._spans[obstacle, column] for column in (1, 2))
         rise = targets[:, 2] - origins[:, 2]

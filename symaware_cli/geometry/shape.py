@@ -20,7 +20,7 @@ from pydantic import (
     model_validator,
 )
 
-#: [m] and [s]: far from where arithmetic overflows, and farther and longer than anybody goes.
+#: The greatest numbers in scenarios [m], [s]: larger than needed, and far from arithmetic overflow.
 LARGEST = 1e9
 
 Length = Annotated[float, Field(gt=0, le=LARGEST)]
@@ -28,7 +28,7 @@ Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
 
 
 def _coordinates(*counts: int) -> tuple[AfterValidator, WithJsonSchema]:
-    """What says how many coordinates a tuple has; unlike `Field`, it is silent where they are no numbers."""
+    """Return a validator of the number of coordinates; unlike `Field`, it reports nothing for non-numbers."""
 
     def check(values: tuple[float, ...]) -> tuple[float, ...]:
         if len(values) not in counts:
@@ -43,12 +43,12 @@ def _coordinates(*counts: int) -> tuple[AfterValidator, WithJsonSchema]:
 Point = Annotated[tuple[Number, ...], *_coordinates(2)]
 Position = Annotated[tuple[Number, ...], *_coordinates(2, 3)]
 
-#: Relative to the extent of a polygon: what is straighter, nearer or thinner than this is so by rounding.
+#: Relative to the extent of a polygon: smaller distances and deviations count as rounding errors.
 _TOLERANCE = 1e-9
 
 
 class StrictModel(BaseModel):
-    """A part of a scenario that is checked when it is made, and never changes."""
+    """An immutable part of a scenario, checked when it is created."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
@@ -68,7 +68,7 @@ class Box(StrictModel):
 
     @property
     def upright(self) -> float:
-        """How high it is in space; without a height of its own, as high as it is thin [m]."""
+        """Its height in space; without `height` the shorter of its sides [m]."""
         return self.height or min(self.length, self.width)
 
 
@@ -82,7 +82,7 @@ class Cylinder(StrictModel):
 class Polygon(StrictModel):
     """A convex polygon that turns with the entity's heading.
 
-    Vertices that run clockwise are turned round, so that `vertices` always run counter-clockwise.
+    Clockwise vertices are reversed, so that `vertices` always run counter-clockwise.
     """
 
     vertices: tuple[Point, ...] = Field(
@@ -133,7 +133,7 @@ class Wall(StrictModel):
 
 
 def _asset(path: str) -> str:
-    """Check that a path can only lead to below the folder that it is relative to."""
+    """Check that a path stays below the folder that it is relative to."""
     if "\\" in path or ":" in path or "\0" in path:
         raise ValueError("a path is written with plain names and `/` between them")
     parts = PurePosixPath(path).parts
@@ -150,7 +150,7 @@ _ASSET = "below the scenario's folder, or `pybullet_data/...`"
 
 
 class Mesh(StrictModel):
-    """A body whose surface a file describes; it collides as the convex hull of that."""
+    """A body with a surface from a file; it collides as its convex hull."""
 
     file: AssetPath = Field(description=f"An .obj or .stl file {_ASSET}.")
     scale: Length = Field(1.0, description="How many metres a unit of the file is.")
@@ -165,7 +165,7 @@ class Mesh(StrictModel):
 
 
 class Urdf(StrictModel):
-    """A body of links and joints that a URDF file describes; its own masses count."""
+    """A body of links and joints from a URDF file, with the masses of the file."""
 
     file: AssetPath = Field(description=f"A .urdf file {_ASSET}.")
     scale: Length = Field(1.0, description="By how much everything in it is enlarged.")
@@ -210,28 +210,28 @@ class Shape(StrictModel):
 
     @property
     def kind(self) -> Kind:
-        """Which of the kinds it is."""
+        """The kind of the shape."""
         return next(kind for kind in KINDS if getattr(self, kind) is not None)
 
     @property
     def radius(self) -> float:
-        """The radius of the smallest circle around the position that holds the shape [m]."""
+        """The radius of the bounding circle around the position [m]."""
         return max(math.hypot(*point) + rounding for piece, rounding in self.pieces for point in piece)
 
     @property
     def outer_radius(self) -> float:
-        """The radius of the smallest ball around the position that holds the body in space [m].
+        """The radius of the bounding ball around the position in space [m].
 
-        What no height is known of is taken to be within its radius; a disc is a ball.
+        Bodies of unknown height are assumed to be within their radius; a disc is a ball.
         """
         height = self.box.upright if self.box else self.cylinder.height if self.cylinder else 0.0
         return math.hypot(self.radius, 0.5 * height)
 
     @property
     def pieces(self) -> Sequence[tuple[Sequence[Point], float]]:
-        """The convex pieces that the shape consists of, relative to the position, x along the heading.
+        """The convex pieces of the shape, relative to the position, x along the heading.
 
-        Each is a core, one point, two or a convex polygon (counter-clockwise), and the radius by which the core is
+        Each has a core (one point, two points or a counter-clockwise convex polygon) and a radius by which the core is
         rounded, both in metres: a disc is a rounded point, a segment of a wall a rounded line.
         """
         for round_ in (self.circle, self.cylinder, self.mesh, self.urdf):
@@ -247,7 +247,7 @@ class Shape(StrictModel):
 
 
 def _area(vertices: Sequence[Point]) -> float:
-    """The area of a polygon, negative if it runs clockwise [m^2]; relative to its first vertex, for precision."""
+    """Return the area of a polygon, negative if clockwise [m^2]; relative to its first vertex, for precision."""
     (x, y), *_ = vertices
     return 0.5 * sum(
         (one[0] - x) * (other[1] - y) - (other[0] - x) * (one[1] - y)
@@ -256,7 +256,7 @@ def _area(vertices: Sequence[Point]) -> float:
 
 
 def _turns_left_once(vertices: Sequence[Point]) -> bool:
-    """Whether a polygon is convex and runs counter-clockwise: no corner turns right, and it goes round once."""
+    """Return whether a polygon is convex and counter-clockwise: no corner turns right, and it winds once."""
     around = [*vertices, vertices[0], vertices[1]]
     turned = 0.0
     for (x0, y0), (x1, y1), (x2, y2) in zip(around, around[1:], around[2:], strict=False):

@@ -1,4 +1,4 @@
-"""Vectors in rows, computed element by element, so that the bits of a row do not depend on the others."""
+"""Row-wise operations on vectors, computed element by element, so that no bit of a row depends on the other rows."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ Array = NDArray[np.float64]
 
 
 def lengths(vectors: Array) -> Array:
-    """Euclidean lengths of vectors; (n, d) to (n,)."""
+    """Return the Euclidean lengths of vectors; (n, d) to (n,)."""
     total = vectors[:, 0] * vectors[:, 0]
     for axis in range(1, vectors.shape[1]):
         total = total + vectors[:, axis] * vectors[:, axis]

@@ -8,7 +8,7 @@ from outlines import random_core
 from scipy.stats import multivariate_normal, norm
 
 from symaware_cli.components.risk.gaussian import _below_both, band_probability, polygon_probability
-from symaware_cli.geometry.minkowski import meeting_places
+from symaware_cli.geometry.minkowski import overlap_region
 from symaware_cli.geometry.pieces import Pieces
 
 seeds = st.integers(0, 2**32 - 1)
@@ -46,7 +46,7 @@ def test_the_probability_of_a_polygon_is_the_sum_of_those_of_its_halves(seed):
 
 
 def test_where_nothing_is_uncertain_the_probability_is_one_inside_and_none_outside():
-    polygon = meeting_places(box(1, 1), box(0.5, 0.2), np.array([[3.0, 0.0]]))
+    polygon = overlap_region(box(1, 1), box(0.5, 0.2), np.array([[3.0, 0.0]]))
     nothing = np.zeros((1, 2, 2))
     assert polygon_probability(np.array([[0.5, 0.5]]), nothing, polygon) == [1.0]
     assert polygon_probability(np.array([[0.5, 1.0001]]), nothing, polygon) == [0.0]

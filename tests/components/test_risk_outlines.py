@@ -9,7 +9,7 @@ from outlines import random_core
 
 from symaware_cli.components.risk.balls import collision_probability
 from symaware_cli.components.risk.outlines import Side, first_touch, overlap_bound
-from symaware_cli.geometry.minkowski import meeting_places, within
+from symaware_cli.geometry.minkowski import overlap_region, within
 from symaware_cli.geometry.pieces import Pieces, separation_from_points
 
 KINDS = ("disc", "box", "capsule", "polygon")
@@ -90,7 +90,7 @@ class Pair:
             Pieces.of([outline]).take(np.zeros(count, np.intp)).placed(np.zeros((count, 2)), heading)
             for outline, heading in zip(self.outlines, headings, strict=True)
         ]
-        return meeting_places(*bodies)
+        return overlap_region(*bodies)
 
 
 @pytest.mark.parametrize("kinds", PAIRS, ids="-".join)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from outlines import distance, placed, random_core, random_shape
 from shapely import Polygon
 
-from symaware_cli.geometry.minkowski import cornered, loosened, meeting_places, within
+from symaware_cli.geometry.minkowski import cornered, loosened, overlap_region, within
 from symaware_cli.geometry.pieces import Pieces, separation_from_points
 
 seeds = st.integers(0, 2**32 - 1)
@@ -39,7 +39,7 @@ def test_two_bodies_overlap_where_one_lies_in_the_meeting_places_of_the_other(se
     random = np.random.default_rng(seed)
     (first, ones), (second, others) = random_pieces(random, 8), random_pieces(random, 8)
     places = random.uniform(-3, 3, (8, 2))
-    found = separation_from_points(places, np.zeros(8), meeting_places(first, second)).distance
+    found = separation_from_points(places, np.zeros(8), overlap_region(first, second)).distance
     expected = [
         distance(one, (core + place, rounding))
         for one, (core, rounding), place in zip(ones, others, places, strict=True)
@@ -77,7 +77,7 @@ def test_a_loosened_piece_holds_the_piece_at_each_of_its_angles(seed: int) -> No
 def test_a_point_is_within_a_piece_from_when_until_when_dense_sampling_finds_it_there(seed: int) -> None:
     random = np.random.default_rng(seed)
     (first, _), (second, _) = random_pieces(random, 16), random_pieces(random, 16)
-    pieces = meeting_places(first, second)
+    pieces = overlap_region(first, second)
     points, velocities = random.uniform(-4, 4, (16, 2)), random.normal(size=(16, 2))
     velocities[0] = 0.0
     velocities[1:6] = -points[1:6] * random.uniform(0.2, 1.0)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from symaware_cli.components.risk.gaussian import band_probability, polygon_probability
-from symaware_cli.geometry.minkowski import cornered, loosened, meeting_places, width, within
+from symaware_cli.geometry.minkowski import cornered, loosened, overlap_region, width, within
 from symaware_cli.geometry.pieces import Pieces
 
 Array = NDArray[np.float64]
@@ -110,8 +110,8 @@ def overlap_bound(
     rows = np.flatnonzero(known)
     if len(rows):
         span = np.full(len(rows), horizon)
-        places = _places(one.take(rows), other.take(rows), 0.0, span, margin, velocity[rows] * horizon)
-        bound[rows] = _probability(position[rows], covariance[rows, :2, :2], places)
+        regions = _overlap_regions(one.take(rows), other.take(rows), 0.0, span, margin, velocity[rows] * horizon)
+        bound[rows] = _probability(position[rows], covariance[rows, :2, :2], regions)
     rows = np.flatnonzero(~known)
     if len(rows):
         pairs = _UncertainPairs(
@@ -180,10 +180,10 @@ class _UncertainPairs:
         covered = np.repeat(_COVERED, count)
         half, velocity, deviation = 0.5 * (end - start), self.velocity[rows], self.speed_deviation[rows]
         one, other = self.one.take(rows), self.other.take(rows)
-        places = _places(one, other, covered, end, self.margin, velocity * (end - start)[:, None])
-        places.rounding = places.rounding + covered * deviation * half
+        regions = _overlap_regions(one, other, covered, end, self.margin, velocity * (end - start)[:, None])
+        regions.rounding = regions.rounding + covered * deviation * half
         carried = propagated_covariance(self.covariance[rows], 0.5 * (start + end))
-        bound = _probability(self.position[rows] + start[:, None] * velocity, carried, places)
+        bound = _probability(self.position[rows] + start[:, None] * velocity, carried, regions)
         bound += np.where((deviation > 0.0) & (half > 0.0), np.exp(-0.5 * covered * covered), 0.0)
         bound += self._heading_tail(covered, rows)
         least: Array = bound.reshape(choices, count).min(axis=0)
@@ -191,7 +191,7 @@ class _UncertainPairs:
 
     def _bands(self, directions: Array, span: Array) -> tuple[Array, Array]:
         """Return the bounds, along directions, between which bodies overlap."""
-        return width(_places(self.one, self.other, _COVERED[-1], span, self.margin, None), directions)
+        return width(_overlap_regions(self.one, self.other, _COVERED[-1], span, self.margin, None), directions)
 
     def _heading_tail(self, covered: Array | float, rows: Indices | slice = slice(None)) -> Array:
         """Return the probability that a heading is wrong by more than a number of deviations."""
@@ -257,7 +257,7 @@ def first_touch(apart: Array, closing: Array, one: Side, other: Side, margin: fl
     times = np.linspace(0.0, horizon, _PARTS + 1) if turning else np.array([0.0, horizon])
     for begins, ends in zip(times[:-1].tolist(), times[1:].tolist(), strict=True):
         span = np.full(len(position), ends if turning else 0.0)
-        start, end = within(position, velocity, _places(one, other, 0.0, span, margin, None))
+        start, end = within(position, velocity, _overlap_regions(one, other, 0.0, span, margin, None))
         time = np.maximum(start, begins)
         touch = np.minimum(touch, np.where((time <= end) & (time <= ends), time, np.inf))
     return touch
@@ -271,18 +271,20 @@ def propagated_covariance(covariance: Array, time: Array) -> Array:
     return position + ahead * (cross + np.swapaxes(cross, 1, 2)) + ahead * ahead * covariance[:, count:, count:]
 
 
-def _places(one: Side, other: Side, covered: Array | float, span: Array, margin: float, way: Array | None) -> Pieces:
-    places = meeting_places(one.turned(covered, span), other.turned(covered, span), way)
-    places.rounding = places.rounding + margin
-    return places
+def _overlap_regions(
+    one: Side, other: Side, covered: Array | float, span: Array, margin: float, way: Array | None
+) -> Pieces:
+    regions = overlap_region(one.turned(covered, span), other.turned(covered, span), way)
+    regions.rounding = regions.rounding + margin
+    return regions
 
 
-def _probability(mean: Array, covariance: Array, places: Pieces) -> Array:
+def _probability(mean: Array, covariance: Array, regions: Pieces) -> Array:
     """Return the probability that Gaussian points lie in rounded pieces, or slightly more."""
     probability = np.empty(len(mean))
-    for rows in (np.flatnonzero(places.rounding == 0.0), np.flatnonzero(places.rounding > 0.0)):
+    for rows in (np.flatnonzero(regions.rounding == 0.0), np.flatnonzero(regions.rounding > 0.0)):
         if len(rows):
-            probability[rows] = polygon_probability(mean[rows], covariance[rows], cornered(places.take(rows)))
+            probability[rows] = polygon_probability(mean[rows], covariance[rows], cornered(regions.take(rows)))
     return probability
 
 
