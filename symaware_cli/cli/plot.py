@@ -24,7 +24,7 @@ from symaware_cli.cli.terminal import (
 
 
 def plot(
-    path: Annotated[Path, typer.Argument(help="A log.", metavar="LOG")],
+    path: Annotated[Path, typer.Argument(help="A log, or the folder of a sweep.", metavar="LOG")],
     output: Annotated[
         Path | None,
         typer.Option(
@@ -37,7 +37,8 @@ def plot(
         str | None,
         typer.Option(
             help="The panels, separated by commas: trajectories, separation, specifications, risk, speed, altitude, "
-            "control, or a part of awareness. By default those that fit the log.",
+            "control, or a part of awareness; of a sweep, metrics such as satisfied.safe or closest. By default those "
+            "that fit the log, or differ from run to run.",
             metavar="PANELS",
         ),
     ] = None,
@@ -68,7 +69,14 @@ def plot(
     dpi: Annotated[int, typer.Option(min=20, max=1200, help="Dots per inch.")] = 150,
     as_json: Json = False,
 ) -> None:
-    """Draw a log into one figure: trajectories, separation, risk, or any series by name."""
+    """Draw a log into one figure: trajectories, separation, risk, or any series by name; or what a sweep came to."""
+    if path.is_dir():
+        others = {"--specifications": specifications, "--series": series, "--agents": agents, "--from": start}
+        for option, value in {**others, "--to": end, "--at": at}.items():
+            if value not in (None, False, []):
+                fail(f"{option} goes with a log, and {path} is a folder", WRONG_INPUT, as_json)
+        _plot_sweep(path, output, names(show), title, _measures(size, as_json), dpi, as_json)
+        return
     span(start, end, as_json)
     instant("--at", at, as_json)
     measures = _measures(size, as_json)
@@ -104,6 +112,46 @@ def plot(
     if damage:
         typer.echo(f"symaware: {damage}", err=True)
         raise typer.Exit(DATA_LOST)
+
+
+def _plot_sweep(
+    folder: Path,
+    output: Path | None,
+    show: list[str],
+    title: str | None,
+    size: tuple[float, float] | None,
+    dpi: int,
+    as_json: bool,
+) -> None:
+    with trouble_shown(as_json):
+        from symaware_cli.scenario.files import unused_path
+        from symaware_cli.study.picture.sweep_picture import plot_sweep
+
+        file = output or unused_path(folder.resolve().name, suffix=".png")
+        try:
+            picture = plot_sweep(folder, file, show, title, size, dpi)
+        except KeyboardInterrupt:
+            raise typer.Exit(INTERRUPTED) from None
+    runs = picture.runs
+    panels = [{"panel": each.metric.name, "kind": each.kind, "of": each.caption} for each in picture.panels]
+    facts: dict[str, Any] = {
+        "sweep": str(folder),
+        "file": str(file),
+        "size": file.stat().st_size,
+        "runs": len(runs.indices),
+        "planned": runs.planned,
+        "failed": runs.failed,
+        "panels": panels,
+        "notes": list(picture.notes),
+    }
+    if as_json:
+        print_json(facts)
+        return
+    shown = ", ".join(dict.fromkeys(each.metric.name for each in picture.panels))
+    typer.echo(f"{file}: {shown}; {size_in_words(facts['size'])}")
+    typer.echo(_line("runs", f"{len(runs.indices):,}" + (f", {runs.failed:,} of them failed" if runs.failed else "")))
+    for note in picture.notes:
+        typer.echo(_line("note", note))
 
 
 def _measures(size: str | None, as_json: bool) -> tuple[float, float] | None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from symaware_cli.recording.error import LogError
@@ -32,15 +34,26 @@ def plot(log: Log, path: str | os.PathLike[str], request: PlotRequest | None = N
     """
     path, request = Path(path), request or PlotRequest()
     check_output(path, request)
-    try:
+    with matplotlib_required():
         from symaware_cli.viewing.plotting.figure import draw
+    content = gather(log, request)
+    with whole_file(path, log.path) as partial:
+        draw(content, request, partial)
+    return content
+
+
+@contextmanager
+def matplotlib_required() -> Iterator[None]:
+    """Say how to install matplotlib where it is missing.
+
+    Raises:
+        LogError: It is.
+    """
+    try:
+        yield
     except ModuleNotFoundError as error:
         if (error.name or "").partition(".")[0] != "matplotlib":
             raise
         raise LogError(
             "plots need the module `matplotlib`, which is not installed: pip install 'symaware-cli[plot]'"
         ) from error
-    content = gather(log, request)
-    with whole_file(path, log.path) as partial:
-        draw(content, request, partial)
-    return content

@@ -1,0 +1,177 @@
+"""What a picture of a sweep shows in each of its panels."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from symaware_cli.recording.error import LogError, UnknownNameError
+from symaware_cli.study.picture.cell_estimates import CellEstimates, estimated
+from symaware_cli.study.picture.finished_runs import Array, FinishedRuns, MetricColumn, ParameterAxis
+
+#: The most panels of a picture, and how many there are unless somebody asks for more.
+_MOST, _USUAL = 48, 6
+
+
+@dataclass(frozen=True, slots=True)
+class MetricPanel:
+    """A metric in some of the combinations of parameters.
+
+    Attributes:
+        kind: "curve" over one parameter, "map" over two, or "distribution" where none varies.
+        metric: The metric.
+        axes: The parameters that the panel is about: none, one or two, the one across before the one up.
+        series: The names of what is told apart by colour: the variants, or one name that is empty.
+        caption: Which values the other parameters have; empty where there are no others.
+        value: The mean or share; shape (series, *axes).
+        lower: The lower end of its interval, likewise; NaN where there is none.
+        upper: The upper end.
+        low: The tenth percentile of the runs; NaN for shares.
+        high: The ninetieth.
+        samples: The runs' values of each series, for a distribution alone.
+    """
+
+    kind: Literal["curve", "map", "distribution"]
+    metric: MetricColumn
+    axes: tuple[ParameterAxis, ...]
+    series: tuple[str, ...]
+    caption: str
+    value: Array
+    lower: Array
+    upper: Array
+    low: Array
+    high: Array
+    samples: tuple[Array, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class SweepPicture:
+    """What a picture of a sweep shows.
+
+    Attributes:
+        runs: The runs.
+        panels: Its panels, those of a metric one after the other.
+        notes: What is said below.
+    """
+
+    runs: FinishedRuns
+    panels: tuple[MetricPanel, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def facets(self) -> int:
+        """How many panels there are of each metric."""
+        return len(self.panels) // len({panel.metric.name for panel in self.panels})
+
+
+def composed(runs: FinishedRuns, show: Sequence[str] = ()) -> SweepPicture:
+    """Choose the panels of a picture.
+
+    Args:
+        runs: The runs of a sweep.
+        show: The metrics, in their order; empty for those that differ from run to run.
+
+    Raises:
+        UnknownNameError: There is no such metric.
+        LogError: There are no runs, or too many panels.
+    """
+    if not len(runs.indices):
+        raise LogError("there are no runs to draw: run 0 has not ended")
+    varied = [number for number, axis in enumerate(runs.axes) if len(axis.values) > 1]
+    # The two with the most values, in the order of the sweep, are the axes of maps.
+    shown = tuple(sorted(sorted(varied, key=lambda number: -len(runs.axes[number].values))[:2]))
+    others = [number for number in varied if number not in shown]
+    facets = int(np.prod([len(runs.axes[number].values) for number in others]))
+    facets *= max(1, len(runs.variants)) if len(shown) == 2 else 1
+    metrics = _chosen(runs, show, max(1, _USUAL // facets))
+    if facets * len(metrics) > _MOST:
+        said = f"{len(metrics)} metrics in {facets:,} panels each are too many for one picture (at most {_MOST} panels)"
+        raise LogError(f"{said}; show fewer metrics, or sweep over fewer parameters at once")
+    panels: list[MetricPanel] = []
+    methods: set[str] = set()
+    for metric in metrics:
+        estimates = estimated(runs, metric)
+        methods.update(estimates.method)
+        panels += _panels(runs, metric, estimates, shown, others)
+    return SweepPicture(runs, tuple(panels), tuple(_notes(runs, metrics, panels[0].kind, sorted(methods))))
+
+
+def _chosen(runs: FinishedRuns, show: Sequence[str], usual: int) -> list[MetricColumn]:
+    for name in show:
+        if name not in runs.metrics:
+            known = list(runs.metrics)
+            raise UnknownNameError(f"there is no metric {name!r}; there are {', '.join(known)}", name, known)
+    if show:
+        return [runs.metrics[name] for name in dict.fromkeys(show)]
+    shares = [each for each in runs.metrics.values() if each.name.startswith("satisfied.")]
+    differing = [each for each in runs.metrics.values() if each.varies and each not in shares]
+    found = [*shares, *differing][:usual]
+    if not found:
+        raise LogError("no metric differs from run to run; say with --show which to draw")
+    return found
+
+
+def _panels(
+    runs: FinishedRuns, metric: MetricColumn, estimates: CellEstimates, shown: tuple[int, ...], others: list[int]
+) -> Iterator[MetricPanel]:
+    variants = len(runs.axes)
+    series = tuple(runs.variants) or ("",)
+    is_map = len(shown) == 2
+    facets = [*others, variants] if is_map and runs.variants else others
+    kind: Literal["curve", "map", "distribution"] = "map" if is_map else "curve" if shown else "distribution"
+    for place in itertools.product(*(range(runs.shape[number]) for number in facets)):
+        fixed = dict(zip(facets, place, strict=True))
+        # Axes that are neither free nor fixed have one value.
+        free = shown if variants in fixed else (*shown, variants)
+        index = tuple(slice(None) if number in free else fixed.get(number, 0) for number in range(variants + 1))
+
+        def part(values: Array, index: tuple[int | slice, ...] = index, fixed: dict[int, int] = fixed) -> Array:
+            found = np.asarray(values[index])
+            return found[None] if variants in fixed else np.moveaxis(found, -1, 0)
+
+        names = [
+            series[at] if number == variants else f"{runs.axes[number].name} = {runs.axes[number].labels[at]}"
+            for number, at in fixed.items()
+        ]
+        yield MetricPanel(
+            kind,
+            metric,
+            tuple(runs.axes[number] for number in shown),
+            (series[fixed[variants]],) if variants in fixed else series,
+            ", ".join(names),
+            part(estimates.value),
+            part(estimates.lower),
+            part(estimates.upper),
+            part(estimates.low),
+            part(estimates.high),
+            () if shown else tuple(_samples(runs, metric)),
+        )
+
+
+def _samples(runs: FinishedRuns, metric: MetricColumn) -> Iterator[Array]:
+    """The values of each variant, where nothing else varies."""
+    cells = runs.cells()
+    for variant in range(runs.shape[-1]):
+        values = metric.values[cells == variant]
+        yield values[~np.isnan(values)]
+
+
+def _notes(runs: FinishedRuns, metrics: Sequence[MetricColumn], kind: str, methods: Sequence[str]) -> Iterator[str]:
+    ended = len(runs.indices)
+    if methods and kind != "map":
+        yield f"Intervals hold with 95 % each: {', '.join(methods)}."
+    if kind == "curve" and not runs.variants and not all(metric.is_share for metric in metrics):
+        yield "Paler: the middle 80 % of the runs."
+    if not runs.is_complete:
+        said = "the intervals of shares may be watched, and means have none yet"
+        yield f"{ended:,} of {runs.planned:,} runs have ended: {said}."
+    if runs.failed:
+        yield f"{runs.failed:,} of {ended:,} runs failed or were lost, and are left out."
+    for metric in metrics:
+        missing = int(np.isnan(metric.values).sum()) - runs.failed
+        if missing > 0:
+            yield f"{metric.name}: {missing:,} runs have no value."

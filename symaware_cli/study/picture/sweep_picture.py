@@ -1,0 +1,53 @@
+"""From the folder of a sweep to a picture in a file."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+from symaware_cli.recording.output import whole_file
+from symaware_cli.study.folder import SweepFolder
+from symaware_cli.study.picture.journal_columns import finished_runs
+from symaware_cli.study.picture.metric_panel import SweepPicture, composed
+from symaware_cli.viewing.plotting.plot import matplotlib_required
+from symaware_cli.viewing.plotting.request import PlotRequest, check_output
+
+
+def plot_sweep(
+    folder: str | os.PathLike[str],
+    path: str | os.PathLike[str],
+    show: Sequence[str] = (),
+    title: str | None = None,
+    size: tuple[float, float] | None = None,
+    dpi: int = 150,
+) -> SweepPicture:
+    """Draw what a sweep came to into a file, which appears whole or not at all.
+
+    A metric is a curve over the parameter that varies, a map over two, a map for each combination of the others where
+    more vary, and a distribution where none does. Variants are told apart by colour, or have maps of their own.
+
+    Args:
+        folder: The folder of the sweep, which need not be finished.
+        path: The file; its suffix says the format.
+        show: The metrics, in their order; "satisfied.NAME" and "robustness.NAME" are those of a specification. Empty
+            for those that differ from run to run.
+        title: What stands above; None for the name of the folder.
+        size: Width and height [inch]; None for what suits the panels.
+        dpi: Dots for each inch.
+
+    Returns:
+        What was drawn.
+
+    Raises:
+        LogError: There is nothing to draw, no such metric, or matplotlib is not installed.
+        OutputError: The file cannot be written.
+    """
+    path = Path(path)
+    check_output(path, PlotRequest(size=size, dpi=dpi))
+    with matplotlib_required():
+        from symaware_cli.study.picture.sweep_figure import draw
+    picture = composed(finished_runs(SweepFolder.opened(folder)), show)
+    with whole_file(path) as partial:
+        draw(picture, partial, title, size, dpi)
+    return picture
