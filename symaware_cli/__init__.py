@@ -86,7 +86,7 @@ if TYPE_CHECKING:
     from symaware_cli.runtime.state.simulation_state import SimulationState
     from symaware_cli.scenario.place import DistributionError, Place
     from symaware_cli.scenario.problem import ScenarioError
-    from symaware_cli.study.folder import SweepError
+    from symaware_cli.study.sweep_error import SweepError
 
 __all__ = [
     "Agent",
@@ -204,7 +204,7 @@ _HOMES = {
     "symaware_cli.runtime.state.simulation_state": ("SimulationState",),
     "symaware_cli.scenario.place": ("DistributionError", "Place"),
     "symaware_cli.scenario.problem": ("ScenarioError",),
-    "symaware_cli.study.folder": ("SweepError",),
+    "symaware_cli.study.sweep_error": ("SweepError",),
 }
 
 

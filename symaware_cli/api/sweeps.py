@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import os
 import tempfile
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
     import pyarrow
 
     from symaware_cli.api.scenario import Scenario
+    from symaware_cli.study.findings import VariantDifference, VerdictShare
     from symaware_cli.study.folder import SweepFolder
     from symaware_cli.study.request import SweepRequest
     from symaware_cli.study.session import SweepOutcome, SweepProgress
@@ -32,6 +34,7 @@ def sweep(
     runs: int | None = None,
     seed: int | None = None,
     paired: bool = False,
+    until: str | None = None,
     keep: str | None = None,
     timeout: float | None = None,
     jobs: int = 0,
@@ -49,6 +52,7 @@ def sweep(
         runs: Runs of each combination.
         seed: The seed of the sweep.
         paired: Whether all variants share the seed of each run.
+        until: A rule that ends the runs of each combination early, such as ``"halfwidth(satisfied.safe) < 0.01"``.
         keep: Which logs are kept: ``none``, ``failed``, ``worst:N`` or ``all``.
         timeout: Wall time after which a run is given up [s].
         jobs: How many worker processes; 0 to make all runs in this process.
@@ -67,7 +71,14 @@ def sweep(
     from symaware_cli.study.folder import TABLE
     from symaware_cli.study.request import SweepRequest
 
-    options = {"runs": runs, "seed": seed, "paired": "true" if paired else None, "keep": keep, "timeout": timeout}
+    options: dict[str, Any] = {
+        "runs": runs,
+        "seed": seed,
+        "paired": "true" if paired else None,
+        "keep": keep,
+        "timeout": timeout,
+    }
+    options["until"] = None if until is None else json.dumps(until, ensure_ascii=False)
     request = SweepRequest(
         over=[text for path, values in (over or {}).items() for text in _varied(path, values)],
         set=texts(changes),
@@ -95,7 +106,8 @@ def opened(target: Path, output: Path | None, request: SweepRequest) -> SweepFol
         SweepError: The folder has something else, or pyarrow is not installed.
     """
     require_pyarrow()
-    from symaware_cli.study.folder import SweepError, SweepFolder, is_sweep
+    from symaware_cli.study.folder import SweepFolder, is_sweep
+    from symaware_cli.study.sweep_error import SweepError
     from symaware_cli.study.sweep_source import read_sweep
 
     if target.is_dir():
@@ -116,13 +128,11 @@ def checked(target: Path, request: SweepRequest) -> SweepPlan:
     Raises:
         ScenarioError: They have problems.
     """
-    from symaware_cli.scenario.catalogue import Catalogue
-    from symaware_cli.study.folder import SweepFolder
-    from symaware_cli.study.sweep_source import build_cells, read_sweep
+    from symaware_cli.study.folder import SweepFolder, identity_of
+    from symaware_cli.study.sweep_source import read_sweep
 
     source = SweepFolder.opened(target).source if target.is_dir() else read_sweep(target, request)
-    for built in build_cells(source, Catalogue()):
-        built.simulation.environment.close()
+    identity_of(source, {})
     return source.plan
 
 
@@ -201,7 +211,8 @@ def scenario_of(folder: Path, index: int) -> Scenario:
         SweepError: There is no sweep, or no such run.
     """
     from symaware_cli.api.scenario import Scenario
-    from symaware_cli.study.folder import SweepError, SweepFolder
+    from symaware_cli.study.folder import SweepFolder
+    from symaware_cli.study.sweep_error import SweepError
     from symaware_cli.study.sweep_source import texts_of
 
     sweep = SweepFolder.opened(folder)
@@ -209,3 +220,34 @@ def scenario_of(folder: Path, index: int) -> Scenario:
         raise SweepError(f"{folder} has no run {index}: they are numbered from 0 to {sweep.plan.count - 1}")
     changes = texts_of(sweep.plan.cell(index).changes)
     return Scenario(sweep.source.scenario, changes, seed=sweep.plan.seed(index))
+
+
+def read_shares(folder: Path) -> Sequence[VerdictShare]:
+    """Return the share of the runs that satisfy each specification, for each combination and variant.
+
+    Raises:
+        SweepError: There is no sweep.
+    """
+    require_pyarrow()
+    from symaware_cli.study.findings import shares
+    from symaware_cli.study.folder import SweepFolder
+    from symaware_cli.study.session import rows_so_far
+
+    sweep = SweepFolder.opened(folder)
+    return list(shares(rows_so_far(sweep), sweep.plan))
+
+
+def read_differences(folder: Path, name: str) -> Sequence[VariantDifference]:
+    """Return what paired variants differ by from the first one in a column, run by run.
+
+    Raises:
+        SweepError: There is no sweep, or its variants cannot be compared.
+        UnknownNameError: There is no such column.
+    """
+    require_pyarrow()
+    from symaware_cli.study.findings import differences
+    from symaware_cli.study.folder import SweepFolder
+    from symaware_cli.study.session import rows_so_far
+
+    sweep = SweepFolder.opened(folder)
+    return list(differences(rows_so_far(sweep), sweep.plan, name))

@@ -40,6 +40,8 @@ FILTERS = {
     "--sort": ("the folder of a sweep",),
     "--columns": ("the folder of a sweep",),
     "--csv": ("the folder of a sweep",),
+    "--shares": ("the folder of a sweep",),
+    "--compare": ("the folder of a sweep",),
     "--every": ("--series",),
 }
 
@@ -139,6 +141,16 @@ def inspect(
         typer.Option(help="The column to sort by; with a minus before it, in descending order.", rich_help_panel=ROWS),
     ] = None,
     columns: Annotated[str | None, typer.Option(help="The columns, separated by commas.", rich_help_panel=ROWS)] = None,
+    shares: Annotated[
+        bool,
+        typer.Option(
+            "--shares", help="The share of runs that satisfy each specification, with intervals.", rich_help_panel=ROWS
+        ),
+    ] = False,
+    compare: Annotated[
+        str | None,
+        typer.Option(help="What paired variants differ by in this column, run by run.", rich_help_panel=ROWS),
+    ] = None,
     as_csv: Annotated[bool, typer.Option("--csv", help="Print CSV.", rich_help_panel=ROWS)] = False,
     as_json: Json = False,
 ) -> None:
@@ -162,14 +174,29 @@ def inspect(
         "--limit": limit,
         "--every": every,
     }
-    of_rows = {"--where": where, "--sort": sort, "--columns": columns, "--csv": as_csv or None}
+    of_rows = {
+        "--where": where,
+        "--sort": sort,
+        "--columns": columns,
+        "--csv": as_csv or None,
+        "--shares": shares or None,
+        "--compare": compare,
+    }
     if path.is_dir():
         for option, value in {**{view: wanted or None for view, wanted in views.items()}, **given}.items():
             if value is not None and option != "--limit":
                 fail(f"{option} goes with a log, not with the folder of a sweep", WRONG_INPUT, as_json)
         with trouble_shown(as_json):
-            from symaware_cli.cli.sweep_rows import show_rows
+            from symaware_cli.cli.sweep_rows import show_differences, show_rows, show_shares
 
+            if shares or compare is not None:
+                if any(each is not None for each in (where, sort, columns, limit)) or as_csv or (shares and compare):
+                    fail("--shares and --compare are about all rows, each by itself", WRONG_INPUT, as_json)
+                if compare is None:
+                    show_shares(path, as_json)
+                else:
+                    show_differences(path, compare, as_json)
+                return
             show_rows(path, where, sort, limit, names(columns), as_json=as_json, as_csv=as_csv)
         return
     given |= of_rows

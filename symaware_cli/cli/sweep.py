@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import sys
 from collections.abc import Callable, Iterator
@@ -108,6 +109,15 @@ def sweep(
             rich_help_panel=_PLAN,
         ),
     ] = None,
+    until: Annotated[
+        str | None,
+        typer.Option(
+            help="End the runs of each combination when enough is known, such as `halfwidth(satisfied.safe) < 0.01`; "
+            "--runs says how many at most.",
+            metavar="RULE",
+            rich_help_panel=_PLAN,
+        ),
+    ] = None,
     timeout: Annotated[
         float | None,
         typer.Option(min=0.001, help="Wall time after which a run is given up, in seconds.", rich_help_panel=_PLAN),
@@ -142,6 +152,7 @@ def sweep(
     if retry not in (None, "lost"):
         fail(f"--retry takes `lost`, not `{retry}`", WRONG_INPUT, as_json)
     options: dict[str, Any] = {"runs": runs, "seed": seed, "keep": keep, "timeout": timeout}
+    options["until"] = None if until is None else json.dumps(until, ensure_ascii=False)
     options["paired"] = "true" if paired else None
     given = {key: str(value) for key, value in options.items() if value is not None}
     if target.is_dir() and (over or overrides or variants or given or output):
@@ -224,6 +235,8 @@ def _text(outcome: SweepOutcome) -> str:
     if left:
         lines.append(f"  {'left':<14} {left:,}: symaware sweep {outcome.folder}")
     rate = f", {outcome.made / outcome.wall_time:,.1f} runs/s" if outcome.made else ""
+    if outcome.rule:
+        lines.append(f"  {'enough':<14} {outcome.rule}")
     lines.append(f"  {'wall time':<14} {outcome.wall_time:.2f} s{rate}")
     lines.append(f"  {'table':<14} {outcome.folder / TABLE}")
     return "\n".join(lines)
@@ -242,18 +255,24 @@ def _shown(folder: SweepFolder, shown: bool) -> Iterator[Callable[[SweepProgress
         TextColumn("{task.description}"),
         BarColumn(),
         TextColumn(
-            "{task.completed:,.0f} of {task.total:,.0f} runs, {task.fields[rate]:,.1f}/s{task.fields[bad]}, ends in"
+            "{task.completed:,.0f} of {task.total:,.0f} runs, {task.fields[rate]:,.1f}/s{task.fields[notes]}, ends in"
         ),
         TimeRemainingColumn(compact=True),
     )
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(str(folder.path), total=folder.plan.count, rate=0.0, bad="")
+        task = bar.add_task(str(folder.path), total=folder.plan.count, rate=0.0, notes="")
 
         def tell(progress: SweepProgress) -> None:
-            bad = [
-                f"{count:,} {what}" for what, count in (("failed", progress.failed), ("lost", progress.lost)) if count
+            notes = [
+                f"{count:,} {what}" for count, what in ((progress.failed, "failed"), (progress.lost, "lost")) if count
             ]
-            bar.update(task, completed=progress.made, rate=progress.rate, bad="".join(f", {each}" for each in bad))
+            notes += [
+                f"{name} {each.lower:.2g} to {each.upper:.2g}"
+                for name, each in progress.estimates().items()
+                if each.count
+            ]
+            notes = [f", {each}" for each in notes]
+            bar.update(task, total=progress.planned, completed=progress.made, rate=progress.rate, notes="".join(notes))
 
         yield tell
 

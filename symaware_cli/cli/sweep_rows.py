@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +12,7 @@ import typer
 from symaware_cli.cli.terminal import print_array, printable
 
 if TYPE_CHECKING:
-    import pyarrow
+    from symaware_cli.study.sweep_plan import Cell
 
 #: Columns that are shown only when they are asked for, or as JSON or CSV.
 _QUIET = ("replicate", "seed", "digest", "error")
@@ -51,19 +52,84 @@ def show_rows(
             empty = [name for name in shown.column_names if shown[name].null_count == shown.num_rows]
             shown = shown.drop_columns([name for name in shown.column_names if name in (*_QUIET, *empty)])
         if shown.num_rows:
-            typer.echo("\n".join(_aligned(shown)))
+            typer.echo("\n".join(_aligned(shown.to_pylist())))
         typer.echo(f"{table.num_rows:,} of {planned:,} runs" + (f", {limit:,} of them shown" if limit else ""))
 
 
-def _aligned(table: pyarrow.Table) -> list[str]:
-    """Return a line for each row, under the shortest names that tell columns apart."""
-    names = table.column_names
+def show_shares(folder: Path, as_json: bool) -> None:
+    """Print the share of runs that satisfy each specification.
+
+    Raises:
+        SweepError: There is no sweep.
+    """
+    from symaware_cli.api.sweeps import read_shares
+
+    found = read_shares(folder)
+    if as_json:
+        print_array(each.to_json() for each in found)
+        return
+    if not found:
+        typer.echo("the scenario has no specifications")
+        return
+    lines = [
+        {
+            **_of(each.cell),
+            "specification": each.specification,
+            "satisfied": f"{each.satisfied:,} of {each.interval.count:,}",
+            "share": each.interval.value,
+            "from": each.interval.lower,
+            "to": each.interval.upper,
+        }
+        for each in found
+    ]
+    typer.echo("\n".join(_aligned(lines)))
+    interval = found[0].interval
+    typer.echo(f"intervals: {interval.method}, confidence {interval.confidence:g}")
+
+
+def show_differences(folder: Path, name: str, as_json: bool) -> None:
+    """Print what variants differ by.
+
+    Raises:
+        SweepError: There is no sweep, or its variants cannot be compared.
+        UnknownNameError: There is no such column.
+    """
+    from symaware_cli.api.sweeps import read_differences
+
+    found = read_differences(folder, name)
+    if as_json:
+        print_array(each.to_json() for each in found)
+        return
+    lines = [
+        {
+            **_of(each.cell),
+            "mean": each.comparison.mean.value,
+            "from": each.comparison.mean.lower,
+            "to": each.comparison.mean.upper,
+            "greater": each.comparison.greater,
+            "less": each.comparison.less,
+            "sign test": each.comparison.sign_test,
+            "variance ratio": each.comparison.variance_ratio,
+        }
+        for each in found
+    ]
+    typer.echo("\n".join([f"{name}, less that of {found[0].against}, run by run", *_aligned(lines)]))
+    mean = found[0].comparison.mean
+    typer.echo(f"intervals: {mean.method}, confidence {mean.confidence:g}, {mean.count:,} pairs")
+
+
+def _of(cell: Cell) -> dict[str, Any]:
+    return {**({} if cell.variant is None else {"variant": cell.variant}), **cell.parameters}
+
+
+def _aligned(lines: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return lines under the shortest names that tell columns apart."""
+    names = list(lines[0])
     short = [name.rpartition(".")[2] if _is_parameter(name) else name for name in names]
     heads = [brief if short.count(brief) == 1 else name for name, brief in zip(names, short, strict=True)]
-    cells = [[_cell(value) for value in table[name].to_pylist()] for name in names]
-    widths = [max(len(head), *map(len, each)) for head, each in zip(heads, cells, strict=True)]
-    lines = [heads, *map(list, zip(*cells, strict=True))]
-    return ["  ".join(f"{text:>{width}}" for text, width in zip(line, widths, strict=True)) for line in lines]
+    texts = [heads, *([_cell(line[name]) for name in names] for line in lines)]
+    widths = [max(map(len, column)) for column in zip(*texts, strict=True)]
+    return ["  ".join(f"{text:>{width}}" for text, width in zip(line, widths, strict=True)) for line in texts]
 
 
 def _is_parameter(name: str) -> bool:

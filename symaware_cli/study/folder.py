@@ -14,22 +14,20 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from symaware_cli.recording.error import LogError, OutputError, reason
+from symaware_cli.recording.error import OutputError, reason
 from symaware_cli.scenario.build import Built
 from symaware_cli.scenario.catalogue import Catalogue
 from symaware_cli.scenario.versions import versions
+from symaware_cli.study.cell_stops import check_rule
 from symaware_cli.study.identity import SweepIdentity, differences
 from symaware_cli.study.runner import Runner
+from symaware_cli.study.sweep_error import SweepError
 from symaware_cli.study.sweep_plan import SweepPlan
 from symaware_cli.study.sweep_source import SweepSource, build_cells, read_sweep, written_again
 
 #: Names in the folder.
 SWEEP, WRITTEN, IDENTITY, SCENARIO = "sweep.yaml", "as-written.yaml", "identity.json", "scenario"
 JOURNAL, TABLE, TIMES, LOGS = "journal.sqlite", "runs.parquet", "times.parquet", "logs"
-
-
-class SweepError(LogError):
-    """A folder is not what is needed, or does not fit what is asked for."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +64,7 @@ class SweepFolder:
             SweepError: The folder cannot be created.
         """
         files: dict[str, bytes] = {}
-        identity, names = _identity(source, files)
+        identity, names = identity_of(source, files)
         if path.exists() and (not path.is_dir() or any(path.iterdir())):
             raise SweepError(f"{path} is there already, and is not the folder of a sweep")
         try:
@@ -112,7 +110,7 @@ class SweepFolder:
         Raises:
             SweepError: They do not; says what differs.
         """
-        found, _ = _identity(self.source, {})
+        found, _ = identity_of(self.source, {})
         different = differences(self.identity, found)
         if different:
             raise SweepError(_listed(f"{self.path} cannot be resumed: rows would not be comparable", different))
@@ -130,7 +128,7 @@ class SweepFolder:
             if key not in ("scenario", "description") and mine[key] != other[key]
         ]
         files: dict[str, bytes] = {}
-        _identity(source, files)
+        identity_of(source, files)
         folder = self.source.scenario.parent
         for name, content in sorted(files.items()):
             kept = folder / name
@@ -171,11 +169,11 @@ def is_sweep(path: Path) -> bool:
     return (path / SWEEP).is_file() and (path / IDENTITY).is_file()
 
 
-def _identity(source: SweepSource, files: dict[str, bytes]) -> tuple[SweepIdentity, Mapping[str, bytes]]:
+def identity_of(source: SweepSource, files: dict[str, bytes]) -> tuple[SweepIdentity, Mapping[str, bytes]]:
     """Build every cell, and return what rows will be made of; collect the files of all cells.
 
     Raises:
-        ScenarioError: A cell has problems.
+        ScenarioError: A cell has problems, or the rule to stop has.
     """
     cells, specifications, resolved = [], {}, ""
     for built in build_cells(source, Catalogue()):
@@ -184,6 +182,7 @@ def _identity(source: SweepSource, files: dict[str, bytes]) -> tuple[SweepIdenti
             specifications.update(dict.fromkeys(built.document.specifications))
             resolved = resolved or built.resolved.decode()
             files.update(built.files)
+    check_rule(source.plan, list(specifications), source.problem("invalid-rule", "", ("until",)))
     return SweepIdentity(cells, list(specifications), versions(), resolved), files
 
 

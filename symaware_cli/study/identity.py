@@ -11,8 +11,9 @@ from typing import Any
 
 from symaware_cli.study.sweep_plan import SweepPlan
 
-#: What may differ where the processor is pinned: it changes no bit.
-_HARMLESS = ("Processor", "platform")
+#: What may differ where the kernels are pinned: it changes no bit. Which libraries of BLAS are loaded depends on what
+#: else the process does; their versions are those of the distributions that bring them.
+_HARMLESS = ("BLAS", "Processor", "platform")
 
 
 @dataclass(frozen=True, slots=True)

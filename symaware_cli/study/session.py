@@ -6,7 +6,7 @@ import math
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,9 +14,12 @@ from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 from symaware_cli.study import sweep_table
+from symaware_cli.study.cell_stops import CellStops
 from symaware_cli.study.executor import Blocks, Executor, LocalExecutor
-from symaware_cli.study.folder import JOURNAL, TABLE, TIMES, SweepError, SweepFolder
+from symaware_cli.study.folder import JOURNAL, TABLE, TIMES, SweepFolder
 from symaware_cli.study.row import Row
+from symaware_cli.study.statistics.interval_estimate import IntervalEstimate
+from symaware_cli.study.sweep_error import SweepError
 from symaware_cli.study.sweep_journal import Counts, SweepJournal
 from symaware_cli.study.worker_pool import WorkerPool
 
@@ -34,6 +37,7 @@ class SweepProgress:
         failed: How many failed.
         lost: How many were lost.
         rate: Runs per second since this process began; 0 before the first.
+        estimates: Tells what is known so far, with intervals that may be watched.
     """
 
     planned: int
@@ -41,6 +45,7 @@ class SweepProgress:
     failed: int
     lost: int
     rate: float
+    estimates: Callable[[], Mapping[str, IntervalEstimate]]
 
     @property
     def time_left(self) -> float:
@@ -60,6 +65,7 @@ class SweepOutcome:
         wall_time: How long that took [s].
         is_interrupted: Whether a signal ended it.
         stopped: Why it ended early, if it did.
+        rule: The rule by which runs were left out, if any were.
     """
 
     folder: Path
@@ -69,6 +75,7 @@ class SweepOutcome:
     wall_time: float
     is_interrupted: bool = False
     stopped: str | None = None
+    rule: str | None = None
 
     def to_json(self) -> dict[str, Any]:
         """Return it as plain data."""
@@ -81,6 +88,7 @@ class SweepOutcome:
             "wall_time": self.wall_time,
             "interrupted": self.is_interrupted,
             "stopped": self.stopped,
+            "until": self.rule,
         }
 
 
@@ -123,12 +131,13 @@ def conduct(
         write_table(folder, journal)
         return SweepOutcome(
             folder.path,
-            folder.plan.count,
+            session.stops.planned,
             journal.counts(),
             session.made,
             time.monotonic() - began,
             interrupted,
             session.stopped,
+            session.stops.reason,
         )
 
 
@@ -154,6 +163,9 @@ class _Session:
         self._jobs = jobs
         self._on_progress = on_progress
         self._counts = journal.counts()
+        self.stops = CellStops(folder.plan, folder.specifications)
+        for row in journal.rows():
+            self.stops.add(row)
         self._began = time.monotonic()
 
     def make_all(self, fail_fast: bool) -> None:
@@ -164,7 +176,7 @@ class _Session:
         if not missing:
             return
         blocks = Blocks(
-            (index for index in range(plan.count) if index not in known),
+            (index for index in range(plan.count) if index not in known and self.stops.wants(index)),
             missing,
             is_recorded=plan.document.keep == "all",
         )
@@ -174,6 +186,7 @@ class _Session:
                 if fail_fast and row.state == "failed":
                     self.stopped = f"run {row.index} failed: {row.error}"
                     return
+        self._journal.drop(index for index in range(plan.count) if not self.stops.wants(index))
 
     def keep_logs(self) -> None:
         """Record the runs again whose logs are kept, and forget the logs of others."""
@@ -196,6 +209,7 @@ class _Session:
     def _note(self, row: Row) -> None:
         folder = self._folder
         self._journal.add(row, folder.plan, folder.identity.of_run(folder.plan, row.index))
+        self.stops.add(row)
         self.made += 1
         counts = self._counts._asdict()
         counts[row.state] += 1
@@ -203,7 +217,10 @@ class _Session:
         if self._on_progress is not None:
             rate = self.made / (time.monotonic() - self._began)
             self._on_progress(
-                SweepProgress(folder.plan.count, self._counts.all, self._counts.failed, self._counts.lost, rate)
+                SweepProgress(
+                    *(self.stops.planned, self._counts.all, self._counts.failed, self._counts.lost, rate),
+                    self.stops.estimates,
+                )
             )
 
     @contextmanager

@@ -55,6 +55,18 @@ class SweepDocument(Section):
     paired: bool = Field(
         False, description="Whether all variants share the seed of each run, so that they differ in nothing else."
     )
+    until: str | None = Field(
+        None,
+        max_length=500,
+        description="Rule that ends the runs of each combination before `runs` of them were made, such as "
+        "`halfwidth(satisfied.safe) < 0.01`.",
+    )
+    bounds: dict[str, tuple[float, float]] = Field(
+        default_factory=dict,
+        description="The least and the greatest possible value of metrics, in their units: without them, `until` "
+        "cannot be about their means.",
+    )
+    confidence: float = Field(0.95, gt=0, lt=1, description="Confidence of the intervals that `until` is about.")
     keep: Annotated[str, AfterValidator(_kept)] = Field(
         "none",
         description="Which logs are kept: none, failed (of failed runs), worst:N (of the N runs with the least "

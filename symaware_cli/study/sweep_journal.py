@@ -123,6 +123,13 @@ class SweepJournal:
         """Take all rows in a state away, so that these runs are made again; returns how many."""
         return self._database.execute("DELETE FROM runs WHERE state = ?", (state,)).rowcount
 
+    def drop(self, indices: Iterable[int]) -> None:
+        """Take rows away that do not belong to the result, if they are there."""
+        self.commit()
+        self._database.execute("BEGIN")
+        self._database.executemany('DELETE FROM runs WHERE "index" = ?', ((index,) for index in indices))
+        self.commit()
+
     def keep_logs(self, logs: Iterable[tuple[int, str | None]]) -> None:
         """Note the log of runs, or that there is none any more."""
         self.commit()

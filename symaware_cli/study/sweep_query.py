@@ -13,7 +13,7 @@ from symaware_cli.recording.error import UnknownNameError
 from symaware_cli.specification.expression import Expression
 from symaware_cli.specification.node import Arithmetic, Comparison, Constant, Element, Junction, Name, Node, Not, Sign
 from symaware_cli.specification.token import ExpressionError
-from symaware_cli.study.folder import SweepError
+from symaware_cli.study.sweep_error import SweepError
 
 if TYPE_CHECKING:
     import pyarrow

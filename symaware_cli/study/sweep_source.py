@@ -12,7 +12,7 @@ from symaware_cli.scenario.build import Built, build
 from symaware_cli.scenario.catalogue import Catalogue
 from symaware_cli.scenario.compose import Composition
 from symaware_cli.scenario.overrides import Override
-from symaware_cli.scenario.problem import MAX_PROBLEMS, Problem, ScenarioError, quoted
+from symaware_cli.scenario.problem import MAX_PROBLEMS, Problem, ScenarioError, dotted, quoted
 from symaware_cli.scenario.resolved import dumped
 from symaware_cli.scenario.source import MappingEntry, Path, Scalar, Source, SourceNode, decode
 from symaware_cli.scenario.source_parser import read
@@ -46,6 +46,11 @@ class SweepSource:
         # What is wrong with one cell is reported with that alone.
         sources = {name: Source(name, each.raw, each.text) for name, each in self._sources.items()}
         return [self._override(change, sources) for change in cell.changes]
+
+    def problem(self, code: str, message: str, path: Path) -> Problem:
+        """Return a problem with a value of the sweep."""
+        span = self._root.nearest_span(path)
+        return Problem(code, message, span, dotted(path), source_line=self._sources[span.file].line_text(span.line))
 
     def _override(self, change: ParameterChange, sources: dict[str, Source]) -> Override:
         key = change.place[: change.place.index(change.target) + 1]
@@ -125,6 +130,12 @@ def _faults(document: SweepDocument, composition: Composition) -> Iterator[Probl
     if document.paired and len(document.variants) < 2:
         message = "there is nothing to pair"
         yield composition.problem("invalid-value", message, ("paired",), key=True, expected="at least two `variants`")
+    if document.until is not None and document.runs == 1:
+        message = "`until` ends runs early, and there is one of each combination only"
+        yield composition.problem("invalid-value", message, ("until",), key=True, expected="the most `runs`")
+    if document.until is not None and document.paired:
+        message = "paired variants have as many runs each, which `until` does not know of"
+        yield composition.problem("invalid-value", message, ("until",), key=True, expected="either of them")
     cells = cell_count(document)
     if cells > MOST_CELLS or cells * document.runs > MOST_RUNS:
         message = f"the sweep has {cells:,} combinations and {cells * document.runs:,} runs"

@@ -1,0 +1,136 @@
+"""What a sweep shows: the share of runs that satisfy each specification, and what variants differ by."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from symaware_cli.study.statistics.beta_mixture import BetaMixture
+from symaware_cli.study.statistics.interval_estimate import IntervalEstimate
+from symaware_cli.study.statistics.paired import PairedComparison, compare
+from symaware_cli.study.statistics.proportion import clopper_pearson
+from symaware_cli.study.sweep_error import SweepError
+from symaware_cli.study.sweep_plan import Cell, SweepPlan
+from symaware_cli.study.sweep_query import column
+
+if TYPE_CHECKING:
+    import pyarrow
+
+
+@dataclass(frozen=True, slots=True)
+class VerdictShare:
+    """The share of the runs of a cell that satisfy a specification; those that are undecided or failed do not.
+
+    Attributes:
+        cell: The cell.
+        specification: The name of the specification.
+        satisfied: How many runs satisfy it.
+        interval: The share with its interval.
+    """
+
+    cell: Cell
+    specification: str
+    satisfied: int
+    interval: IntervalEstimate
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        return {
+            **_of_cell(self.cell),
+            "specification": self.specification,
+            "satisfied": self.satisfied,
+            **asdict(self.interval),
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class VariantDifference:
+    """What a variant differs by from the first one, at one combination of parameters.
+
+    Attributes:
+        cell: The cell of the variant.
+        against: The name of the first variant.
+        comparison: The comparison, run by run.
+    """
+
+    cell: Cell
+    against: str
+    comparison: PairedComparison
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        return {**_of_cell(self.cell), "against": self.against, **asdict(self.comparison)}
+
+
+def shares(table: pyarrow.Table, plan: SweepPlan) -> Iterator[VerdictShare]:
+    """Yield the share of each specification in each cell.
+
+    If the number of runs was planned and all of them were made, the interval is that of Clopper and Pearson; otherwise
+    one that holds at all numbers of runs, so that it may be watched. Rows that were lost are left out.
+    """
+    names = [name.removeprefix("verdict.") for name in table.column_names if name.startswith("verdict.")]
+    index = table["index"].to_numpy()
+    counts = table["state"].to_numpy() != "lost"
+    is_planned = plan.document.until is None and int(counts.sum()) == plan.count
+    confidence = plan.document.confidence
+    for cell in plan.cells:
+        rows = counts & (index % len(plan.cells) == cell.number)
+        for name in names:
+            values = (table[f"verdict.{name}"].to_numpy()[rows] == "satisfied").astype(float)
+            satisfied = int(values.sum())
+            if is_planned:
+                interval = clopper_pearson(satisfied, len(values), confidence)
+            else:
+                sequence = BetaMixture(confidence)
+                sequence.update(values)
+                interval = sequence.estimate()
+            yield VerdictShare(cell, name, satisfied, interval)
+
+
+def differences(table: pyarrow.Table, plan: SweepPlan, name: str) -> Iterator[VariantDifference]:
+    """Yield what each variant differs by from the first one, in one column, run by run.
+
+    Args:
+        table: All rows.
+        plan: Their plan, with paired variants.
+        name: The column; of a verdict, whether it is satisfied.
+
+    Raises:
+        SweepError: Variants are not paired, or the column is not made of numbers.
+        UnknownNameError: There is no such column.
+    """
+    if not plan.document.paired:
+        raise SweepError("only paired variants are compared run by run: symaware sweep --variant ... --paired")
+    values = _numbers(table, column(table, name))
+    index = table["index"].to_numpy()
+    by_cell = []
+    for cell in plan.cells:
+        rows = index % len(plan.cells) == cell.number
+        own = np.full(plan.document.runs, np.nan)
+        own[index[rows] // len(plan.cells)] = values[rows]
+        by_cell.append(own)
+    width = len(plan.document.variants)
+    for cell in plan.cells:
+        first = plan.cells[cell.point * width]
+        if cell.number != first.number:
+            comparison = compare(by_cell[first.number], by_cell[cell.number], plan.document.confidence)
+            yield VariantDifference(cell, first.variant or "", comparison)
+
+
+def _numbers(table: pyarrow.Table, name: str) -> Any:
+    import pyarrow
+
+    found = table[name]
+    if name.startswith("verdict."):
+        texts = found.to_numpy()
+        return np.where(texts == None, np.nan, (texts == "satisfied").astype(float))  # noqa: E711 (element by element)
+    if pyarrow.types.is_string(found.type):
+        raise SweepError(f"`{name}` is not made of numbers")
+    return found.cast(pyarrow.float64()).to_numpy()
+
+
+def _of_cell(cell: Cell) -> dict[str, Any]:
+    return {**({} if cell.variant is None else {"variant": cell.variant}), **cell.parameters}
