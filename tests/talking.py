@@ -15,7 +15,7 @@ from symaware_cli.runtime.faults import ComponentSelection, Effect, Fault
 from symaware_cli.runtime.options import RunOptions
 from symaware_cli.runtime.run import run
 
-Made = TypeVar("Made", Component, GroupComponent)
+Made = TypeVar("Made", bound=Component | GroupComponent)
 
 
 class Setting(Component):

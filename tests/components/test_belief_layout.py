@@ -1,53 +1,67 @@
 """What is believed of another is its position and velocity, by name, whatever perception or message made it."""
 
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from simulating import Team, execute, simulate, simulation
 from talking import made
 
-from symaware_cli import AwarenessVector, Component, PerceptionSystem, open_log
+from symaware_cli import (
+    AwarenessDatabase,
+    AwarenessVector,
+    Component,
+    Environment,
+    GroupComponent,
+    PerceptionSystem,
+    open_log,
+)
 from symaware_cli.components.communication.broadcast import Broadcast
 from symaware_cli.components.communication.inbox import Inbox
 from symaware_cli.components.communication.state import StateSender
 from symaware_cli.components.perception import OmniscientPerception, SelfPerception
 from symaware_cli.components.perception_range import RangePerception
 from symaware_cli.components.uncertainty_gaussian import GaussianUncertainty
-from symaware_cli.core import GroupComponent
 from symaware_cli.models.integrator import DoubleIntegrator, SingleIntegrator
 from symaware_cli.models.quadrotor import Quadrotor
 from symaware_cli.models.unicycle import Unicycle
 
 
 class Drive(GroupComponent):
-    def _compute(self):
+    def _compute(self) -> NDArray[np.float64]:
         inputs = np.zeros(self._group.control_input.shape)
         inputs[:, 0] = 0.5
         return inputs
 
-    def _update(self, value):
+    def _update(self, value: NDArray[np.float64]) -> None:
         self._group.control_input = value
 
 
 class Looks(PerceptionSystem):
     """What the paper has: states by id, as the models have them."""
 
-    def _compute(self):
+    def _compute(self) -> Any:
         return {id: self.environment.snapshot().state(id) for id in self.environment.roster.ids}
 
 
 class Writes(Component):
     """Writes what it believes of others itself."""
 
-    def _compute(self):
+    def _compute(self) -> Any:
         return {id: self.environment.snapshot().motion(id) for id in self.environment.roster.ids}
 
-    def _update(self, value):
+    def _update(self, value: Any) -> None:
         for id, motion in value.items():
             if id != self._agent.id:
                 self._agent.awareness_database[id] = AwarenessVector(id, motion)
 
 
-WAYS = {
+Makers = dict[str, Callable[[], Component | GroupComponent]]
+
+WAYS: dict[str, tuple[Makers, Makers]] = {
     "omniscient": ({"see": OmniscientPerception}, {}),
     "range": ({"see": made(RangePerception, range=50.0)}, {}),
     "range and estimator": ({"see": made(RangePerception, range=50.0), "guess": GaussianUncertainty}, {}),
@@ -66,7 +80,7 @@ each_way = pytest.mark.parametrize("way", WAYS)
 each_model = pytest.mark.parametrize("model", MODELS)
 
 
-def teams(way, model):
+def teams(way: str, model: str) -> dict[str, Team]:
     watching, telling = WAYS[way]
     size = len(MODELS[model].state)
     return {
@@ -79,7 +93,7 @@ def teams(way, model):
     }
 
 
-def believed(way, model):
+def believed(way: str, model: str) -> tuple[AwarenessDatabase, Environment]:
     ready = simulation(teams(way, model))
     summary = execute(ready, 4)
     assert summary.status == "finished", summary.failure
@@ -89,7 +103,7 @@ def believed(way, model):
 
 @each_model
 @each_way
-def test_it_has_the_same_names_and_numbers_whoever_made_it(way, model):
+def test_it_has_the_same_names_and_numbers_whoever_made_it(way: str, model: str) -> None:
     (database, world), (expected, _) = believed(way, model), believed("omniscient", model)
     axes = "xyz"[: world.roster.dimensions]
     elements, right = database.elements("other"), expected.elements("other")
@@ -106,7 +120,7 @@ def test_it_has_the_same_names_and_numbers_whoever_made_it(way, model):
 
 @each_model
 @each_way
-def test_the_log_has_the_same_columns_whoever_made_it(way, model, tmp_path):
+def test_the_log_has_the_same_columns_whoever_made_it(way: str, model: str, tmp_path: Path) -> None:
     simulate(teams(way, model), 4, tmp_path / "log")
     log = open_log(tmp_path / "log")
     axes = "xyz"[: 3 if model == "quadrotor" else 2]
@@ -121,7 +135,7 @@ def test_the_log_has_the_same_columns_whoever_made_it(way, model, tmp_path):
         assert found == pytest.approx(truth.column(axis)[number], abs=0.05)
 
 
-def test_what_is_neither_a_motion_nor_a_state_is_refused_with_the_names_of_what_is():
+def test_what_is_neither_a_motion_nor_a_state_is_refused_with_the_names_of_what_is() -> None:
     ready = simulation({"robot": Team(count=2, model=Unicycle())})
     ready.initialise()
     database = ready.groups[0].agents[0].awareness_database

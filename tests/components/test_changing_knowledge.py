@@ -1,20 +1,22 @@
 """Every built-in component lives on what its agents know at each turn, whoever changes that in the middle of a run."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 import pytest
-from simulating import STEP, Team, execute, simulation
+from numpy.typing import NDArray
+from simulating import STEP, Team, execute, simulation, untyped
 from talking import Setting, made
 
-from symaware_cli import Model
+from symaware_cli import Agent, AgentGroup, Component, GroupComponent, Model
 from symaware_cli.components.perception import OmniscientPerception
 from symaware_cli.environments.kinematic import KinematicEnvironment
 from symaware_cli.models.bicycle import Bicycle
 from symaware_cli.models.integrator import SingleIntegrator
 from symaware_cli.models.quadrotor import Quadrotor
+from symaware_cli.runtime.simulation import Simulation
 from symaware_cli.runtime.timing import STEADY, Timing
 from symaware_cli.scenario.catalogue import Catalogue
 
@@ -42,7 +44,7 @@ class Case:
     state: Sequence[float] = (0.0, 0.0)
     parameters: Mapping[str, Any] = field(default_factory=dict)
 
-    def read(self, group):
+    def read(self, group: AgentGroup) -> NDArray[np.float64]:
         """Where the agents are; how fast, where it is a velocity that they know."""
         model, state = group.model, group.surroundings.environment.state(group)
         return model.velocity(state, group.control_input) if self.name == "velocity" else model.positions(state)
@@ -66,14 +68,14 @@ CASES = {
 }
 
 
-def built_in():
+def built_in() -> Iterator[tuple[str, type[Component | GroupComponent]]]:
     catalogue = Catalogue()
     for listing in catalogue.listings("component"):
         if listing.built_in:
             yield listing.name, catalogue.load("component", listing.name)
 
 
-def ready(use, change, case, count=1, timing=STEADY):
+def ready(use: str, change: Callable[..., Any], case: Case, count: int = 1, timing: Timing = STEADY) -> Simulation:
     """A run in which something that is no controller calls `change` with each agent at each turn."""
     if use == "control.mpc":
         pytest.importorskip("casadi", reason="CasADi is an extra")
@@ -94,13 +96,13 @@ def ready(use, change, case, count=1, timing=STEADY):
     time_step = 0.01 if case.name == "velocity" else STEP / 1e9
     world = KinematicEnvironment(KinematicEnvironment.Parameters(time_step=time_step))
     made_ready = simulation({"robot": team, "leader": leader}, environment=world)
-    made_ready.fired = []
-    made_ready.events.subscribe("*", made_ready.fired.append)
+    untyped(made_ready).fired = []
+    made_ready.events.subscribe("*", untyped(made_ready).fired.append)
     return made_ready
 
 
-def changing(case, at=CHANGE):
-    def change(agent):
+def changing(case: Case, at: int = CHANGE) -> Callable[..., None]:
+    def change(agent: Agent) -> None:
         environment = agent.surroundings.environment
         if agent.row == 0 and agent.surroundings.clock.now == at * environment.time_step:
             agent.self_knowledge[case.name] = case.second
@@ -108,23 +110,23 @@ def changing(case, at=CHANGE):
     return change
 
 
-def robots(simulation):
+def robots(simulation: Simulation) -> AgentGroup:
     return next(group for group in simulation.groups if group.name == "robot")
 
 
-def names(simulation, *wanted):
-    return [event.name for event in simulation.fired if event.name in wanted]
+def names(simulation: Simulation, *wanted: str) -> list[str]:
+    return [event.name for event in untyped(simulation).fired if event.name in wanted]
 
 
 each_case = pytest.mark.parametrize("use", CASES)
 
 
-def test_there_is_a_case_for_every_built_in_component_that_needs_knowledge():
+def test_there_is_a_case_for_every_built_in_component_that_needs_knowledge() -> None:
     assert {name for name, kind in built_in() if kind.knowledge} == set(CASES)
 
 
 @each_case
-def test_what_an_agent_comes_to_know_in_a_run_counts(use):
+def test_what_an_agent_comes_to_know_in_a_run_counts(use: str) -> None:
     case = CASES[use]
     one = ready(use, changing(case), case)
     summary = execute(one, case.steps)
@@ -133,7 +135,7 @@ def test_what_an_agent_comes_to_know_in_a_run_counts(use):
 
 
 @pytest.mark.parametrize("use", sorted(set(CASES) - {"control.velocity-obstacle"}))  # its agents avoid each other
-def test_what_one_agent_comes_to_know_is_nothing_to_the_others_of_its_group(use):
+def test_what_one_agent_comes_to_know_is_nothing_to_the_others_of_its_group(use: str) -> None:
     case = CASES[use]
     both, alone = ready(use, changing(case), case, count=2), ready(use, lambda agent: None, case, count=2)
     for each in (both, alone):
@@ -147,7 +149,7 @@ with_goal = pytest.mark.parametrize("use", [use for use in CASES if CASES[use].n
 
 
 @with_goal
-def test_a_goal_that_was_replaced_and_not_reached_is_not_reported_as_reached(use):
+def test_a_goal_that_was_replaced_and_not_reached_is_not_reported_as_reached(use: str) -> None:
     case = CASES[use]
     early, late = ready(use, changing(case), case), ready(use, changing(case), case)
     assert execute(early, CHANGE).goals_reached == ("robot.0",)
@@ -156,7 +158,7 @@ def test_a_goal_that_was_replaced_and_not_reached_is_not_reported_as_reached(use
 
 
 @with_goal
-def test_a_new_goal_is_reached_anew(use):
+def test_a_new_goal_is_reached_anew(use: str) -> None:
     case = CASES[use]
     one = ready(use, changing(case), case)
     assert execute(one, case.steps).goals_reached == ("robot.0",)
@@ -164,10 +166,10 @@ def test_a_new_goal_is_reached_anew(use):
 
 
 @with_goal
-def test_to_assign_the_same_goal_again_is_no_news(use):
+def test_to_assign_the_same_goal_again_is_no_news(use: str) -> None:
     case = CASES[use]
 
-    def again(agent):
+    def again(agent: Agent) -> None:
         agent.self_knowledge[case.name] = [*np.array(case.first, float).tolist()]
 
     one = ready(use, again, case)
@@ -176,7 +178,7 @@ def test_to_assign_the_same_goal_again_is_no_news(use):
 
 
 @pytest.mark.parametrize("use", [name for name, kind in built_in() if kind.knowledge and not kind.sees_world])
-def test_in_a_process_of_its_own_it_learns_of_changes_likewise(use):
+def test_in_a_process_of_its_own_it_learns_of_changes_likewise(use: str) -> None:
     case = CASES[use]
     states = []
     for timing in (STEADY, Timing(in_process=True)):
@@ -189,14 +191,15 @@ def test_in_a_process_of_its_own_it_learns_of_changes_likewise(use):
 
 @each_case
 @pytest.mark.parametrize("value", [[1.0], "nowhere", None, [[0.0, 1.0], "x"]], ids=["short", "text", "None", "mixed"])
-def test_knowledge_that_makes_no_sense_ends_the_run_with_what_is_expected(use, value):
+def test_knowledge_that_makes_no_sense_ends_the_run_with_what_is_expected(use: str, value: list[float] | str) -> None:
     case = CASES[use]
 
-    def spoil(agent):
+    def spoil(agent: Agent) -> None:
         if agent.surroundings.clock.now:
             agent.self_knowledge[case.name] = value
 
     summary = execute(ready(use, spoil, case), 3)
     assert summary.status == "failed"
+    assert summary.failure is not None
     assert f"the knowledge `{case.name}`" in summary.failure
     assert "steer" in summary.failure

@@ -1,27 +1,37 @@
 """Following: by belief, without a word."""
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from simulating import Team, execute, simulation
+from numpy.typing import NDArray
+from simulating import Team, execute, simulation, untyped
 
-from symaware_cli import Tracks
+from symaware_cli import Event, Tracks
 from symaware_cli.components.control.follow import Follow
 from symaware_cli.components.control.goal import GoToGoal
 from symaware_cli.components.perception import OmniscientPerception, SelfPerception
 from symaware_cli.models.integrator import SingleIntegrator
+from symaware_cli.models.noise import NoisyModel
 from symaware_cli.models.unicycle import Unicycle
 from symaware_cli.runtime.failure import RunError
 from symaware_cli.runtime.run import run
+from symaware_cli.runtime.simulation import Simulation
 from symaware_cli.scenario.build import build
 
 FAST = Unicycle(Unicycle.Parameters(max_speed=2.0))
 
 
-def led(offsets, goal=(50.0, 0.0), model=None, **parameters):
+def led(
+    offsets: Sequence[list[float]],
+    goal: tuple[float, float] = (50.0, 0.0),
+    model: NoisyModel | None = None,
+    **parameters: Any,
+) -> dict[str, Team]:
     """A leader at the origin that heads for its goal, and followers somewhere behind."""
     model = model or SingleIntegrator()
     rest = [0.0] * (len(model.state) - 2)
@@ -36,7 +46,7 @@ def led(offsets, goal=(50.0, 0.0), model=None, **parameters):
     return {"leader": leader, "robot": followers}
 
 
-def places_after(teams, steps):
+def places_after(teams: Mapping[str, Any], steps: int) -> tuple[NDArray[np.float64], Simulation]:
     ready = simulation(teams)
     execute(ready, steps)
     positions = ready.environment.snapshot().positions
@@ -44,19 +54,19 @@ def places_after(teams, steps):
 
 
 @pytest.mark.parametrize("model", [SingleIntegrator(), FAST], ids=lambda m: type(m).__name__)
-def test_followers_keep_their_offsets(model):
+def test_followers_keep_their_offsets(model: NoisyModel) -> None:
     apart, _ = places_after(led([[-2.0, 1.0], [-2.0, -1.0]], model=model), 400)
     assert apart == pytest.approx(np.array([[-2, 1], [-2, -1]]), abs=0.1)
 
 
-def test_an_offset_turns_with_the_motion_of_the_leader_or_stands_in_the_world():
-    north = {"goal": (0.0, 50.0)}
+def test_an_offset_turns_with_the_motion_of_the_leader_or_stands_in_the_world() -> None:
+    north: dict[str, Any] = {"goal": (0.0, 50.0)}
     assert places_after(led([[-2.0, 1.0]], **north), 400)[0] == pytest.approx(np.array([[-1, -2]]), abs=0.1)
     still = places_after(led([[-2.0, 1.0]], frame="world", **north), 400)[0]
     assert still == pytest.approx(np.array([[-2, 1]]), abs=0.1)
 
 
-def test_a_leader_that_stands_keeps_the_direction_it_came_in():
+def test_a_leader_that_stands_keeps_the_direction_it_came_in() -> None:
     apart, ready = places_after(led([[-2.0, 1.0]], goal=(0.0, 3.0)), 400)
     assert np.abs(ready.environment.snapshot().velocities).max() < 0.01
     assert apart == pytest.approx(np.array([[-1, -2]]), abs=0.05)
@@ -64,7 +74,7 @@ def test_a_leader_that_stands_keeps_the_direction_it_came_in():
 
 @settings(max_examples=30)
 @given(st.floats(-3, 3), st.floats(-3, 3), st.floats(0.5, 3.0))
-def test_a_follower_never_exceeds_its_speed(x, y, speed):
+def test_a_follower_never_exceeds_its_speed(x: float, y: float, speed: float) -> None:
     ready = simulation(led([[x, y]], speed=speed))
     fastest = []
     ready.events.subscribe("stepped", lambda _: fastest.append(np.hypot(*ready.groups[1].control_input[0])))
@@ -72,16 +82,16 @@ def test_a_follower_never_exceeds_its_speed(x, y, speed):
     assert max(fastest) <= speed * (1 + 1e-12)
 
 
-def test_the_intent_leads_to_the_place_beside_the_leader():
+def test_the_intent_leads_to_the_place_beside_the_leader() -> None:
     _, ready = places_after(led([[-2.0, 1.0]], horizon=10.0, samples=11), 100)
     intent = ready.groups[1].awareness.intent.row(0)
     leader = np.array([5.0, 0.0])  # it was at 4.95 m when the intent was made, 100 steps in
     assert intent.values[-1] == pytest.approx(leader + np.array([10.0 - 2.0, 1.0]), abs=0.1)
 
 
-def test_who_has_no_belief_about_the_leader_stops_and_says_so_once():
+def test_who_has_no_belief_about_the_leader_stops_and_says_so_once() -> None:
     teams = led([[-2.0, 1.0]])
-    teams["robot"].components["sense"] = SelfPerception
+    untyped(teams["robot"].components)["sense"] = SelfPerception
     ready = simulation(teams)
     told = []
     for name in Follow.events:
@@ -101,23 +111,24 @@ def test_who_has_no_belief_about_the_leader_stops_and_says_so_once():
     assert group.control_input[0] == pytest.approx(1.5 * np.array([1.5, 1.0]) / np.hypot(1.5, 1.0))
 
 
-def test_a_velocity_that_may_well_be_none_has_no_direction():
+def test_a_velocity_that_may_well_be_none_has_no_direction() -> None:
     ready = simulation(led([[-2.0, 0.0]], goal=(0.0, 50.0)))
     ready.initialise()
     group, steer = ready.groups[1], ready.entries[-1].components[0]
 
-    def turned_after(deviation):
+    def turned_after(deviation: float) -> list[float]:
         square = np.diag([0.01, 0.01, deviation**2, deviation**2])[None]
         leader = np.array([[-2.0, 0.0]]), np.array([[0.0, 0.3]])
         group.awareness.seen = Tracks.of(0, 1, np.array([0]), np.array([0]), *leader, covariances=square)
         steer.compute_and_update()
-        return group.control_input[0].tolist()
+        result: list[float] = group.control_input[0].tolist()
+        return result
 
     assert turned_after(0.1) == pytest.approx([0.0, 0.3])  # behind the leader is still west of it
     assert turned_after(0.05) != pytest.approx([0.0, 0.3])  # now it is south
 
 
-def test_a_leader_that_does_not_exist_is_named():
+def test_a_leader_that_does_not_exist_is_named() -> None:
     teams = led([[-2.0, 1.0]])
     del teams["leader"]
     teams["other"] = Team({}, 1)
@@ -125,14 +136,14 @@ def test_a_leader_that_does_not_exist_is_named():
         simulation(teams).initialise()
 
 
-def test_six_keep_their_places_in_a_formation_by_noisy_beliefs_alone():
+def test_six_keep_their_places_in_a_formation_by_noisy_beliefs_alone() -> None:
     built = build(Path(__file__).parents[2] / "scenarios" / "formation.yaml", [], 3)
     simulation = built.simulation
     followers = next(group for group in simulation.groups if group.name == "follower")
     offsets = followers.known("offset")
     errors = []
 
-    def look(_):
+    def look(_: Event) -> None:
         places, velocities = simulation.environment.snapshot().positions, simulation.environment.snapshot().velocities
         ahead = velocities[-1] / max(np.hypot(*velocities[-1]), 1e-9)
         turned = np.stack([offsets @ [ahead[0], -ahead[1]], offsets @ [ahead[1], ahead[0]]], axis=1)
@@ -145,7 +156,7 @@ def test_six_keep_their_places_in_a_formation_by_noisy_beliefs_alone():
     assert np.median(np.array(errors)[200:], axis=0).max() < 0.4
 
 
-def test_nobody_follows_itself():
+def test_nobody_follows_itself() -> None:
     group = Team({}, 2, knowledge=[{"offset": [0.0, 0.0]}] * 2).group("robot")
     with pytest.raises(ValueError, match="cannot follow itself"):
         Follow(Follow.Parameters(leader="robot.1")).check(group)

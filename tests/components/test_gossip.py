@@ -4,6 +4,7 @@ import numpy as np
 from simulating import STEP, Team
 from talking import Setting, Watch, made, team
 
+from symaware_cli import Agent
 from symaware_cli.components.communication.gossip import Gossip
 from symaware_cli.network.topology.fixed import Complete
 from symaware_cli.runtime.faults import Restart
@@ -11,7 +12,7 @@ from symaware_cli.runtime.timing import Timing
 
 
 class TestGossip:
-    def test_a_rumour_reaches_a_thousand_in_about_as_many_rounds_as_a_logarithm_says(self):
+    def test_a_rumour_reaches_a_thousand_in_about_as_many_rounds_as_a_logarithm_says(self) -> None:
         rounds = {}
         for count in (10, 100, 1000):
             knowledge = [{"rumour": "fire"}] + [{} for _ in range(count - 1)]
@@ -24,8 +25,8 @@ class TestGossip:
         for count, taken in rounds.items():
             assert abs(taken - (np.log2(count) + np.log(count))) < 6, rounds
 
-    def test_a_later_version_takes_the_place_of_an_earlier_one(self):
-        def change(agent):
+    def test_a_later_version_takes_the_place_of_an_earlier_one(self) -> None:
+        def change(agent: Agent) -> list[float]:
             if agent.row == 3 and agent.surroundings.clock.now == 20 * STEP:
                 agent.self_knowledge["rumour"] = "no fire"
             return [0.0, 0.0]
@@ -34,14 +35,14 @@ class TestGossip:
         watch = Watch({"robot": team(10, change, knowledge, tell=Gossip)}, Complete).run(60)
         assert {known["rumour"] for known in watch.groups["robot"].knowledge} == {"no fire"}
 
-    def test_it_gets_through_where_much_is_lost(self):
+    def test_it_gets_through_where_much_is_lost(self) -> None:
         knowledge = [{"rumour": "fire"}] + [{} for _ in range(29)]
         watch = Watch({"robot": Team({"tell": Gossip}, count=30, knowledge=knowledge)}, Complete, {"loss": 0.5})
         watch.run(60)
         assert len(watch.fired("informed")) == 29
 
-    def test_who_begins_anew_does_not_spread_old_news(self):
-        def change(agent):
+    def test_who_begins_anew_does_not_spread_old_news(self) -> None:
+        def change(agent: Agent) -> list[float]:
             if agent.id == "robot.0" and agent.surroundings.clock.now == 20 * STEP:
                 agent.self_knowledge["rumour"] = "no fire"
             return [0.0, 0.0]
@@ -52,8 +53,8 @@ class TestGossip:
         watch.fault(Restart, "robot", "tell", 21, rows=[1, 2]).run(60)
         assert {known["rumour"] for known in watch.groups["robot"].knowledge} == {"no fire"}
 
-    def test_who_begins_anew_still_spreads_its_own_news(self):
-        def change(agent):
+    def test_who_begins_anew_still_spreads_its_own_news(self) -> None:
+        def change(agent: Agent) -> list[float]:
             if agent.id == "robot.0" and agent.surroundings.clock.now == 20 * STEP:
                 agent.self_knowledge["rumour"] = "no fire"
             return [0.0, 0.0]
@@ -63,8 +64,8 @@ class TestGossip:
         watch.fault(Restart, "robot", "tell", 22, rows=[0]).run(90)
         assert {known["rumour"] for known in watch.groups["robot"].knowledge} == {"no fire"}
 
-    def test_what_one_knows_from_the_start_is_as_old_as_the_start_however_late_it_begins(self):
-        def change(agent):
+    def test_what_one_knows_from_the_start_is_as_old_as_the_start_however_late_it_begins(self) -> None:
+        def change(agent: Agent) -> None:
             if agent.surroundings.clock.now == 5 * STEP:
                 agent.self_knowledge["rumour"] = "no fire"
 
@@ -75,8 +76,8 @@ class TestGossip:
         watch = Watch(teams, Complete).run(60)
         assert {group.knowledge[0]["rumour"] for group in watch.groups.values()} == {"no fire"}
 
-    def test_a_list_that_grows_is_news_and_an_equal_number_is_not(self):
-        def write(agent):
+    def test_a_list_that_grows_is_news_and_an_equal_number_is_not(self) -> None:
+        def write(agent: Agent) -> list[float]:
             known = agent.self_knowledge
             if agent.row == 0 and agent.surroundings.clock.now == 10 * STEP:
                 known["items"] = [*known["items"], 2]

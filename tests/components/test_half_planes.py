@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 from scipy.optimize import linprog, nnls
 
 from symaware_cli.components.control.half_planes import TOLERANCE, HalfPlanes, nearest_velocity
@@ -11,13 +12,15 @@ from symaware_cli.components.control.half_planes import TOLERANCE, HalfPlanes, n
 SPEED = 1.5
 
 
-def planes(angles, limits, weights=None):
+def planes(
+    angles: NDArray[np.float64], limits: NDArray[np.float64], weights: NDArray[np.float64] | None = None
+) -> HalfPlanes:
     """One agent's constraints, from the directions of their normals."""
     angles, limits = np.atleast_2d(angles), np.atleast_2d(limits)
     return HalfPlanes(np.cos(angles), np.sin(angles), limits, None if weights is None else np.atleast_2d(weights))
 
 
-def distance_from_optimality(one, velocity, preferred):
+def distance_from_optimality(one: HalfPlanes, velocity: NDArray[np.float64], preferred: NDArray[np.float64]) -> float:
     """How far an allowed velocity is from the closest one, by the conditions of Karush, Kuhn and Tucker.
 
     What separates the closest velocity from the preferred one is a sum of normals of constraints that hold it back,
@@ -28,11 +31,11 @@ def distance_from_optimality(one, velocity, preferred):
     if np.hypot(*velocity) > SPEED - 1e-6:
         normals.append(velocity / np.hypot(*velocity))
     if not normals:
-        return np.hypot(*(preferred - velocity))
+        return float(np.hypot(*(preferred - velocity)))
     return nnls(np.stack(normals, axis=1), preferred - velocity)[1]
 
 
-def least_violation(one):
+def least_violation(one: HalfPlanes) -> float:
     """The greatest violation that cannot be helped, by linear programming, with a polygon for the greatest speed."""
     around = np.linspace(-np.pi, np.pi, 1000, endpoint=False)
     rows = np.stack([one.x[0], one.y[0], -one.weight[0]], axis=1)
@@ -40,11 +43,12 @@ def least_violation(one):
     bounds = np.concatenate([one.limit[0], np.full(len(around), SPEED)])
     found = linprog([0, 0, 1], np.concatenate([rows, disc]), bounds, bounds=(None, None), method="highs")
     assert found.status == 0
-    return found.x[2]
+    assert found.x is not None
+    return float(found.x[2])
 
 
 @pytest.mark.parametrize("count", [1, 2, 5, 12])
-def test_the_allowed_velocity_is_the_closest_to_the_preferred_one(count):
+def test_the_allowed_velocity_is_the_closest_to_the_preferred_one(count: int) -> None:
     chance = np.random.default_rng(count)
     kinds = []
     for _ in range(40):
@@ -60,7 +64,7 @@ def test_the_allowed_velocity_is_the_closest_to_the_preferred_one(count):
 
 
 @pytest.mark.parametrize("count", [2, 3, 5, 12])
-def test_where_constraints_contradict_each_other_the_greatest_violation_is_least(count):
+def test_where_constraints_contradict_each_other_the_greatest_violation_is_least(count: int) -> None:
     chance = np.random.default_rng(count)
     compared = 0
     for _ in range(40):
@@ -84,7 +88,9 @@ INSTANCES = st.tuples(
 
 
 @given(INSTANCES)
-def test_if_some_velocity_is_allowed_the_answer_is_allowed_and_at_least_as_close(instance):
+def test_if_some_velocity_is_allowed_the_answer_is_allowed_and_at_least_as_close(
+    instance: tuple[tuple[float, float], list[tuple[float, float]], tuple[float, float]],
+) -> None:
     (angle, speed), constraints, preferred = instance
     allowed = np.array([speed * np.cos(angle), speed * np.sin(angle)])
     angles = np.array([direction for direction, _ in constraints])
@@ -97,14 +103,14 @@ def test_if_some_velocity_is_allowed_the_answer_is_allowed_and_at_least_as_close
     assert np.hypot(*(velocity - preferred)) <= np.hypot(*(allowed - preferred)) + 1e-6
 
 
-def test_without_constraints_the_preferred_velocity_is_taken_or_shortened():
+def test_without_constraints_the_preferred_velocity_is_taken_or_shortened() -> None:
     free = HalfPlanes(*(np.zeros((2, 0)) for _ in range(3)))
     velocity, contradictory = nearest_velocity(free, np.array([[0.3, 0.4], [3.0, 4.0]]), 1.0)
     assert velocity == pytest.approx(np.array([[0.3, 0.4], [0.6, 0.8]]))
     assert not contradictory.any()
 
 
-def test_an_agents_answer_depends_neither_on_the_others_nor_on_padding():
+def test_an_agents_answer_depends_neither_on_the_others_nor_on_padding() -> None:
     chance = np.random.default_rng(3)
     angles, limits = chance.uniform(-np.pi, np.pi, (40, 8)), chance.uniform(-1.0, 1.0, (40, 8))
     preferred = chance.uniform(-2, 2, (40, 2))
@@ -121,7 +127,7 @@ def test_an_agents_answer_depends_neither_on_the_others_nor_on_padding():
             assert nearest_velocity(one, preferred[row : row + 1], SPEED)[0].tobytes() == together[row].tobytes()
 
 
-def test_what_weighs_less_gives_way_less():
-    head_on = planes([0.0, np.pi], [-0.5, -0.5], [0.01, 1.0])
+def test_what_weighs_less_gives_way_less() -> None:
+    head_on = planes(np.array([0.0, np.pi]), np.array([-0.5, -0.5]), np.array([0.01, 1.0]))
     velocity, _ = nearest_velocity(head_on, np.zeros((1, 2)), SPEED)
     assert velocity[0, 0] == pytest.approx(-0.5 + 0.01 / 1.01, abs=1e-6)

@@ -1,7 +1,7 @@
 """What a component computes lands later by its latency and is otherwise the same; and to compute changes nothing."""
 
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from functools import partial
@@ -9,11 +9,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from simulating import STEP, Team, execute, simulation
+from numpy.typing import NDArray
+from simulating import STEP, Team, execute, simulation, untyped
 
 from symaware_cli import Entity, Environment, GroupComponent, Model
 from symaware_cli.components.perception import OmniscientPerception
-from symaware_cli.core import Agent, AgentGroup, Parameters, Snapshot, Subscription, Surroundings, Tracks
+from symaware_cli.core import Agent, AgentGroup, Frame, Parameters, Snapshot, Subscription, Surroundings, Tracks
 from symaware_cli.environments.kinematic import KinematicEnvironment
 from symaware_cli.models.bicycle import Bicycle
 from symaware_cli.models.integrator import SingleIntegrator
@@ -22,6 +23,7 @@ from symaware_cli.models.unicycle import Unicycle
 from symaware_cli.runtime.timing import STEADY, Duration, Timing
 from symaware_cli.scenario.catalogue import Catalogue
 from symaware_cli.world.chance import AgentChance, GroupChance
+from symaware_cli.world.reading import Scan
 
 #: Steps between two turns, and what their latency is; less, so that no turn is put off.
 PERIOD, LATENCY, STEPS = 4, 2, 26
@@ -93,31 +95,31 @@ CASES = {
 class Drive(GroupComponent):
     """Moves the agents in a way of its own, whatever anybody wants, so that the world is the same in all runs."""
 
-    def _compute(self):
+    def _compute(self) -> NDArray[np.float64]:
         inputs = np.zeros(self._group.control_input.shape)
         inputs[:, 0] = 0.7 + 0.3 * np.sin(3.0 * self.time + np.arange(len(inputs)))
         inputs[:, 1] = 0.4 * np.cos(2.0 * self.time)
         return inputs
 
-    def _update(self, value):
+    def _update(self, value: NDArray[np.float64]) -> None:
         self._group.control_input = value
 
 
 class Probe(GroupComponent):
     """Takes note of all that others can see of the agents."""
 
-    def __init__(self, notes):
+    def __init__(self, notes: Sequence[Any]) -> None:
         super().__init__()
         self.notes = notes
 
-    def _compute(self):
+    def _compute(self) -> None:
         return None
 
-    def _update(self, value):
-        self.notes.append(visible(self._group))
+    def _update(self, value: Any) -> None:
+        untyped(self.notes).append(visible(self._group))
 
 
-def visible(group):
+def visible(group: AgentGroup) -> dict[str, Any]:
     awareness = group.awareness
     parts = {"state": awareness.state, "control": group.control_input, "knowledge": [dict(k) for k in group.knowledge]}
     for name in ("intent", "uncertainty", "risk"):
@@ -132,15 +134,15 @@ def visible(group):
     return {name: plain(part) for name, part in parts.items()}
 
 
-def tracks(of):
+def tracks(of: Tracks | None) -> list[Any] | None:
     return None if of is None else [getattr(of, name) for name in Tracks.__slots__]
 
 
-def vars_of(reading):
+def vars_of(reading: Frame | Scan) -> list[Any]:
     return [getattr(reading, name) for name in type(reading).__slots__]
 
 
-def plain(value):
+def plain(value: Any) -> Any:
     """A value that equals another one with the same numbers."""
     if isinstance(value, np.ndarray):
         return value.dtype.str, value.shape, value.tobytes()
@@ -167,7 +169,7 @@ SHARED = (
 )
 
 
-def contents(value, outer=()):
+def contents(value: Any, outer: tuple[int, ...] = ()) -> Any:
     """All that an object of this package consists of, as values to compare."""
     if isinstance(value, SHARED) or id(value) in outer:
         return None
@@ -187,36 +189,39 @@ def contents(value, outer=()):
     return value if isinstance(value, float | int | str | bytes | None) else id(value)
 
 
-def watching(kind):
+def watching(kind: Any) -> Any:
     """The component, which fails where its `_compute` changes anything that somebody can see, or itself."""
 
-    class Watching(kind):
-        def _everything(self):
+    class Watching(kind):  # type: ignore[misc] # whichever class that is
+        def _everything(self) -> tuple[dict[str, Any], dict[str, Any], int]:
             group = self._group if isinstance(self, GroupComponent) else self._agent.group
             own = {name: each for name, each in vars(self).items() if name != "_random"}
             return visible(group), contents(own), self._surroundings.exchange.sent
 
-        def _compute(self):
+        def _compute(self) -> NDArray[np.float64] | Snapshot | tuple[Any, Any]:
             before = self._everything()
             value = super()._compute()
             for one, other, what in zip(before, self._everything(), ("awareness", "itself", "messages"), strict=True):
                 assert one == other, f"to compute changes {what}"
-            return value
+            result: NDArray[np.float64] | Snapshot | tuple[Any, Any] = value
+            return result
 
     return Watching
 
 
-def run(use, latency):
+def run(use: str, latency: int) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """What is visible before and after the turns of a component, step by step."""
     case, catalogue = CASES[use], Catalogue()
     if use == "control.mpc":
         pytest.importorskip("casadi", reason="CasADi is an extra")
 
-    def make(name, parameters, wrap=lambda kind: kind):
+    def make(
+        name: str, parameters: Mapping[str, Any], wrap: Callable[..., Any] = lambda kind: kind
+    ) -> Callable[..., Any]:
         kind = catalogue.load("component", name)
         return partial(wrap(kind), kind.Parameters(**parameters))
 
-    notes = [], []
+    notes: tuple[list[Any], list[Any]] = [], []
     size = len(case.model.state)
     robots = Team(
         {
@@ -246,13 +251,13 @@ def run(use, latency):
     return notes
 
 
-def test_there_is_a_case_for_every_built_in_component():
+def test_there_is_a_case_for_every_built_in_component() -> None:
     catalogue = Catalogue()
     assert {each.name for each in catalogue.listings("component") if each.built_in} == set(CASES)
 
 
 @pytest.mark.parametrize("use", CASES)
-def test_a_latency_is_a_shift(use):
+def test_a_latency_is_a_shift(use: str) -> None:
     case = CASES[use]
     (before, at_once), (_, late) = run(use, 0), run(use, LATENCY)
     written = set()
@@ -264,14 +269,14 @@ def test_a_latency_is_a_shift(use):
     assert set(case.writes) <= written
 
 
-def test_a_component_knows_when_it_computed_what_it_is_to_write():
+def test_a_component_knows_when_it_computed_what_it_is_to_write() -> None:
     noted = []
 
     class Notes(GroupComponent):
-        def _compute(self):
+        def _compute(self) -> int:
             return self.now
 
-        def _update(self, value):
+        def _update(self, value: int) -> None:
             noted.append((value == self.computed_at, self.now - self.computed_at))
 
     for timing in (STEADY, Timing(latency=Duration("constant", LATENCY * STEP / 1e9), period=PERIOD * STEP)):

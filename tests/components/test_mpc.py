@@ -4,16 +4,26 @@ import gc
 import subprocess
 import sys
 import weakref
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from types import ModuleType
+from typing import Any
 
 import numpy as np
 import pytest
+from casadi.casadi import SX
+from numpy.typing import ArrayLike, NDArray
+from simulating import untyped
+
+from symaware_cli import Component, Event, GroupComponent, Model
+from symaware_cli.models.noise import NoisyModel
+from symaware_cli.runtime.run_summary import RunSummary
 
 pytest.importorskip("casadi", reason="CasADi is an extra")
 
 from simulating import Team, execute, simulation
 
-from symaware_cli import AwarenessVector, Component, Entity, Obstacle, TimeSeries, open_log
+from symaware_cli import AwarenessVector, Entity, Obstacle, TimeSeries, open_log
 from symaware_cli.components.control.mpc import ModelPredictiveControl
 from symaware_cli.components.control.risk_aware import RiskAware
 from symaware_cli.components.perception import OmniscientPerception, SelfPerception
@@ -42,22 +52,35 @@ MODELS = {
 every_model = pytest.mark.parametrize("model", MODELS.values(), ids=MODELS)
 
 
-def control(**parameters):
+def control(**parameters: Any) -> ModelPredictiveControl:
     return ModelPredictiveControl(ModelPredictiveControl.Parameters(**{**COARSE, **parameters}))
 
 
-def team(model, starts, goals, sense=OmniscientPerception, knowledge=None, **parameters):
+def team(
+    model: Model,
+    starts: Sequence[Sequence[float]],
+    goals: Sequence[Sequence[float]],
+    sense: type[GroupComponent] = OmniscientPerception,
+    knowledge: Mapping[str, Any] | None = None,
+    **parameters: Any,
+) -> Team:
     """Agents that begin somewhere, at rest or heading along x, and want to be elsewhere."""
     states = [[*start, *[0.0] * (len(model.state) - len(start))] for start in starts]
     known = [{"goal": goal, **(knowledge or {})} for goal in goals]
-    components = {"sense": sense, "steer": lambda: control(**parameters)}
+    components: dict[str, Callable[[], Component | GroupComponent]] = {
+        "sense": sense,
+        "steer": lambda: control(**parameters),
+    }
     return Team(components, len(states), states, known, model, DISC)
 
 
-def travel(teams, steps, **options):
+def travel(
+    teams: Mapping[str, Team], steps: int, **options: Any
+) -> tuple[RunSummary, list[Event], NDArray[np.float64]]:
     """Run: the summary, the events of the controllers, and where everybody was; positions (steps, N, d)."""
     ready = simulation(teams, **options)
-    events, places = [], []
+    places = []
+    events: list[Event] = []
     ready.events.subscribe("*", events.append, "agents.*")
     ready.events.subscribe("stepped", lambda _: places.append(ready.environment.snapshot().positions.copy()))
     summary = execute(ready, steps)
@@ -65,7 +88,7 @@ def travel(teams, steps, **options):
 
 
 @every_model
-def test_every_model_goes_to_its_goal_and_stays_there(model):
+def test_every_model_goes_to_its_goal_and_stays_there(model: NoisyModel) -> None:
     summary, events, places = travel({"robot": team(model, [[0.0, 0.0]], [[4.0, 1.0]])}, 200)
     assert summary.goals_reached
     assert [event.name for event in events] == ["goal-reached"]
@@ -74,12 +97,13 @@ def test_every_model_goes_to_its_goal_and_stays_there(model):
 
 
 @every_model
-def test_two_who_head_for_each_other_pass_and_arrive(model):
+def test_two_who_head_for_each_other_pass_and_arrive(model: NoisyModel) -> None:
     pair = team(model, [[-3.0, 0.0], [3.0, 0.0]], [[3.0, 0.0], [-3.0, 0.0]])
     if model.heading is not None:
-        pair.state[1][model.heading] = np.pi
+        untyped(pair.state)[1][model.heading] = np.pi
     summary, _, places = travel({"robot": pair}, 180)
     assert summary.contacts == 0
+    assert summary.minimum_separation is not None
     assert summary.minimum_separation.value > 0.0
     assert len(summary.goals_reached) == 2
     closest = min(places, key=lambda each: np.hypot(*(each[0] - each[1])))
@@ -95,7 +119,7 @@ SHAPES = {
 
 
 @pytest.mark.parametrize("shape", SHAPES.values(), ids=SHAPES)
-def test_obstacles_of_every_shape_are_passed(shape):
+def test_obstacles_of_every_shape_are_passed(shape: dict[str, Any]) -> None:
     obstacle = Obstacle.model_validate({"shape": shape, "position": [0.0, -0.2]})
     robot = team(MODELS["unicycle"], [[-3.0, 0.0]], [[3.0, 0.0]], steps=15)
     summary, _, places = travel({"robot": robot}, 220, obstacles={"thing": obstacle})
@@ -104,7 +128,7 @@ def test_obstacles_of_every_shape_are_passed(shape):
     assert np.abs(places[:, 0, 1]).max() > 0.5
 
 
-def test_an_obstacle_on_its_way_is_dodged_before_it_is_there():
+def test_an_obstacle_on_its_way_is_dodged_before_it_is_there() -> None:
     path = {"times": [0.0, 20.0], "positions": [[0.0, 5.0], [0.0, -5.0]]}
     cart = Obstacle.model_validate({"shape": {"box": {"length": 0.8, "width": 0.8}}, "path": path})
     # Alone at 1 m/s it would be at the origin after 10 s, together with the cart.
@@ -114,13 +138,13 @@ def test_an_obstacle_on_its_way_is_dodged_before_it_is_there():
     assert summary.goals_reached
 
 
-def test_who_is_not_perceived_is_not_avoided():
+def test_who_is_not_perceived_is_not_avoided() -> None:
     pair = team(MODELS["single integrator"], [[-3.0, 0.0], [3.0, 0.0]], [[3.0, 0.0], [-3.0, 0.0]], sense=SelfPerception)
     assert travel({"robot": pair}, 120)[0].contacts > 0
 
 
-def test_who_is_seen_late_is_expected_where_it_must_have_got_to():
-    def sense():
+def test_who_is_seen_late_is_expected_where_it_must_have_got_to() -> None:
+    def sense() -> RangePerception:
         return RangePerception(RangePerception.Parameters(range=20.0, delay=1.0))
 
     pair = team(MODELS["single integrator"], [[-6.0, 0.0], [0.0, -6.0]], [[6.0, 0.0], [0.0, 6.0]], margin=0.3)
@@ -133,29 +157,29 @@ def test_who_is_seen_late_is_expected_where_it_must_have_got_to():
 class Told(Component):
     """Believes that robot.1 said it would turn off upwards."""
 
-    def _compute(self):
+    def _compute(self) -> AwarenessVector:
         state = self._agent.awareness_database["robot.1"].state
         times = self.time + np.linspace(0.0, 4.0, 5)
         return AwarenessVector("robot.1", state, TimeSeries({t: [state[0], 9.0] for t in times}))
 
-    def _update(self, value):
+    def _update(self, value: AwarenessVector) -> None:
         self._agent.awareness_database["robot.1"] = value
 
 
-def test_an_intent_that_was_told_counts_more_than_a_velocity():
-    def aside(**told):
+def test_an_intent_that_was_told_counts_more_than_a_velocity() -> None:
+    def aside(**told: type[Told]) -> float:
         """How far robot.0 plans to leave the line on which both come at each other."""
         pair = team(MODELS["single integrator"], [[-1.0, 0.0], [1.0, 0.1]], [[1.0, 0.0], [-1.0, 0.1]], perturbation=0.0)
         pair.components = {"sense": OmniscientPerception, **told, "steer": pair.components["steer"]}
         ready = simulation({"robot": pair})
         execute(ready, 7)
-        return np.abs(ready.groups[0].agents[0].self_awareness.intent.values[:, 1]).max()
+        return float(np.abs(ready.groups[0].agents[0].self_awareness.intent.values[:, 1]).max())
 
     assert aside() > 0.2
     assert aside(told=Told) < 1e-3
 
 
-def test_the_plan_is_the_intent_and_what_happens_while_nothing_disturbs_it():
+def test_the_plan_is_the_intent_and_what_happens_while_nothing_disturbs_it() -> None:
     robot = team(MODELS["unicycle"], [[0.0, 0.0]], [[5.0, 2.0]], neighbours=0)
     ready = simulation({"robot": robot})
     plans, places = [], []
@@ -171,7 +195,7 @@ def test_the_plan_is_the_intent_and_what_happens_while_nothing_disturbs_it():
 
 
 @pytest.mark.parametrize("integrator", ["exact", "rk4", "euler"])
-def test_a_plan_reckons_as_the_world_does(integrator):
+def test_a_plan_reckons_as_the_world_does(integrator: str) -> None:
     parameters = KinematicEnvironment.Parameters(time_step=0.1, integrator=integrator, substeps=2)
     ready = simulation(
         {"robot": team(MODELS["bicycle"], [[0.0, 0.0]], [[2.0, 3.0]])}, environment=KinematicEnvironment(parameters)
@@ -181,7 +205,7 @@ def test_a_plan_reckons_as_the_world_does(integrator):
     assert plan.values[1] == pytest.approx(ready.environment.state(ready.groups[0])[0, :2], abs=1e-8)
 
 
-def test_waypoints_come_before_the_goal():
+def test_waypoints_come_before_the_goal() -> None:
     known = {"waypoints": [[2.0, 0.0], [2.0, 2.0]]}
     robot = team(MODELS["unicycle"], [[0.0, 0.0]], [[0.0, 2.0]], knowledge=known)
     summary, events, places = travel({"robot": robot}, 220)
@@ -195,7 +219,7 @@ def test_waypoints_come_before_the_goal():
         assert np.hypot(*(places[:, 0] - waypoint).T).min() < 0.5
 
 
-def test_a_goal_near_the_start_is_not_reached_before_the_waypoints():
+def test_a_goal_near_the_start_is_not_reached_before_the_waypoints() -> None:
     around = [[2.0, 0.0], [2.0, 2.0]]
     robot = team(MODELS["single integrator"], [[0.0, 0.0]], [[0.0, 0.05]], knowledge={"waypoints": around})
     summary, events, _ = travel({"robot": robot}, 200)
@@ -203,7 +227,7 @@ def test_a_goal_near_the_start_is_not_reached_before_the_waypoints():
     assert summary.goals_reached
 
 
-def test_a_goal_that_is_a_state_is_reached_as_a_whole_the_shorter_way_round():
+def test_a_goal_that_is_a_state_is_reached_as_a_whole_the_shorter_way_round() -> None:
     weights = {"x": 1.0, "y": 1.0, "heading": 0.5}
     robot = team(MODELS["unicycle"], [[0.0, 0.0, 3.0]], [[-3.0, 0.5, -3.0]], state_weight=weights)
     ready = simulation({"robot": robot})
@@ -212,7 +236,7 @@ def test_a_goal_that_is_a_state_is_reached_as_a_whole_the_shorter_way_round():
     assert state == pytest.approx([-3.0, 0.5, 2 * np.pi - 3.0], abs=0.1)
 
 
-def test_models_in_discrete_time_and_in_space_are_steered_too():
+def test_models_in_discrete_time_and_in_space_are_steered_too() -> None:
     given = {"state": {"x": "m", "y": "m"}, "control_input": {"a": "m", "b": "m"}}
     eye = [[1.0, 0.0], [0.0, 1.0]]
     walk = Linear(Linear.Parameters(time_step=0.05, A=eye, B=eye, max_input=0.05, **given))
@@ -224,14 +248,14 @@ def test_models_in_discrete_time_and_in_space_are_steered_too():
     assert (summary.contacts, len(summary.goals_reached)) == (0, 3)
 
 
-def test_an_aircraft_that_cannot_stop_circles():
+def test_an_aircraft_that_cannot_stop_circles() -> None:
     model = DubinsAircraft(DubinsAircraft.Parameters(min_speed=0.5, max_speed=1.0, max_turn_rate=1.0))
     _, events, places = travel({"plane": team(model, [[0.0, 0.0]], [[3.0, 1.0]])}, 300)
     assert "solver-failed" not in {event.name for event in events}
     assert np.hypot(*(places[100:, 0] - [3.0, 1.0]).T).max() < 1.5
 
 
-def test_a_solver_that_fails_is_an_event_and_the_last_plan_goes_on_until_the_agent_stops():
+def test_a_solver_that_fails_is_an_event_and_the_last_plan_goes_on_until_the_agent_stops() -> None:
     # One iteration is never enough, so there is not even a first plan.
     robot = team(MODELS["unicycle"], [[0.0, 0.0]], [[4.0, 1.0]], iterations=1)
     _, events, places = travel({"robot": robot}, 12)
@@ -244,14 +268,14 @@ def test_a_solver_that_fails_is_an_event_and_the_last_plan_goes_on_until_the_age
 class Mirage(Component):
     """After a while believes to be in the middle of the obstacle."""
 
-    def _compute(self):
+    def _compute(self) -> NDArray[np.float64] | list[float]:
         return [0.0, 0.1, 0.0] if 1.0 < self.time < 5.0 else self.environment.state(self._agent.group)[0]
 
-    def _update(self, value):
+    def _update(self, value: ArrayLike) -> None:
         self._agent.self_awareness.state = value
 
 
-def test_the_rest_of_the_last_plan_is_followed_while_there_is_no_new_one():
+def test_the_rest_of_the_last_plan_is_followed_while_there_is_no_new_one() -> None:
     pillar = Obstacle.model_validate({"shape": {"circle": {"radius": 0.7}}, "position": [0.0, 0.0]})
     robot = team(MODELS["unicycle"], [[-4.0, 3.0]], [[4.0, 3.0]], penalty=None)
     robot.components = {"sense": Mirage, "steer": robot.components["steer"]}
@@ -266,7 +290,7 @@ def test_the_rest_of_the_last_plan_is_followed_while_there_is_no_new_one():
     assert speed[110:].min() > 0.5  # and on when it sees again where it is
 
 
-def test_failures_are_in_the_log(tmp_path):
+def test_failures_are_in_the_log(tmp_path: Path) -> None:
     log = tmp_path / "run.mcap"
     execute(simulation({"robot": team(MODELS["unicycle"], [[0.0, 0.0]], [[4.0, 1.0]], iterations=1)}), 4, log)
     events = [event for event in open_log(log).events() if event.name == "solver-failed"]
@@ -274,16 +298,16 @@ def test_failures_are_in_the_log(tmp_path):
     assert events[0].data["status"] == "out of iterations"
 
 
-def test_whoever_changes_its_control_input_does_so_once_for_each_turn():
+def test_whoever_changes_its_control_input_does_so_once_for_each_turn() -> None:
     # Between two plans the input is held as it was planned, so that a brake behind it does not add up.
     model = MODELS["single integrator"]
     robot = team(model, [[0.0, 0.0]], [[9.0, 0.0]], perturbation=0.0)
 
     class Risk(Component):
-        def _compute(self):
+        def _compute(self) -> TimeSeries:
             return TimeSeries({self.time: [0.5]})
 
-        def _update(self, value):
+        def _update(self, value: TimeSeries) -> None:
             self._agent.self_awareness.risk = value
 
     brake = RiskAware.Parameters(caution=0.0, bound=1.0)
@@ -296,7 +320,7 @@ def test_whoever_changes_its_control_input_does_so_once_for_each_turn():
     assert speeds[0] > 0.3
 
 
-def choices(teams, steps=7, **options):
+def choices(teams: Mapping[str, Any], steps: int = 7, **options: Any) -> dict[str, bytes]:
     """Every bit of where everybody is after some steps, by id."""
     ready = simulation(teams, **options)
     execute(ready, steps)
@@ -304,36 +328,38 @@ def choices(teams, steps=7, **options):
     return {id: row.tobytes() for ids, rows in states for id, row in zip(ids, rows, strict=True)}
 
 
-def crowd(count, centre=0.0):
+def crowd(count: int, centre: float = 0.0) -> Team:
     chance = np.random.default_rng(5)
     places, goals = chance.uniform(-3, 3, (2, count, 2)) + centre
     return team(MODELS["single integrator"], places.tolist(), goals.tolist())
 
 
-def test_no_bit_of_a_choice_depends_on_who_is_far_away_or_on_the_order_of_groups():
+def test_no_bit_of_a_choice_depends_on_who_is_far_away_or_on_the_order_of_groups() -> None:
     alone = choices({"robot": crowd(3), "drone": crowd(1, 1.5)})
     together = choices({"cloud": crowd(2, 1000.0), "drone": crowd(1, 1.5), "robot": crowd(3)})
     assert {id: together[id] for id in alone} == alone
 
 
-def test_agents_of_a_group_share_a_solver_and_others_do_not():
+def test_agents_of_a_group_share_a_solver_and_others_do_not() -> None:
     first, second = crowd(2), crowd(2)
     second.components = {"sense": OmniscientPerception, "steer": lambda: control(margin=0.4)}
     ready = simulation({"one": first, "two": second})
     ready.initialise()
     one, two = (
-        [component._solver for component in entry.components] for entry in ready.entries if entry.name == "steer"
+        [untyped(component)._solver for component in entry.components]
+        for entry in ready.entries
+        if entry.name == "steer"
     )
     assert one[0] is one[1]
     assert two[0] is two[1]
     assert one[0] is not two[0]
 
 
-def test_solvers_and_routes_go_when_their_simulation_goes():
+def test_solvers_and_routes_go_when_their_simulation_goes() -> None:
     pillar = Obstacle.model_validate({"shape": {"circle": {"radius": 0.7}}, "position": [9.0, 0.0]})
     ready = simulation({"robot": crowd(1)}, obstacles={"pillar": pillar})
     execute(ready, 1)
-    steer = next(entry.components[0] for entry in ready.entries if entry.name == "steer")
+    steer: Any = next(entry.components[0] for entry in ready.entries if entry.name == "steer")
     held = [weakref.ref(steer._solver), weakref.ref(ready.environment), weakref.ref(ready.groups[0])]
     del ready, steer
     gc.collect()
@@ -359,7 +385,9 @@ REFUSED = {
 
 
 @pytest.mark.parametrize(("parameters", "knowledge", "said"), REFUSED.values(), ids=REFUSED)
-def test_what_does_not_fit_the_model_is_refused(parameters, knowledge, said):
+def test_what_does_not_fit_the_model_is_refused(
+    parameters: dict[str, Any], knowledge: dict[str, Any], said: str
+) -> None:
     group = Team({}, 1, [[0.0, 0.0, 0.0]], [{"goal": [1.0, 0.0], **knowledge}], Unicycle()).group("robot")
     with pytest.raises(ValueError, match=said):
         control(**parameters).check(group)
@@ -368,20 +396,20 @@ def test_what_does_not_fit_the_model_is_refused(parameters, knowledge, said):
 class Lookup(SingleIntegrator):
     """Moves by a table of numbers, which symbols cannot look up."""
 
-    def derivative(self, state, control_input, math):
+    def derivative(self, state: SX, control_input: SX, math: ModuleType) -> Any:
         return tuple((0.0, 0.5, 1.0)[int(control_input[axis])] for axis in self.position)
 
-    def successor(self, state, control_input, step, math):
+    def successor(self, state: SX, control_input: SX, step: float, math: ModuleType) -> Any:
         return None
 
 
-def test_a_model_that_is_not_for_symbols_is_refused():
+def test_a_model_that_is_not_for_symbols_is_refused() -> None:
     group = Team({}, 1, [[0.0, 0.0]], [{"goal": [1.0, 0.0]}], Lookup()).group("robot")
     with pytest.raises(ValueError, match="does not work with CasADi's symbols"):
         control().check(group)
 
 
-def test_without_casadi_a_scenario_says_which_extra_is_missing(tmp_path):
+def test_without_casadi_a_scenario_says_which_extra_is_missing(tmp_path: Path) -> None:
     script = "import sys; sys.modules['casadi'] = None; from symaware_cli.cli import main; sys.exit(main())"
     done = subprocess.run(
         [sys.executable, "-c", script, "run", str(SCENARIO), "--output", str(tmp_path / "run.mcap")],
@@ -394,7 +422,7 @@ def test_without_casadi_a_scenario_says_which_extra_is_missing(tmp_path):
     assert "symaware-cli[casadi]" in done.stderr
 
 
-def swaps(seeds, *overrides):
+def swaps(seeds: Sequence[int], *overrides: str) -> None:
     for seed in seeds:
         built = build(SCENARIO, overrides, seed)
         count = built.document.agents["robot"].count
@@ -405,11 +433,11 @@ def swaps(seeds, *overrides):
 OPEN = ("environment.entities={}", "agents.robot.components.steer.with.steps=10")
 
 
-def test_six_robots_swap_places_among_obstacles_without_a_contact():
+def test_six_robots_swap_places_among_obstacles_without_a_contact() -> None:
     swaps([12])
 
 
-def test_six_robots_swap_places_without_a_contact_with_half_the_steps():
+def test_six_robots_swap_places_without_a_contact_with_half_the_steps() -> None:
     swaps(range(2), *OPEN)
 
 
@@ -423,5 +451,5 @@ def test_six_robots_swap_places_without_a_contact_with_half_the_steps():
         "{use: double-integrator, with: {max_acceleration: 2.0}}",
     ],
 )
-def test_six_robots_swap_places_without_a_contact_whatever_the_seed_and_model(model):
+def test_six_robots_swap_places_without_a_contact_whatever_the_seed_and_model(model: Any) -> None:
     swaps(range(6), OPEN[0], f"agents.robot.model={model}")

@@ -1,11 +1,14 @@
 """Routes go around obstacles, the shortest way, and keep their distance."""
 
+from collections.abc import Mapping
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import ArrayLike, NDArray
 
 pytest.importorskip("casadi", reason="CasADi is an extra")
 
@@ -16,33 +19,33 @@ BOX = {"shape": {"box": {"length": 2.0, "width": 4.0}}, "position": [0.0, 0.0]}
 KEEP = 0.5
 
 
-def scenery(*obstacles):
+def scenery(*obstacles: Mapping[str, Any]) -> Scenery:
     return Scenery({f"thing-{n}": Obstacle.model_validate(each) for n, each in enumerate(obstacles)})
 
 
-def way(origin, target, *obstacles, keep=KEEP):
+def way(origin: ArrayLike, target: ArrayLike, *obstacles: Mapping[str, Any], keep: float = KEEP) -> NDArray[np.float64]:
     """The whole way, from the origin to the target; shape (c, 2)."""
     around = Routes(scenery(*obstacles).pieces, keep).to(np.array(target)).by_way_of(np.array(origin))
     return np.concatenate([[origin], around, [target]])
 
 
-def length(corners):
-    return np.hypot(*np.diff(corners, axis=0).T).sum()
+def length(corners: NDArray[np.float64]) -> float:
+    return float(np.hypot(*np.diff(corners, axis=0).T).sum())
 
 
-def test_the_way_is_straight_where_nothing_is_in_between():
+def test_the_way_is_straight_where_nothing_is_in_between() -> None:
     assert way([-3.0, 0.0], [3.0, 0.0]).tolist() == [[-3, 0], [3, 0]]
     assert way([-3.0, 3.0], [3.0, 3.0], BOX).tolist() == [[-3, 3], [3, 3]]
 
 
-def test_the_way_around_a_box_passes_its_nearer_corners():
+def test_the_way_around_a_box_passes_its_nearer_corners() -> None:
     corners = way([-3.0, 0.1], [3.0, 0.1], BOX)
     reach = 1.05 * KEEP
     assert corners[1:-1] == pytest.approx(np.array([[-1 - reach, 2 + reach], [1 + reach, 2 + reach]]))
     assert way([-3.0, -0.1], [3.0, -0.1], BOX)[1:-1, 1] == pytest.approx(-2 - reach)
 
 
-def test_a_disc_is_passed_on_a_polygon_around_it():
+def test_a_disc_is_passed_on_a_polygon_around_it() -> None:
     disc = {"shape": {"circle": {"radius": 1.0}}, "position": [0.0, 0.0]}
     corners = way([-4.0, 0.2], [4.0, 0.2], disc)
     # The shortest way along a circle of this radius: two tangents, and an arc.
@@ -54,7 +57,7 @@ def test_a_disc_is_passed_on_a_polygon_around_it():
 
 
 @pytest.mark.parametrize(("gap", "through"), [(1.2, True), (0.8, False)])
-def test_only_gaps_that_are_wide_enough_are_gone_through(gap, through):
+def test_only_gaps_that_are_wide_enough_are_gone_through(gap: float, through: bool) -> None:
     walls = [
         {"shape": {"wall": {"points": [[0.0, sign * (gap + 0.1) / 2], [0.0, sign * 6.0]], "thickness": 0.1}}}
         for sign in (1.0, -1.0)
@@ -63,7 +66,7 @@ def test_only_gaps_that_are_wide_enough_are_gone_through(gap, through):
     assert bool(np.abs(corners[:, 1]).max() < 1.0) is through
 
 
-def test_a_maze_is_left_by_its_only_way():
+def test_a_maze_is_left_by_its_only_way() -> None:
     maze = {"shape": {"wall": {"points": [[-2, 2], [2, 2], [2, -2], [-2, -2], [-2, 0.9]], "thickness": 0.1}}}
     # Its opening is at the upper left, 1.05 m wide.
     corners = way([0.0, 0.0], [5.0, 0.0], maze, keep=0.4)
@@ -72,13 +75,13 @@ def test_a_maze_is_left_by_its_only_way():
     assert length(corners) > 10.0
 
 
-def test_where_there_is_no_way_none_is_given():
+def test_where_there_is_no_way_none_is_given() -> None:
     closed = {"shape": {"wall": {"points": [[-2, 2], [2, 2], [2, -2], [-2, -2], [-2, 2]], "thickness": 0.1}}}
     assert len(way([0.0, 0.0], [5.0, 0.0], closed)) == 2
     assert len(way([0.0, 0.0], [5.0, 0.0], BOX)) == 2  # from inside
 
 
-def test_nothing_is_planned_among_too_many_pieces():
+def test_nothing_is_planned_among_too_many_pieces() -> None:
     many = [{**BOX, "position": [0.0, 5.0 * n]} for n in range(51)]
     assert len(way([-3.0, 0.1], [3.0, 0.1], *many)) == 2
     assert len(way([-3.0, 0.1], [3.0, 0.1], *many[:50])) == 4
@@ -100,7 +103,7 @@ THINGS = st.builds(
 
 @given(st.lists(THINGS, max_size=5))
 @settings(max_examples=40)
-def test_whoever_follows_a_route_keeps_its_distance(things):
+def test_whoever_follows_a_route_keeps_its_distance(things: list[dict[str, Any]]) -> None:
     origin, target = np.array([-6.0, 0.3]), np.array([6.0, -0.2])
     corners = way(origin, target, *things)
     whole = scenery(*things)

@@ -1,63 +1,76 @@
 """Perception with a range, a field of view, walls, errors, a delay and gaps, against geometry by brute force."""
 
 import math
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from simulating import STEP, Team, simulation
+from numpy.typing import NDArray
+from simulating import STEP, Team, present, simulation
 
-from symaware_cli import Entity, Obstacle
+from symaware_cli import AgentGroup, Entity, Obstacle
 from symaware_cli.components.perception_range import RangePerception
+from symaware_cli.environments.column_environment import ColumnEnvironment
 from symaware_cli.models.integrator import SingleIntegrator
 from symaware_cli.models.unicycle import Unicycle
+from symaware_cli.runtime.simulation import Simulation
 
 
-def sense(**parameters):
+def sense(**parameters: Any) -> dict[str, Callable[..., Any]]:
     return {"sense": lambda: RangePerception(RangePerception.Parameters(**parameters))}
 
 
-def begun(teams, **options):
+def begun(teams: Mapping[str, Any], **options: Any) -> Simulation:
     """A simulation whose components have taken up their work."""
     ready = simulation(teams, **options)
     ready.initialise()
     return ready
 
 
-def turn(ready):
+def turn(ready: Simulation) -> None:
     for entry in ready.entries:
         for component in entry.components:
             component.compute_and_update()
 
 
-def step(ready):
+def step(ready: Simulation) -> None:
     ready.environment.step()
     ready.clock.now += ready.environment.time_step
 
 
-def group_of(ready, name="robot"):
+def group_of(ready: Simulation, name: str = "robot") -> AgentGroup:
     return next(group for group in ready.groups if group.name == name)
 
 
-def seen_by(group):
+def seen_by(group: AgentGroup) -> set[tuple[int, int]]:
     """Whom each agent of a group sees: pairs of a row and an index in the roster."""
     tracks = group.awareness.tracks
+    assert tracks is not None
     return set(zip(tracks.observers.tolist(), tracks.others.tolist(), strict=True))
 
 
 # --- whom one sees ----------------------------------------------------------------------------------------------------
 
 
-def distance_to_segment(point, one, other):
+def distance_to_segment(point: NDArray[np.float64], one: NDArray[np.float64], other: NDArray[np.float64]) -> float:
     along = other - one
     length = along @ along
     share = np.clip((point - one) @ along / length, 0.0, 1.0) if length else 0.0
-    return np.linalg.norm(one + share * along - point)
+    return float(np.linalg.norm(one + share * along - point))
 
 
-def is_cut_by_box(one, other, centre, heading, extent):
+def is_cut_by_box(
+    one: NDArray[np.float64],
+    other: NDArray[np.float64],
+    centre: tuple[float, float],
+    heading: float,
+    extent: NDArray[np.float64],
+) -> int:
     """Whether a segment passes through the inside of a box, by clipping it (Liang and Barsky, 1984)."""
     turn_back = np.array([[np.cos(heading), np.sin(heading)], [-np.sin(heading), np.cos(heading)]])
     one, other = turn_back @ (one - centre), turn_back @ (other - centre)
@@ -74,7 +87,7 @@ def is_cut_by_box(one, other, centre, heading, extent):
 
 
 @st.composite
-def scenes(draw):
+def scenes(draw: Callable[..., Any]) -> dict[str, Any]:
     seed = draw(st.integers(0, 2**32 - 1))
     chance = np.random.default_rng(seed)
     count = draw(st.sampled_from([1, 2, 5, 30, 80]))
@@ -89,7 +102,9 @@ def scenes(draw):
     }
 
 
-def brute_force(scene, positions, row, index):
+def brute_force(
+    scene: Mapping[str, Any], positions: NDArray[np.float64], row: int, index: int
+) -> tuple[np.bool_, np.bool_]:
     """Whether an agent sees another, and whether rounding might see it otherwise."""
     one, other, heading = positions[row], positions[index], scene["state"][row, 2]
     away = other - one
@@ -112,7 +127,7 @@ def brute_force(scene, positions, row, index):
 
 @given(scenes())
 @settings(max_examples=60)
-def test_an_agent_sees_whom_geometry_says_and_nobody_else(scene):
+def test_an_agent_sees_whom_geometry_says_and_nobody_else(scene: dict[str, Any]) -> None:
     obstacles = {
         **{
             f"circle{number}": Obstacle(shape={"circle": {"radius": radius}}, position=(x, y))
@@ -154,7 +169,7 @@ def test_an_agent_sees_whom_geometry_says_and_nobody_else(scene):
 
 @given(st.integers(0, 2**32 - 1), st.floats(0.5, 6.0))
 @settings(max_examples=25)
-def test_what_is_seen_without_errors_is_the_truth(seed, reach):
+def test_what_is_seen_without_errors_is_the_truth(seed: int, reach: float) -> None:
     chance = np.random.default_rng(seed)
     state = chance.uniform(0, 5, (20, 2))
     ready = begun({"robot": Team(sense(range=reach), count=20, state=state.tolist())})
@@ -164,41 +179,46 @@ def test_what_is_seen_without_errors_is_the_truth(seed, reach):
     turn(ready)
     world, awareness = ready.environment.snapshot(), group.awareness
     assert np.array_equal(awareness.state, world.states[0])
+    assert awareness.tracks is not None
     assert np.array_equal(awareness.tracks.positions, world.positions[awareness.tracks.others])
     assert np.array_equal(awareness.tracks.velocities, world.velocities[awareness.tracks.others])
     assert not awareness.tracks.ages.any()
+    assert awareness.observation is not None
     assert awareness.observation.tracks is awareness.tracks
     assert awareness.observation.time == awareness.tracks.time == ready.clock.now
 
 
-def test_nothing_that_is_seen_shares_memory_with_the_world():
+def test_nothing_that_is_seen_shares_memory_with_the_world() -> None:
     ready = begun({"robot": Team(sense(range=5.0), count=3)})
     turn(ready)
     world, awareness = ready.environment.snapshot(), group_of(ready).awareness
+    assert awareness.observation is not None
+    assert awareness.tracks is not None
     for own in (awareness.state, awareness.observation.state, awareness.tracks.positions, awareness.tracks.velocities):
+        assert own is not None
         assert not own.flags.writeable
         for theirs in (world.states[0], world.positions, world.velocities):
             assert not np.shares_memory(own, theirs)
 
 
-def test_who_is_out_of_sight_is_forgotten_at_once():
+def test_who_is_out_of_sight_is_forgotten_at_once() -> None:
     still = Team(sense(range=1.0), state=[[0.0, 0.0]])
     ready = begun({"robot": still, "visitor": Team(state=[[0.9, 0.0]])})
     turn(ready)
-    assert len(group_of(ready).awareness.tracks) == 1
+    assert len(present(group_of(ready).awareness.tracks)) == 1
     group_of(ready, "visitor").control_input = [[10.0, 0.0]]
     step(ready)
     turn(ready)
-    assert len(group_of(ready).awareness.tracks) == 0
+    assert len(present(group_of(ready).awareness.tracks)) == 0
 
 
-def test_agents_of_the_plane_and_of_space_see_each_other():
+def test_agents_of_the_plane_and_of_space_see_each_other() -> None:
     plane = Team(sense(range=4.0), count=2, state=[[0, 0], [1, 0]])
     space = Team(sense(range=4.0), state=[[0, 0, 3]], model=SingleIntegrator(SingleIntegrator.Parameters(dimensions=3)))
     ready = begun({"robot": plane, "drone": space})
     turn(ready)
-    assert group_of(ready).awareness.tracks.positions.tolist() == [[0, 0, 3], [1, 0, 0], [0, 0, 3], [0, 0, 0]]
-    assert group_of(ready, "drone").awareness.tracks.positions.tolist() == [[0, 0, 0], [1, 0, 0]]
+    assert present(group_of(ready).awareness.tracks).positions.tolist() == [[0, 0, 3], [1, 0, 0], [0, 0, 3], [0, 0, 0]]
+    assert present(group_of(ready, "drone").awareness.tracks).positions.tolist() == [[0, 0, 0], [1, 0, 0]]
     # Of those in sight, the ones within reach; the drone is sqrt(10) m away from the second robot.
     assert len(group_of(ready).others(3.0)) == 3
 
@@ -206,29 +226,31 @@ def test_agents_of_the_plane_and_of_space_see_each_other():
 # --- errors -----------------------------------------------------------------------------------------------------------
 
 
-def crowd(count, **parameters):
+def crowd(count: int, **parameters: Any) -> Simulation:
     """Agents in one place, all in sight of each other."""
     return begun({"robot": Team(sense(range=1.0, **parameters), count=count, state=[[0.5, -0.5]] * count)})
 
 
-def is_normal(errors, deviation):
+def is_normal(errors: NDArray[np.float64], deviation: float) -> np.bool_:
     """Whether many errors may well be normal with a mean of zero; each bound is off by chance once in 15,000 times."""
     errors = errors.ravel() / deviation
     count = len(errors)
     # Standard errors of mean, variance and fourth moment of a normal distribution: 1, 2 and 96 over the count.
-    return (
+    result: np.bool_ = (
         abs(errors.mean()) < 4 / math.sqrt(count)
         and abs((errors**2).mean() - 1) < 4 * math.sqrt(2 / count)
         and abs((errors**4).mean() - 3) < 4 * math.sqrt(96 / count)
     )
+    return result
 
 
-def test_errors_are_normal_and_independent_of_each_other_with_the_deviations_given():
+def test_errors_are_normal_and_independent_of_each_other_with_the_deviations_given() -> None:
     ready = crowd(60, position_noise=0.2, velocity_noise=0.03, self_noise=(0.1, 0.0))
     awareness = group_of(ready).awareness
     parts = []
     for _ in range(20):
         turn(ready)
+        assert awareness.tracks is not None
         parts.append(np.hstack([awareness.tracks.positions - (0.5, -0.5), awareness.tracks.velocities]))
         assert (awareness.state[:, 1] == -0.5).all()
     errors = np.concatenate(parts)
@@ -242,7 +264,7 @@ def test_errors_are_normal_and_independent_of_each_other_with_the_deviations_giv
     assert abs(follow) < 4 / math.sqrt(19 * 60 * 59)
 
 
-def test_errors_of_the_own_state_are_normal_with_the_deviation_of_each_element():
+def test_errors_of_the_own_state_are_normal_with_the_deviation_of_each_element() -> None:
     team = Team(sense(range=1.0, self_noise=[0.3, 0.02, 0.1]), count=100, model=Unicycle())
     ready = begun({"robot": team})
     group = group_of(ready)
@@ -252,22 +274,23 @@ def test_errors_of_the_own_state_are_normal_with_the_deviation_of_each_element()
         errors.append(group.awareness.state - group.initial_state)
     for element, deviation in enumerate((0.3, 0.02, 0.1)):
         assert is_normal(np.array(errors)[:, :, element], deviation)
+    assert group.awareness.observation is not None
     assert group.awareness.observation.state_deviation.tolist() == [0.3, 0.02, 0.1]
 
 
-def test_one_number_is_the_deviation_of_every_element():
+def test_one_number_is_the_deviation_of_every_element() -> None:
     ready = crowd(2, self_noise=0.4)
     turn(ready)
-    assert group_of(ready).awareness.observation.state_deviation.tolist() == [0.4, 0.4]
+    assert present(group_of(ready).awareness.observation).state_deviation.tolist() == [0.4, 0.4]
 
 
 @pytest.mark.parametrize("dropout", [0.0, 0.1, 0.5, 0.9, 1.0])
-def test_as_many_are_missed_as_the_dropout_says(dropout):
+def test_as_many_are_missed_as_the_dropout_says(dropout: float) -> None:
     ready = crowd(50, dropout=dropout)
     seen, turns, possible = 0, 20, 50 * 49
     for _ in range(turns):
         turn(ready)
-        seen += len(group_of(ready).awareness.tracks)
+        seen += len(present(group_of(ready).awareness.tracks))
     missed = 1 - seen / (turns * possible)
     assert abs(missed - dropout) <= 4 * math.sqrt(dropout * (1 - dropout) / (turns * possible))
 
@@ -284,7 +307,9 @@ NOISY = {
 }
 
 
-def perceived(teams, steps=6, groups=("robot", "other")):
+def perceived(
+    teams: Mapping[str, Any], steps: int = 6, groups: tuple[str, str] = ("robot", "other")
+) -> list[tuple[bytes, list[tuple[Any, Any]], bytes, bytes]]:
     """What the groups that matter perceive over a few steps, by id, as bytes."""
     ready = begun(teams)
     roster, told = ready.environment.roster, []
@@ -293,12 +318,13 @@ def perceived(teams, steps=6, groups=("robot", "other")):
         for name in groups:
             awareness = group_of(ready, name).awareness
             tracks = awareness.tracks
+            assert tracks is not None
             told.append(
                 (
                     awareness.state[:6].tobytes(),
                     [
                         (row, roster.ids[other])
-                        for row, other in zip(tracks.observers, tracks.others, strict=True)
+                        for row, other in zip(present(tracks).observers, present(tracks).others, strict=True)
                         if row < 6
                     ],
                     tracks.positions[tracks.observers < 6].tobytes(),
@@ -311,14 +337,14 @@ def perceived(teams, steps=6, groups=("robot", "other")):
 
 
 @pytest.fixture
-def neighbours():
+def neighbours() -> dict[str, Team]:
     chance = np.random.default_rng(3)
     state = np.column_stack([chance.uniform(0, 5, (12, 2)), chance.uniform(-3, 3, 12)]).tolist()
     robots = Team(sense(**NOISY), count=6, state=state[:6], model=Unicycle())
     return {"robot": robots, "other": replace(robots, state=state[6:])}
 
 
-def test_agents_far_away_change_nothing_for_anybody(neighbours):
+def test_agents_far_away_change_nothing_for_anybody(neighbours: dict[str, Any]) -> None:
     expected = perceived(neighbours)
     far = [[1000.0, 1000.0, 0.0], [1001.0, 1000.0, 0.0]]
     more = replace(neighbours["robot"], count=8, state=[*neighbours["robot"].state, *far])
@@ -330,11 +356,11 @@ def test_agents_far_away_change_nothing_for_anybody(neighbours):
     assert perceived({**neighbours, "many": many}) == expected
 
 
-def test_the_order_of_groups_changes_nothing(neighbours):
+def test_the_order_of_groups_changes_nothing(neighbours: dict[str, Any]) -> None:
     assert perceived(dict(reversed(neighbours.items()))) == perceived(neighbours)
 
 
-def test_a_visitor_changes_nothing_for_those_who_do_not_see_it(neighbours):
+def test_a_visitor_changes_nothing_for_those_who_do_not_see_it(neighbours: dict[str, Any]) -> None:
     state = np.array([*neighbours["robot"].state, *neighbours["other"].state])
     state[:, :2] *= 100
     spread = {
@@ -356,7 +382,7 @@ def test_a_visitor_changes_nothing_for_those_who_do_not_see_it(neighbours):
 
 @given(st.integers(0, 7), st.floats(-0.49, 0.49), st.integers(0, 2**32 - 1))
 @settings(max_examples=20)
-def test_what_is_seen_late_is_the_world_of_then_to_the_bit(steps, odd, seed):
+def test_what_is_seen_late_is_the_world_of_then_to_the_bit(steps: int, odd: float, seed: int) -> None:
     assume(steps + odd >= 0)
     chance = np.random.default_rng(seed)
     team = Team(
@@ -368,13 +394,17 @@ def test_what_is_seen_late_is_the_world_of_then_to_the_bit(steps, odd, seed):
         past.append(ready.environment.snapshot())
         turn(ready)
         observation = group.awareness.observation
+        assert observation is not None
         assert observation.time == ready.clock.now - steps * STEP
         if number < steps:
+            assert observation is not None
             assert observation.state is None
+            assert group.awareness.tracks is not None
             assert len(group.awareness.tracks) == 0
             assert np.array_equal(group.awareness.state, group.initial_state)
         else:
             then, tracks = past[number - steps], group.awareness.tracks
+            assert tracks is not None
             assert then.time == observation.time == tracks.time
             assert np.array_equal(group.awareness.state, then.states[0])
             apart = np.linalg.norm(then.positions[:, None] - then.positions[None], axis=2)
@@ -386,7 +416,7 @@ def test_what_is_seen_late_is_the_world_of_then_to_the_bit(steps, odd, seed):
         step(ready)
 
 
-def test_a_moving_wall_hides_whom_it_hid_then():
+def test_a_moving_wall_hides_whom_it_hid_then() -> None:
     path = {"times": [0.0, 5 * STEP / 1e9], "positions": [[0.0, 10.0], [0.0, 0.0]]}
     wall = Obstacle(shape={"box": {"length": 0.2, "width": 1.0}}, path=path)
     pair = Team(sense(range=9.0, occlusion=True, delay=3 * STEP / 1e9), count=2, state=[[-2, 0], [2, 0]])
@@ -394,29 +424,34 @@ def test_a_moving_wall_hides_whom_it_hid_then():
     seen = []
     for _ in range(12):
         turn(ready)
-        seen.append(len(group_of(ready).awareness.tracks))
+        seen.append(len(present(group_of(ready).awareness.tracks)))
         step(ready)
     # The wall is between them from the fifth step on, which is seen three steps later; before there is nothing to see.
     assert seen == [0] * 3 + [2] * 5 + [0] * 4
 
 
-def test_without_occlusion_walls_hide_nobody():
+def test_without_occlusion_walls_hide_nobody() -> None:
     wall = Obstacle(shape={"box": {"length": 0.2, "width": 9.0}}, position=(0, 0))
     ready = begun({"robot": Team(sense(range=9.0), count=2, state=[[-2, 0], [2, 0]])}, obstacles={"wall": wall})
     turn(ready)
-    assert len(group_of(ready).awareness.tracks) == 2
+    assert len(present(group_of(ready).awareness.tracks)) == 2
 
 
 # --- in every world ---------------------------------------------------------------------------------------------------
 
 
-def world(use):
+def world(use: str) -> ColumnEnvironment:
     from symaware_cli.environments.kinematic import KinematicEnvironment
     from symaware_cli.environments.planar import PymunkEnvironment
     from symaware_cli.environments.spatial import PyBulletEnvironment
 
-    made = {"kinematic": KinematicEnvironment, "pymunk": PymunkEnvironment, "pybullet": PyBulletEnvironment}[use]
-    return made(made.Parameters(time_step=STEP / 1e9))
+    worlds: dict[str, Any] = {
+        "kinematic": KinematicEnvironment,
+        "pymunk": PymunkEnvironment,
+        "pybullet": PyBulletEnvironment,
+    }
+    environment: ColumnEnvironment = worlds[use](worlds[use].Parameters(time_step=STEP / 1e9))
+    return environment
 
 
 every_world = pytest.mark.parametrize("use", ["kinematic", "pymunk", "pybullet"])
@@ -425,7 +460,7 @@ BODY = Entity(shape={"cylinder": {"radius": 0.2, "height": 1.0}}, mass=1.0)
 
 
 @every_world
-def test_what_stands_between_two_hides_them_from_each_other_whatever_the_world(use):
+def test_what_stands_between_two_hides_them_from_each_other_whatever_the_world(use: str) -> None:
     things = {
         "disc": {"shape": {"cylinder": {"radius": 0.5, "height": 2.0}}, "position": [0, 0]},
         "box": {"shape": {"box": {"length": 1, "width": 1, "height": 2}}, "position": [0, 4], "heading": math.pi / 4},
@@ -456,7 +491,7 @@ def test_what_stands_between_two_hides_them_from_each_other_whatever_the_world(u
         ({"shape": {"mesh": {"file": "cube.obj", "radius": 2.0}}, "position": [0, 0.7, 0.0]}, False),
     ],
 )
-def test_in_space_things_hide_by_their_very_shape(thing, hides, tmp_path):
+def test_in_space_things_hide_by_their_very_shape(thing: dict[str, Any], hides: bool, tmp_path: Path) -> None:
     corners = [f"v {x} {y} {z}" for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)]
     faces = ["1 2 4 3", "5 7 8 6", "1 5 6 2", "3 4 8 7", "1 3 7 5", "2 6 8 4"]
     (tmp_path / "cube.obj").write_text("\n".join(corners + [f"f {each}" for each in faces]))
@@ -470,9 +505,9 @@ def test_in_space_things_hide_by_their_very_shape(thing, hides, tmp_path):
 
 
 @every_world
-def test_what_was_moved_hides_where_it_is_now(use):
+def test_what_was_moved_hides_where_it_is_now(use: str) -> None:
     """In the physics worlds the bulldozer pushes the crate out of the way; elsewhere it goes by itself."""
-    crate = {"shape": {"box": {"length": 0.5, "width": 0.5, "height": 1.0}}}
+    crate: dict[str, Any] = {"shape": {"box": {"length": 0.5, "width": 0.5, "height": 1.0}}}
     if use == "kinematic":
         crate |= {"path": {"times": [0, 2], "positions": [[0, 0], [0, 2]]}}
     else:
@@ -491,7 +526,7 @@ def test_what_was_moved_hides_where_it_is_now(use):
         assert (0, 1) in pairs_of(ready)
 
 
-def pairs_of(ready):
+def pairs_of(ready: Simulation) -> set[tuple[int, int]]:
     """Which watchers see each other."""
     ids = ready.environment.roster.ids
     return {(row, int(ids[other][-1])) for row, other in seen_by(group_of(ready)) if ids[other].startswith("robot")}
@@ -500,7 +535,7 @@ def pairs_of(ready):
 # --- what does not go together ----------------------------------------------------------------------------------------
 
 
-def test_a_field_of_view_needs_a_heading():
+def test_a_field_of_view_needs_a_heading() -> None:
     group = Team().group("robot")
     with pytest.raises(ValueError, match="`field_of_view` needs a model with a heading"):
         RangePerception(RangePerception.Parameters(range=1.0, field_of_view=1.0)).check(group)
@@ -510,7 +545,7 @@ def test_a_field_of_view_needs_a_heading():
     )
 
 
-def test_a_list_of_deviations_fits_the_state():
+def test_a_list_of_deviations_fits_the_state() -> None:
     with pytest.raises(ValueError, match="`self_noise` is a list of 3, and the state has 2 elements: x, y"):
         RangePerception(RangePerception.Parameters(range=1.0, self_noise=[1, 2, 3])).check(Team().group("robot"))
 
@@ -522,7 +557,7 @@ def test_a_list_of_deviations_fits_the_state():
     ("height", "delay", "seen"),
     [(0.5, 0.0, False), (2.0, 0.0, True), (2.0, STEP / 1e9, True), (0.5, STEP / 1e9, False)],
 )
-def test_in_space_one_sees_over_a_wall_and_not_through_it(height, delay, seen):
+def test_in_space_one_sees_over_a_wall_and_not_through_it(height: float, delay: float, seen: bool) -> None:
     from symaware_cli.environments.spatial import PyBulletEnvironment
 
     model = SingleIntegrator(SingleIntegrator.Parameters(dimensions=3))
@@ -538,7 +573,7 @@ def test_in_space_one_sees_over_a_wall_and_not_through_it(height, delay, seen):
         assert bool(seen_by(group_of(ready))) == seen
 
 
-def test_a_line_that_dips_behind_a_wall_is_cut_only_where_it_is_low():
+def test_a_line_that_dips_behind_a_wall_is_cut_only_where_it_is_low() -> None:
     from symaware_cli.geometry.scenery import HeightRange, Scenery
 
     wall = Obstacle.model_validate({"shape": {"box": {"length": 0.2, "width": 6.0}}, "position": [0, 0]})

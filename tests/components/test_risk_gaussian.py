@@ -14,13 +14,13 @@ from symaware_cli.geometry.pieces import Pieces
 seeds = st.integers(0, 2**32 - 1)
 
 
-def box(x, y, *, low=(0.0, 0.0)):
+def box(x: float, y: float, *, low: tuple[float, float] = (0.0, 0.0)) -> Pieces:
     return Pieces.of([([low, (x, low[1]), (x, y), (low[0], y)], 0.0)])
 
 
 @settings(max_examples=60)
 @given(seeds, st.floats(0, 6.3))
-def test_the_probability_of_a_box_is_what_two_normals_say(seed, turn):
+def test_the_probability_of_a_box_is_what_two_normals_say(seed: int, turn: float) -> None:
     random = np.random.default_rng(seed)
     low, size = random.uniform(-2, 1, 2), random.uniform(0.1, 3, 2)
     deviations = 10.0 ** random.uniform(-4, 1, 2)
@@ -35,7 +35,7 @@ def test_the_probability_of_a_box_is_what_two_normals_say(seed, turn):
 
 @settings(max_examples=40)
 @given(seeds)
-def test_the_probability_of_a_polygon_is_the_sum_of_those_of_its_halves(seed):
+def test_the_probability_of_a_polygon_is_the_sum_of_those_of_its_halves(seed: int) -> None:
     random = np.random.default_rng(seed)
     corners = random_core(random, 6, 2.0)
     square = random.normal(size=(2, 2))
@@ -45,7 +45,7 @@ def test_the_probability_of_a_polygon_is_the_sum_of_those_of_its_halves(seed):
     assert sum(halves) == pytest.approx(whole, abs=1e-12)
 
 
-def test_where_nothing_is_uncertain_the_probability_is_one_inside_and_none_outside():
+def test_where_nothing_is_uncertain_the_probability_is_one_inside_and_none_outside() -> None:
     polygon = overlap_region(box(1, 1), box(0.5, 0.2), np.array([[3.0, 0.0]]))
     nothing = np.zeros((1, 2, 2))
     assert polygon_probability(np.array([[0.5, 0.5]]), nothing, polygon) == [1.0]
@@ -55,7 +55,7 @@ def test_where_nothing_is_uncertain_the_probability_is_one_inside_and_none_outsi
 
 
 @pytest.mark.parametrize("correlation", [-0.999, -0.5, 0.0, 0.3, 0.99999])
-def test_the_probability_of_a_quadrant_is_that_of_scipy(correlation):
+def test_the_probability_of_a_quadrant_is_that_of_scipy(correlation: float) -> None:
     values = np.array([-3.0, -0.7, 0.0, 1e-9, 0.4, 2.5])
     one, other = (each.ravel() for each in np.meshgrid(values, values))
     found = _below_both(one, other, np.full(len(one), correlation))
@@ -63,7 +63,7 @@ def test_the_probability_of_a_quadrant_is_that_of_scipy(correlation):
     np.testing.assert_allclose(found, exact, atol=1e-6)
 
 
-def test_a_band_is_crossed_as_often_as_sampling_finds():
+def test_a_band_is_crossed_as_often_as_sampling_finds() -> None:
     random = np.random.default_rng(3)
     for _ in range(30):
         mean, square = random.normal(size=2) * 2, random.normal(size=(2, 2))

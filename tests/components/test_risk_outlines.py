@@ -1,10 +1,12 @@
 """The bound of the probability that outlines overlap, against Monte Carlo; the time until they do, against sampling."""
 
 import itertools
+from typing import Any
 
 import numpy as np
 import pytest
 import shapely
+from numpy.typing import NDArray
 from outlines import random_core
 
 from symaware_cli.components.risk.balls import collision_probability
@@ -19,7 +21,9 @@ EVERY = 41
 """Instants at which bodies that turn are looked at."""
 
 
-def random_outline(kind, random):
+def random_outline(
+    kind: str, random: np.random.Generator
+) -> tuple[NDArray[np.float64] | list[tuple[float, float]], float]:
     if kind == "disc":
         return [(0.0, 0.0)], random.uniform(0.2, 1.5)
     if kind == "box":
@@ -37,7 +41,7 @@ def random_outline(kind, random):
 class Pair:
     """Two bodies on their ways."""
 
-    def __init__(self, kinds, random, doubt="known"):
+    def __init__(self, kinds: tuple[str, str], random: np.random.Generator, doubt: str = "known") -> None:
         self.outlines = [random_outline(kind, random) for kind in kinds]
         self.horizon = random.uniform(1, 5)
         self.closing = random.normal(size=2) * random.choice([0.1, 1, 4])
@@ -51,24 +55,32 @@ class Pair:
         self.deviations = random.choice([0.0, 0.03, 0.2], 2) if doubt in ("heading", "turning") else np.zeros(2)
         self.turn_rates = random.choice([0.0, 0.2, -1.0], 2) if doubt == "turning" else np.zeros(2)
 
-    def sides(self):
-        return [
-            Side(Pieces.of([outline]), *(np.array([each[number]]) for each in values), np.zeros(1, bool))
+    def sides(self) -> tuple[Side, Side]:
+        one, other = (
+            Side(
+                Pieces.of([outline]),
+                np.array([self.headings[number]]),
+                np.array([self.turn_rates[number]]),
+                np.array([self.deviations[number]]),
+                np.zeros(1, bool),
+            )
             for number, outline in enumerate(self.outlines)
-            for values in [(self.headings, self.turn_rates, self.deviations)]
-        ]
+        )
+        return one, other
 
-    def bound(self):
+    def bound(self) -> float:
         columns = self.apart[:, None], self.closing[:, None]
-        return overlap_bound(*columns, self.covariance[None], *self.sides(), 0.0, self.horizon)[0]
+        return float(overlap_bound(*columns, self.covariance[None], *self.sides(), 0.0, self.horizon)[0])
 
-    def of_discs(self):
+    def of_discs(self) -> float:
         """The probability for the discs around both, with velocities taken as they are expected."""
         radius = sum(np.hypot(*np.array(core).T).max() + rounding for core, rounding in self.outlines)
         columns = self.apart[:, None], self.closing[:, None]
-        return collision_probability(*columns, np.array([radius]), self.covariance[None, :2, :2], self.horizon)[0]
+        return float(
+            collision_probability(*columns, np.array([radius]), self.covariance[None, :2, :2], self.horizon)[0]
+        )
 
-    def sampled(self, random, count=SAMPLES, wider=1.0):
+    def sampled(self, random: np.random.Generator, count: int = SAMPLES, wider: float = 1.0) -> float:
         """The part of sampled states in which they overlap at some time within the horizon."""
         drawn = random.multivariate_normal([*self.apart, *self.closing], self.covariance, size=count, method="eigh")
         place, speed = drawn[:, :2], drawn[:, 2:]
@@ -77,27 +89,29 @@ class Pair:
             places = self._places(headings[:, :1]).take(np.zeros(count, np.intp))
             places.rounding = wider * places.rounding
             start, end = within(place, speed, places)
-            return (np.maximum(start, 0.0) <= np.minimum(end, self.horizon)).mean()
+            return float((np.maximum(start, 0.0) <= np.minimum(end, self.horizon)).mean())
         touched = np.zeros(count, bool)
         for time in np.linspace(0, self.horizon, EVERY):
             places = self._places(headings + time * self.turn_rates[:, None])
             touched |= separation_from_points(place + time * speed, np.zeros(count), places).distance < 0.0
-        return touched.mean()
+        return float(touched.mean())
 
-    def _places(self, headings):
+    def _places(self, headings: NDArray[np.float64]) -> Pieces:
         count = headings.shape[1]
-        bodies = [
+        one, other = (
             Pieces.of([outline]).take(np.zeros(count, np.intp)).placed(np.zeros((count, 2)), heading)
             for outline, heading in zip(self.outlines, headings, strict=True)
-        ]
-        return overlap_region(*bodies)
+        )
+        return overlap_region(one, other)
 
 
 @pytest.mark.parametrize("kinds", PAIRS, ids="-".join)
 @pytest.mark.parametrize(
     ("doubt", "count", "samples"), [("known", 200, 4000), ("velocity", 200, 4000), ("turning", 40, 400)]
 )
-def test_the_bound_is_never_below_what_sampling_finds(kinds, doubt, count, samples):
+def test_the_bound_is_never_below_what_sampling_finds(
+    kinds: tuple[str, str], doubt: str, count: int, samples: int
+) -> None:
     random = np.random.default_rng([PAIRS.index(kinds), len(doubt)])
     excess = []
     for _ in range(count):
@@ -113,7 +127,7 @@ def test_the_bound_is_never_below_what_sampling_finds(kinds, doubt, count, sampl
     assert np.mean(excess) < {"known": 0.01, "velocity": 0.08, "turning": 0.4}[doubt]
 
 
-def test_for_boxes_the_bound_is_ten_times_nearer_to_the_truth_than_discs():
+def test_for_boxes_the_bound_is_ten_times_nearer_to_the_truth_than_discs() -> None:
     random = np.random.default_rng(8)
     of_outlines, of_discs = 0.0, 0.0
     for _ in range(200):
@@ -126,7 +140,7 @@ def test_for_boxes_the_bound_is_ten_times_nearer_to_the_truth_than_discs():
 
 
 @pytest.mark.parametrize("kinds", PAIRS, ids="-".join)
-def test_outlines_first_touch_when_dense_sampling_finds_them_overlapping(kinds):
+def test_outlines_first_touch_when_dense_sampling_finds_them_overlapping(kinds: tuple[str, str]) -> None:
     random = np.random.default_rng([7, PAIRS.index(kinds)])
     for number in range(200):
         pair = Pair(kinds, random, "turning" if number % 4 == 0 else "known")
@@ -144,11 +158,11 @@ def test_outlines_first_touch_when_dense_sampling_finds_them_overlapping(kinds):
             assert touch == first == np.inf or touch >= first - times[1]
 
 
-def test_bodies_that_turn_are_held_by_outlines_that_are_not_wider_than_they_need_to_be():
+def test_bodies_that_turn_are_held_by_outlines_that_are_not_wider_than_they_need_to_be() -> None:
     box = ([(-2.0, -0.2), (2.0, -0.2), (2.0, 0.2), (-2.0, 0.2)], 0.0)
     none = np.zeros(1)
 
-    def touch(rate):
+    def touch(rate: Any) -> Any:
         side = Side(Pieces.of([box]), none, np.array([rate]), none, np.zeros(1, bool))
         other = Side(Pieces.of([([(0.0, 0.0)], 0.1)]), none, none, none, np.zeros(1, bool))
         # A disc that stands 1 m beside a bar that begins to turn: they meet after asin(0.5) or so.

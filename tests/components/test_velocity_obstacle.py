@@ -1,6 +1,8 @@
 """Reciprocal avoidance: who keeps to its half-planes meets nobody."""
 
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,6 +15,7 @@ from symaware_cli.components.control.velocity_obstacle import VelocityObstacle, 
 from symaware_cli.components.perception import OmniscientPerception, SelfPerception
 from symaware_cli.components.risk.time_to_collision import time_to_collision
 from symaware_cli.models.integrator import DoubleIntegrator, SingleIntegrator
+from symaware_cli.models.noise import NoisyModel
 from symaware_cli.models.unicycle import Unicycle
 from symaware_cli.runtime.run import run
 from symaware_cli.scenario.build import build
@@ -31,10 +34,17 @@ SMALL = st.floats(-2, 2).map(lambda value: round(value, 6))
     st.floats(0, 1),
     st.tuples(*[st.tuples(st.floats(-2, 2), st.floats(0, 2))] * 2),
 )
-def test_two_who_keep_to_their_half_planes_do_not_touch_within_the_horizon(place, own, other, radius, share, choices):
+def test_two_who_keep_to_their_half_planes_do_not_touch_within_the_horizon(
+    place: tuple[float, float],
+    velocity: tuple[float, float],
+    towards: tuple[float, float],
+    size: float,
+    share: float,
+    choices: tuple[tuple[float, float], tuple[float, float]],
+) -> None:
     distance, angle = place
     apart = distance * np.array([[np.cos(angle)], [np.sin(angle)]])
-    own, other, radius = np.array([own]).T, np.array([other]).T, np.array([radius])
+    own, other, radius = np.array([velocity]).T, np.array([towards]).T, np.array([size])
     mine = reciprocal_constraints(apart, other - own, own, radius, 2.0, 0.25, share)
     theirs = reciprocal_constraints(-apart, own - other, other, radius, 2.0, 0.25, 1.0 - share)
     chosen = []
@@ -47,9 +57,11 @@ def test_two_who_keep_to_their_half_planes_do_not_touch_within_the_horizon(place
 
 
 @given(st.tuples(SMALL, SMALL), st.tuples(SMALL, SMALL), st.floats(1.0, 8.0))
-def test_half_planes_forbid_no_more_than_they_must(own, other, distance):
+def test_half_planes_forbid_no_more_than_they_must(
+    velocity: tuple[float, float], towards: tuple[float, float], distance: float
+) -> None:
     apart, radius = np.array([[distance], [0.0]]), np.array([0.9])
-    own, other = np.array([own]).T, np.array([other]).T
+    own, other = np.array([velocity]).T, np.array([towards]).T
     time = time_to_collision(apart, other - own, radius)[0]
     assume(abs(time - 2.0) > 1e-3)
     normal, limit = reciprocal_constraints(apart, other - own, own, radius, 2.0, 0.25, 0.5)
@@ -57,21 +69,21 @@ def test_half_planes_forbid_no_more_than_they_must(own, other, distance):
     assert ((normal * own).sum() <= limit[0] + 1e-9) == (time > 2.0)
 
 
-def test_bodies_that_overlap_part():
+def test_bodies_that_overlap_part() -> None:
     apart, nothing = np.array([[0.5], [0.0]]), np.zeros((2, 1))
     normal, limit = reciprocal_constraints(apart, nothing, nothing, np.array([0.6]), 2.0, 0.25, 0.5)
     assert normal[:, 0].tolist() == [1.0, 0.0]
     assert limit[0] == pytest.approx(-0.5 * 0.1 / 0.25)  # half of the overlap, within the time to part
 
 
-def steering(**parameters):
+def steering(**parameters: float) -> dict[str, Callable[..., Any]]:
     return {
         "sense": OmniscientPerception,
         "steer": lambda: VelocityObstacle(VelocityObstacle.Parameters(**parameters)),
     }
 
 
-def meeting(model, **parameters):
+def meeting(model: NoisyModel, **parameters: Any) -> Team:
     """Two agents that want to go where the other is."""
     rest = [0.0] * (len(model.state) - 2)
     facing = [np.pi] if isinstance(model, Unicycle) else rest
@@ -86,12 +98,13 @@ def meeting(model, **parameters):
 
 
 @pytest.mark.parametrize("model", [SingleIntegrator(), Unicycle(), DoubleIntegrator()], ids=lambda m: type(m).__name__)
-def test_two_who_head_for_each_other_pass_on_the_right_and_arrive(model):
+def test_two_who_head_for_each_other_pass_on_the_right_and_arrive(model: NoisyModel) -> None:
     ready = simulation({"robot": meeting(model)})
     middle = []
     ready.events.subscribe("stepped", lambda _: middle.append(ready.environment.snapshot().positions.copy()))
     summary = execute(ready, 300)
     assert summary.contacts == 0
+    assert summary.minimum_separation is not None
     assert summary.minimum_separation.value > 0.1
     assert len(summary.goals_reached) == 2
     closest = min(middle, key=lambda places: np.hypot(*(places[0] - places[1])))
@@ -99,7 +112,7 @@ def test_two_who_head_for_each_other_pass_on_the_right_and_arrive(model):
     assert closest[1, 1] > 0.1
 
 
-def test_who_is_alone_goes_straight():
+def test_who_is_alone_goes_straight() -> None:
     team = Team(steering(speed=1.0), 1, [[0.0, 0.0]], [{"goal": [9.0, 3.0]}], entity=DISC)
     ready = simulation({"robot": team})
     ready.initialise()
@@ -108,7 +121,7 @@ def test_who_is_alone_goes_straight():
     assert ready.groups[0].control_input[0] == pytest.approx(np.array([9, 3]) / np.hypot(9, 3))
 
 
-def test_who_is_not_perceived_is_not_avoided():
+def test_who_is_not_perceived_is_not_avoided() -> None:
     blind = {"sense": SelfPerception, "steer": steering()["steer"]}
     team = meeting(SingleIntegrator())
     team.components = blind
@@ -116,7 +129,7 @@ def test_who_is_not_perceived_is_not_avoided():
 
 
 @pytest.mark.parametrize("model", [SingleIntegrator(), Unicycle()], ids=lambda m: type(m).__name__)
-def test_a_pillar_in_the_way_is_passed_and_one_that_comes_is_dodged(model):
+def test_a_pillar_in_the_way_is_passed_and_one_that_comes_is_dodged(model: NoisyModel) -> None:
     pillar = Obstacle.model_validate({"shape": {"circle": {"radius": 1.0}}, "position": [0.0, 0.0]})
     path = {"times": [0.0, 20.0], "positions": [[4.0, 6.0], [4.0, -6.0]]}
     coming = Obstacle.model_validate({"shape": {"circle": {"radius": 0.4}}, "path": path})
@@ -127,7 +140,7 @@ def test_a_pillar_in_the_way_is_passed_and_one_that_comes_is_dodged(model):
     assert summary.goals_reached
 
 
-def velocities(teams, seed=7):
+def velocities(teams: Mapping[str, Any], seed: int = 7) -> dict[str, bytes]:
     """What each agent chooses at first, by id."""
     ready = simulation(teams, seed=seed)
     ready.initialise()
@@ -136,21 +149,21 @@ def velocities(teams, seed=7):
     return {id: row.tobytes() for group in ready.groups for id, row in zip(group.ids, group.control_input, strict=True)}
 
 
-def crowd(count, centre=(0.0, 0.0), seed=5, **parameters):
+def crowd(count: int, centre: tuple[float, float] = (0.0, 0.0), seed: int = 5, **parameters: float) -> Team:
     chance = np.random.default_rng(seed)
     places = chance.uniform(-4, 4, (count, 2)) + centre
     goals = [{"goal": goal} for goal in chance.uniform(-4, 4, (count, 2)) + centre]
     return Team(steering(**parameters), count, places.tolist(), goals, entity=DISC)
 
 
-def test_no_bit_of_a_choice_depends_on_who_is_far_away_or_on_the_order_of_groups():
+def test_no_bit_of_a_choice_depends_on_who_is_far_away_or_on_the_order_of_groups() -> None:
     alone = velocities({"robot": crowd(30), "drone": crowd(8, seed=6)})
     far = crowd(120, (1000.0, 0.0), seed=7)
     together = velocities({"cloud": far, "drone": crowd(8, seed=6), "robot": crowd(30)})
     assert {id: together[id] for id in alone} == alone
 
 
-def test_only_the_nearest_neighbours_are_avoided_where_there_are_many():
+def test_only_the_nearest_neighbours_are_avoided_where_there_are_many() -> None:
     near = [[0.0, 0.0], [0.9, 0.0], [-0.9, 0.1], [0.0, 1.2]]
     goals = [{"goal": [5.0, 5.0]}] * 4
     three = velocities({"robot": Team(steering(neighbours=2), 3, near[:3], goals[:3], entity=DISC)})
@@ -159,13 +172,13 @@ def test_only_the_nearest_neighbours_are_avoided_where_there_are_many():
     assert four["robot.0"] == three["robot.0"] != every["robot.0"]
 
 
-def test_the_turn_of_each_agent_is_its_own_and_comes_from_the_seed():
+def test_the_turn_of_each_agent_is_its_own_and_comes_from_the_seed() -> None:
     assert velocities({"robot": crowd(6)}, seed=1) != velocities({"robot": crowd(6)}, seed=2)
-    straight = {"perturbation": 0.0}
+    straight: dict[str, Any] = {"perturbation": 0.0}
     assert velocities({"robot": crowd(6, **straight)}, seed=1) == velocities({"robot": crowd(6, **straight)}, seed=2)
 
 
-def test_in_space_there_is_no_avoidance():
+def test_in_space_there_is_no_avoidance() -> None:
     model = SingleIntegrator(SingleIntegrator.Parameters(dimensions=3))
     group = Team({}, 1, [[0.0, 0.0, 0.0]], [{"goal": [1.0, 0.0, 0.0]}], model).group("robot")
     with pytest.raises(ValueError, match="in the plane"):
@@ -181,7 +194,7 @@ MODELS = {
 }
 
 
-def swaps(seeds, overrides):
+def swaps(seeds: range, overrides: Sequence[Any]) -> None:
     for seed in seeds:
         built = build(SCENARIO, overrides, seed)
         summary = run(built.simulation, built.steps)
@@ -191,27 +204,27 @@ def swaps(seeds, overrides):
 
 
 @pytest.mark.parametrize("overrides", MODELS.values(), ids=MODELS)
-def test_fifty_agents_swap_places_on_a_circle_without_a_contact(overrides):
+def test_fifty_agents_swap_places_on_a_circle_without_a_contact(overrides: list[Any]) -> None:
     swaps(range(3), overrides)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("overrides", MODELS.values(), ids=MODELS)
-def test_fifty_agents_swap_places_without_a_contact_whatever_the_seed(overrides):
+def test_fifty_agents_swap_places_without_a_contact_whatever_the_seed(overrides: Any) -> None:
     swaps(range(20), overrides)
 
 
 class Straight(GroupComponent):
     """Goes on, whatever is in its way."""
 
-    def _compute(self):
+    def _compute(self) -> Any:
         return np.tile([0.0, -1.5], (len(self._group), 1))
 
-    def _update(self, value):
+    def _update(self, value: Any) -> None:
         self._group.control_input = value
 
 
-def crossed(**parameters):
+def crossed(**parameters: Any) -> Any:
     """The speeds of one who cruises at 0.3 m/s, and how near somebody comes who crosses its way and does not avoid."""
     slow = Team(
         steering(responsibility=1.0, perturbation=0.0, **parameters),
@@ -224,7 +237,7 @@ def crossed(**parameters):
     ready = simulation({"slow": slow, "fast": fast})
     speeds, distances = [], []
 
-    def look(_):
+    def look(_: Any) -> None:
         fast_one, slow_one = (ready.environment.state(group)[0] for group in ready.groups)  # by name
         distances.append(np.hypot(*(slow_one - fast_one)))
         speeds.append(np.hypot(*ready.groups[1].control_input[0]))
@@ -234,7 +247,7 @@ def crossed(**parameters):
     return np.array(speeds), min(distances)
 
 
-def test_the_greatest_speed_may_be_above_the_one_it_cruises_at():
+def test_the_greatest_speed_may_be_above_the_one_it_cruises_at() -> None:
     slow, near = crossed(speed=0.3)
     fast, far = crossed(speed=0.3, max_speed=1.2)
     assert slow.max() <= 0.3 + 1e-9
@@ -243,6 +256,6 @@ def test_the_greatest_speed_may_be_above_the_one_it_cruises_at():
     assert min(near, far) > 0.6
 
 
-def test_a_greatest_speed_below_the_cruise_speed_is_refused():
+def test_a_greatest_speed_below_the_cruise_speed_is_refused() -> None:
     with pytest.raises(ValueError, match=r"max_speed \(0.5\) must not be less than speed \(1\)"):
         VelocityObstacle.Parameters(max_speed=0.5)

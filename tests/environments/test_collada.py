@@ -1,5 +1,7 @@
 """Surfaces of Collada files."""
 
+from pathlib import Path
+
 import numpy as np
 import pybullet
 import pybullet_data
@@ -15,7 +17,7 @@ SQUARE = """<geometry id="g"><mesh>
 INPUTS = '<input semantic="VERTEX" source="#v" offset="1"/><input semantic="NORMAL" source="#n" offset="0"/>'
 
 
-def collada(faces, node="<instance_geometry url='#g'/>", asset=""):
+def collada(faces: str, node: str = "<instance_geometry url='#g'/>", asset: str = "") -> bytes:
     scene = f"<library_visual_scenes><visual_scene><node>{node}</node></visual_scene></library_visual_scenes>"
     geometry = f"<library_geometries>{SQUARE.format(faces=faces)}</library_geometries>"
     return f"<COLLADA xmlns='urn:c'><asset>{asset}</asset>{geometry}{scene if node else ''}</COLLADA>".encode()
@@ -33,22 +35,22 @@ HALVES = [[[0, 0, 0], [1, 0, 0], [1, 1, 0]], [[0, 0, 0], [1, 1, 0], [0, 1, 0]]]
     ],
 )
 @pytest.mark.parametrize("node", ["<instance_geometry url='#g'/>", ""])
-def test_faces_of_all_kinds_are_triangles(faces, node):
+def test_faces_of_all_kinds_are_triangles(faces: str, node: str) -> None:
     assert triangles(collada(faces, node)).tolist() == HALVES
 
 
 TRIANGLE = f"<triangles>{INPUTS}<p>9 0 9 1 9 2</p></triangles>"
 
 
-def test_nodes_are_where_their_changes_put_them_last_first():
+def test_nodes_are_where_their_changes_put_them_last_first() -> None:
     change = "<translate>10 0 0</translate><rotate>0 0 1 90</rotate><scale>2 1 1</scale>"
     inner = f"{change}<node><matrix>1 0 0 5 0 1 0 0 0 0 1 0 0 0 0 1</matrix><instance_geometry url='#g'/></node>"
     (found,) = triangles(collada(TRIANGLE, inner, '<unit meter="0.5"/>'))
-    np.testing.assert_allclose(found, [[5, 5, 0], [5, 6, 0], [4.5, 6, 0]], atol=1e-12)
+    np.testing.assert_allclose(found, np.array([[5, 5, 0], [5, 6, 0], [4.5, 6, 0]]), atol=1e-12)
 
 
 @pytest.mark.parametrize("axis", ["X_UP", "Y_UP", "Z_UP"])
-def test_it_is_as_large_and_stands_as_the_engine_has_it(axis, tmp_path):
+def test_it_is_as_large_and_stands_as_the_engine_has_it(axis: str, tmp_path: Path) -> None:
     with open(f"{pybullet_data.getDataPath()}/racecar/meshes/chassis.dae") as file:
         text = file.read().replace("<up_axis>Y_UP</up_axis>", f'<unit meter="0.5"/><up_axis>{axis}</up_axis>')
     (tmp_path / "a.dae").write_text(text)
@@ -77,6 +79,6 @@ def test_it_is_as_large_and_stands_as_the_engine_has_it(axis, tmp_path):
         collada(TRIANGLE, "<node>" * 70 + "</node>" * 70),
     ],
 )
-def test_what_makes_no_sense_is_told(data):
+def test_what_makes_no_sense_is_told(data: bytes) -> None:
     with pytest.raises(UrdfError):
         triangles(data)

@@ -1,17 +1,22 @@
 """Contacts, against looking at every pair at every step."""
 
 import itertools
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 from outlines import distance, placed, random_shape
-from simulating import STEP, Team, simulate, simulation
+from simulating import STEP, Team, simulate, simulation, untyped
 
 from symaware_cli import (
     Box,
     Circle,
+    Contact,
     Controller,
     Entity,
     Obstacle,
@@ -26,6 +31,7 @@ from symaware_cli.core import AgentGroup, Scenery, Snapshot
 from symaware_cli.environments.contact_detector import ContactDetector
 from symaware_cli.geometry.proximity import Proximity
 from symaware_cli.models.integrator import SingleIntegrator
+from symaware_cli.models.noise import NoisyModel
 from symaware_cli.models.unicycle import Unicycle
 from symaware_cli.world.roster import Roster
 
@@ -39,7 +45,9 @@ UNICYCLE = Unicycle(Unicycle.Parameters())
 class Run:
     """Groups and obstacles that a detector looks at, wherever a test puts them."""
 
-    def __init__(self, groups, obstacles=()):
+    def __init__(
+        self, groups: Sequence[tuple[NoisyModel, Any, int]], obstacles: dict[str, Any] | tuple[Any, ...] = ()
+    ) -> None:
         """Each group is a model, a shape and the number of agents."""
         self.groups = [
             AgentGroup(
@@ -53,16 +61,18 @@ class Run:
         self.detector = ContactDetector(self.groups, Scenery(self.obstacles), Proximity())
         self.time = 0
 
-    def put(self, *states, time=None):
+    def put(self, *places: Any, time: int | None = None) -> Sequence[Contact]:
         """Put the groups where they are at the next time, and return what changes."""
         self.time = self.time + STEP if time is None else time
-        states = [np.array(state, float) for state in states]
+        states = [np.array(state, float) for state in places]
         models = [group.model for group in self.groups]
         inputs = [group.control_input for group in self.groups]
         snapshot = Snapshot(self.time, self.roster, models, states, inputs)
         return self.detector.update(snapshot, Scenery(self.obstacles, self.time))
 
-    def bodies(self, states):
+    def bodies(
+        self, states: Sequence[NDArray[np.float64]]
+    ) -> Iterator[tuple[str, list[tuple[NDArray[np.float64], float]]]]:
         """The pieces of every body by name, agents first."""
         for group, rows in zip(self.groups, states, strict=True):
             for id, state in zip(group.ids, rows, strict=True):
@@ -73,20 +83,20 @@ class Run:
             yield name, placed(obstacle.shape, pose.position[:2], pose.heading)
 
 
-def gap(one, other):
+def gap(one: Sequence[tuple[NDArray[np.float64], float]], other: Sequence[tuple[NDArray[np.float64], float]]) -> float:
     """The signed distance of two bodies."""
     return min((distance(piece, another) for piece in one for another in other), default=np.inf)
 
 
-def a_crowd(random):
+def a_crowd(random: np.random.Generator) -> Run:
     """Groups of all kinds, obstacles of all kinds, and a way for each to move."""
     groups = [
         (
-            random.choice([UNICYCLE, PLANE]),
+            random.choice(untyped([UNICYCLE, PLANE])),
             shape,
             count,
         )
-        for shape in random.permutation([random_shape(random), random_shape(random), DISC, None])
+        for shape in random.permutation(untyped([random_shape(random), random_shape(random), DISC, None]))
         for count in random.integers(1, 5, 1).tolist()
     ]
     path = ScriptedPath(times=(0, 0.2, 1.1), positions=((-3, 0), (3, 1), (0, 0)), headings=(0, 2, -2), repeat=True)
@@ -100,7 +110,7 @@ def a_crowd(random):
 
 @settings(max_examples=25)
 @given(st.integers(0, 2**32 - 1))
-def test_whoever_overlaps_is_in_contact_and_nobody_else(seed):
+def test_whoever_overlaps_is_in_contact_and_nobody_else(seed: int) -> None:
     random = np.random.default_rng(seed)
     run = a_crowd(random)
     states = [random.uniform(-4, 4, group.initial_state.shape) for group in run.groups]
@@ -131,14 +141,14 @@ def test_whoever_overlaps_is_in_contact_and_nobody_else(seed):
         states = [state + random.normal(scale=0.7, size=state.shape) for state in states]
 
 
-def test_a_contact_is_told_of_when_it_begins_and_when_it_ends_and_not_in_between():
+def test_a_contact_is_told_of_when_it_begins_and_when_it_ends_and_not_in_between() -> None:
     run = Run([(PLANE, DISC, 2)])
     places = [3.0, 1.2, 0.8, 0.5, 0.9, 1.0, 1.5, 0.9]
     told = [[contact.begins for contact in run.put([[0, 0], [x, 0]])] for x in places]
     assert told == [[], [], [True], [], [], [False], [], [True]]
 
 
-def test_two_discs_touch_in_the_middle_of_their_overlap():
+def test_two_discs_touch_in_the_middle_of_their_overlap() -> None:
     run = Run([(PLANE, DISC, 2)])
     (contact,) = run.put([[0, 0], [0.6, 0]])
     assert contact.point == pytest.approx((0.3, 0.0))
@@ -147,7 +157,7 @@ def test_two_discs_touch_in_the_middle_of_their_overlap():
     assert (contact.point, contact.depth) == ((1.0, 1.0), 1.0)
 
 
-def test_a_long_wall_is_touched_where_the_agent_is():
+def test_a_long_wall_is_touched_where_the_agent_is() -> None:
     wall = Obstacle(shape=Shape(box=Box(length=100.0, width=1.0)), position=(0, 0))
     run = Run([(PLANE, BOX, 1)], {"wall": wall})
     (contact,) = run.put([[30.0, 0.65]])
@@ -155,7 +165,7 @@ def test_a_long_wall_is_touched_where_the_agent_is():
     assert contact.depth == pytest.approx(0.1)
 
 
-def test_a_box_turns_with_the_heading_of_its_model_and_not_without():
+def test_a_box_turns_with_the_heading_of_its_model_and_not_without() -> None:
     across = [0.0, 0.0, np.pi / 2]
     turned = Run([(UNICYCLE, BOX, 1), (UNICYCLE, DISC, 1)])
     assert not turned.put([across], [[1.0, 0.0, 0.0]])
@@ -164,7 +174,7 @@ def test_a_box_turns_with_the_heading_of_its_model_and_not_without():
     assert still.put([[0.0, 0.0]], [[1.0, 0.0, 0.0]])
 
 
-def test_an_agent_without_a_shape_touches_nothing():
+def test_an_agent_without_a_shape_touches_nothing() -> None:
     run = Run(
         [(UNICYCLE, None, 2), (UNICYCLE, DISC, 1)],
         {"box": Obstacle(shape=BOX, position=(0, 0))},
@@ -172,7 +182,7 @@ def test_an_agent_without_a_shape_touches_nothing():
     assert [contact.first for contact in run.put(np.zeros((2, 3)), np.zeros((1, 3)))] == ["b.0"]
 
 
-def test_obstacles_touch_agents_and_not_each_other():
+def test_obstacles_touch_agents_and_not_each_other() -> None:
     run = Run(
         [(UNICYCLE, DISC, 1)],
         {"one": Obstacle(shape=BOX, position=(0, 0)), "other": Obstacle(shape=DISC, position=(0, 0))},
@@ -181,7 +191,7 @@ def test_obstacles_touch_agents_and_not_each_other():
     assert [contact.first for contact in run.put([[0, 0, 0]])] == ["a.0", "a.0"]
 
 
-def test_a_wall_is_one_body_however_many_segments_of_it_are_touched():
+def test_a_wall_is_one_body_however_many_segments_of_it_are_touched() -> None:
     wall = Obstacle(shape=Shape(wall=Wall(points=[(0, 0), (2, 0), (2, 2)], thickness=0.2)))
     run = Run([(UNICYCLE, DISC, 1)], {"wall": wall})
     (contact,) = run.put([[1.7, 0.5, 0]])
@@ -190,7 +200,7 @@ def test_a_wall_is_one_body_however_many_segments_of_it_are_touched():
     assert run.put([[1.7, 0.7, 0]]) == [], "it passes from one segment to the other"
 
 
-def test_in_space_round_agents_are_balls_and_obstacles_as_high_as_the_world():
+def test_in_space_round_agents_are_balls_and_obstacles_as_high_as_the_world() -> None:
     run = Run(
         [(SPACE, DISC, 2), (SPACE, BOX, 1)],
         {"post": Obstacle(shape=DISC, position=(50, 0))},
@@ -210,18 +220,18 @@ def test_in_space_round_agents_are_balls_and_obstacles_as_high_as_the_world():
 class Right(Controller):
     """Goes to the right at 1 m/s."""
 
-    def _compute(self):
+    def _compute(self) -> tuple[NDArray[np.float64], TimeSeries]:
         return np.array([1.0, 0.0]), TimeSeries()
 
-    def _update(self, value):
+    def _update(self, value: tuple[NDArray[np.float64], TimeSeries]) -> None:
         self._agent.model.control_input, self._agent.self_awareness.intent = value
 
 
-def cart(**path):
+def cart(**path: bool) -> Obstacle:
     return Obstacle(shape=DISC, path=ScriptedPath(times=(0.0, 1.0), positions=((0, 0), (10, 0)), **path))
 
 
-def test_who_overlaps_at_the_start_is_in_contact_at_time_zero(tmp_path):
+def test_who_overlaps_at_the_start_is_in_contact_at_time_zero(tmp_path: Path) -> None:
     triangle = Shape(polygon=Polygon(vertices=[(-1, -1), (1, -1), (0, 1)]))
     teams = {
         "robot": Team({"steer": Right}, count=2, state=[[0, 0], [0.5, 0]], entity=Entity(shape=triangle)),
@@ -234,7 +244,7 @@ def test_who_overlaps_at_the_start_is_in_contact_at_time_zero(tmp_path):
     ]
 
 
-def test_a_moving_obstacle_meets_those_in_its_way():
+def test_a_moving_obstacle_meets_those_in_its_way() -> None:
     ready = simulation({"robot": Team(state=[[5.0, 0.0]], entity=Entity(shape=DISC))}, obstacles={"cart": cart()})
     told = []
     for _ in range(20):
@@ -245,7 +255,7 @@ def test_a_moving_obstacle_meets_those_in_its_way():
 
 
 @pytest.mark.parametrize("repeat", [False, True])
-def test_a_moving_obstacle_is_where_its_path_says_and_the_log_tells(tmp_path, repeat):
+def test_a_moving_obstacle_is_where_its_path_says_and_the_log_tells(tmp_path: Path, repeat: bool) -> None:
     obstacles = {"cart": cart(repeat=repeat), "post": Obstacle(shape=DISC, position=(5, 5), heading=0.5)}
     simulate({"robot": Team()}, 30, obstacles=obstacles, log=tmp_path / "run.mcap")
     log = open_log(tmp_path / "run.mcap")
@@ -262,7 +272,7 @@ def test_a_moving_obstacle_is_where_its_path_says_and_the_log_tells(tmp_path, re
     assert log.manifest["entities"]["cart"]["position"] == [0.0, 0.0]
 
 
-def test_an_obstacle_that_moves_in_space_is_recorded_with_its_height(tmp_path):
+def test_an_obstacle_that_moves_in_space_is_recorded_with_its_height(tmp_path: Path) -> None:
     path = ScriptedPath(times=(0, 1), positions=((0, 0, 1), (0, 0, 2)), headings=(0, 1))
     simulate({"robot": Team()}, 20, obstacles={"lift": Obstacle(shape=DISC, path=path)}, log=tmp_path / "run.mcap")
     series = open_log(tmp_path / "run.mcap").series("lift", "world")

@@ -1,9 +1,13 @@
 """Who touches whom in physics worlds, from when, how hard, and with which speed they part."""
 
+from collections.abc import Mapping, Sequence
+from typing import Any
+
 import pytest
 
 from symaware_cli.core import AgentGroup, Entity, Obstacle
 from symaware_cli.environments.contact_tracker import ContactTracker
+from symaware_cli.environments.physics import PhysicsEnvironment
 from symaware_cli.environments.planar import PymunkEnvironment
 from symaware_cli.environments.spatial import PyBulletEnvironment
 from symaware_cli.models.integrator import SingleIntegrator
@@ -16,11 +20,18 @@ PRISM = {"polygon": {"vertices": [[-0.2, -0.2], [0.2, -0.2], [0.0, 0.3]]}}
 
 
 @pytest.fixture(params=[PymunkEnvironment, PyBulletEnvironment], ids=["pymunk", "pybullet"])
-def kind(request):
-    return request.param
+def kind(request: pytest.FixtureRequest) -> type[PhysicsEnvironment]:
+    result: type[PhysicsEnvironment] = request.param
+    return result
 
 
-def world(kind, obstacles, positions=((99.0, 99.0),), shape=None, **parameters):
+def world(
+    kind: type[PhysicsEnvironment],
+    obstacles: Mapping[str, Any],
+    positions: Sequence[tuple[float, float]] = ((99.0, 99.0),),
+    shape: Mapping[str, Any] | None = None,
+    **parameters: Any,
+) -> PhysicsEnvironment:
     if kind is PyBulletEnvironment:
         parameters = {"gravity": (0, 0, 0), "ground": None} | parameters
     environment = kind(kind.Parameters(**{"time_step": 0.05, "substeps": 10, **parameters}))
@@ -29,7 +40,7 @@ def world(kind, obstacles, positions=((99.0, 99.0),), shape=None, **parameters):
     return environment
 
 
-def test_a_contact_tracker_adds_up_how_hard_until_bodies_part_or_the_time_step_ends():
+def test_a_contact_tracker_adds_up_how_hard_until_bodies_part_or_the_time_step_ends() -> None:
     tracker = ContactTracker(["a", "b", "c"], 0)
     tracker.begin((0, 1), (0.0, 0.0), 0.1)
     tracker.begin((0, 2), (0.0, 0.0), 0.1)
@@ -45,7 +56,9 @@ def test_a_contact_tracker_adds_up_how_hard_until_bodies_part_or_the_time_step_e
 
 
 @pytest.mark.parametrize("shape", [BALL, CRATE, PRISM], ids=lambda shape: next(iter(shape)))
-def test_who_is_in_the_same_place_at_the_start_is_told_of_at_once(kind, shape):
+def test_who_is_in_the_same_place_at_the_start_is_told_of_at_once(
+    kind: type[PhysicsEnvironment], shape: dict[str, Any]
+) -> None:
     obstacles = {name: Obstacle(shape=shape, position=[3.0, 0.0], mass=1.0) for name in ("one", "other")}
     with world(kind, obstacles, [(0.0, 0.0), (0.0, 0.0)], shape) as environment:
         told = environment.contacts()
@@ -61,7 +74,9 @@ def test_who_is_in_the_same_place_at_the_start_is_told_of_at_once(kind, shape):
 @pytest.mark.parametrize("turned", [0.0, 0.5])
 @pytest.mark.parametrize("elasticity", [0.0, 0.5])
 @pytest.mark.parametrize("substeps", [1, 10])
-def test_the_impulse_of_who_lands_is_the_change_of_its_momentum(kind, elasticity, substeps, turned):
+def test_the_impulse_of_who_lands_is_the_change_of_its_momentum(
+    kind: type[PhysicsEnvironment], elasticity: float, substeps: int, turned: float
+) -> None:
     """Against a floor, with what the weight adds until the time step ends."""
     height = 0.25 if turned == 0.0 else 0.36
     obstacles = {
@@ -91,7 +106,9 @@ def test_the_impulse_of_who_lands_is_the_change_of_its_momentum(kind, elasticity
 @pytest.mark.parametrize("shape", [BALL, CRATE, SLAB, CAN], ids=["ball", "crate", "prism", "can"])
 @pytest.mark.parametrize("elasticity", [1.0, 0.5, 0.0])
 @pytest.mark.parametrize("speed", [0.5, 7.0])
-def test_two_bodies_part_as_their_elasticity_says(kind, shape, elasticity, speed):
+def test_two_bodies_part_as_their_elasticity_says(
+    kind: type[PhysicsEnvironment], shape: dict[str, Any], elasticity: float, speed: float
+) -> None:
     """Newton's law of restitution, with default settings, for 1 and 2 kg; momentum is kept in any case."""
     more = {"shape": shape, "friction": 0.0}
     obstacles = {

@@ -1,13 +1,19 @@
 """The ground of the spatial world: who stands on it, who is in it, and how bodies land and slide on it."""
 
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 import pytest
 from simulating import moved
 
+from symaware_cli import Contact
 from symaware_cli.core import AgentGroup, Entity, Obstacle, WorldError
 from symaware_cli.environments.spatial import PyBulletEnvironment
 from symaware_cli.models.integrator import SingleIntegrator
 from symaware_cli.models.unicycle import Unicycle
+from symaware_cli.world.reading import Image
 
 BALL = {"circle": {"radius": 0.25}}
 CUBE = {"box": {"length": 0.5, "width": 0.5, "height": 0.5}}
@@ -31,7 +37,9 @@ URDF = """<robot name="lamp"><link name="base">
 """
 
 
-def world(obstacles, groups=(), folder=None, **parameters):
+def world(
+    obstacles: Mapping[str, Any], groups: Sequence[AgentGroup] = (), folder: Path | None = None, **parameters: Any
+) -> PyBulletEnvironment:
     environment = PyBulletEnvironment(
         PyBulletEnvironment.Parameters(**{"time_step": 0.02, "substeps": 4, **parameters})
     )
@@ -44,7 +52,7 @@ def world(obstacles, groups=(), folder=None, **parameters):
 
 @pytest.mark.parametrize("mass", [None, 1.0], ids=["fixed", "free"])
 @pytest.mark.parametrize("level", [0.0, 2.0])
-def test_files_given_two_coordinates_stand_on_the_ground(level, mass, tmp_path):
+def test_files_given_two_coordinates_stand_on_the_ground(level: float, mass: float | None, tmp_path: Path) -> None:
     (tmp_path / "cube.obj").write_text(MESH)
     (tmp_path / "lamp.urdf").write_text(URDF)
     mesh = {"mesh": {"file": "cube.obj", "radius": 0.7}}
@@ -61,7 +69,7 @@ def test_files_given_two_coordinates_stand_on_the_ground(level, mass, tmp_path):
         assert environment.body_positions(["robot", "mesh", "lamp"])[:, 2] == pytest.approx(expected, abs=2e-3)
 
 
-def test_who_is_in_the_ground_at_the_start_is_told_of_and_lifted_gently():
+def test_who_is_in_the_ground_at_the_start_is_told_of_and_lifted_gently() -> None:
     obstacles = {
         "box": Obstacle(shape=CUBE, position=[0, 0, 0.1], mass=1.0),
         "ball": Obstacle(shape=BALL, position=[3, 0, 0.1], mass=1.0),
@@ -83,10 +91,13 @@ def test_who_is_in_the_ground_at_the_start_is_told_of_and_lifted_gently():
 
 @pytest.mark.parametrize(("shape", "tolerance"), [(BALL, 1e-6), (CUBE, 1e-3), (CAN, 0.03)], ids=["ball", "cube", "can"])
 @pytest.mark.parametrize("elasticity", [1.0, 0.5])
-def test_what_lands_flat_bounces_as_its_elasticity_says_and_its_impulse_tells(shape, tolerance, elasticity):
+def test_what_lands_flat_bounces_as_its_elasticity_says_and_its_impulse_tells(
+    shape: dict[str, Any], tolerance: float, elasticity: float
+) -> None:
     obstacles = {"thing": Obstacle(shape=shape, position=[0, 0, 1.25], mass=2.0, elasticity=elasticity)}
     with world(obstacles, time_step=0.004, substeps=1) as environment:
-        before, begun = 0.0, []
+        before = 0.0
+        begun: list[Contact] = []
         while not begun:
             environment.step()
             begun = [each for each in environment.contacts() if each.begins]
@@ -97,7 +108,7 @@ def test_what_lands_flat_bounces_as_its_elasticity_says_and_its_impulse_tells(sh
         assert begun[0].impulse == pytest.approx(2.0 * (after + speed), rel=1e-6)
 
 
-def test_a_bounce_without_loss_adds_no_energy():
+def test_a_bounce_without_loss_adds_no_energy() -> None:
     obstacles = {
         "ball": Obstacle(shape=BALL, position=[0, 0, 5], mass=1.0, elasticity=1.0, velocity=[3, 0, 0], friction=0.0),
         "left": Obstacle(shape=CUBE, position=[-0.6, 0, 5], elasticity=1.0),
@@ -110,7 +121,7 @@ def test_a_bounce_without_loss_adds_no_energy():
 
 
 @pytest.mark.parametrize(("friction", "speed"), [(0.2, 2.0), (0.5, 2.0), (0.8, 3.0), (1.0, 3.0), (0.3, 6.0)])
-def test_what_slides_stops_where_coulomb_has_it(friction, speed):
+def test_what_slides_stops_where_coulomb_has_it(friction: float, speed: float) -> None:
     """v^2 / 2 mu g; R. C. Hibbeler, Engineering Mechanics: Dynamics, section 14.2. It is half a physics step short."""
     obstacles = {"plate": Obstacle(shape=PLATE, position=[0, 0], mass=2.0, friction=friction, velocity=[speed, 0.0])}
     with world(obstacles, time_step=0.02, substeps=5) as environment:
@@ -121,7 +132,7 @@ def test_what_slides_stops_where_coulomb_has_it(friction, speed):
     assert abs(y) < 0.04 * way
 
 
-def test_a_stack_of_four_stands():
+def test_a_stack_of_four_stands() -> None:
     obstacles = {
         f"box{number}": Obstacle(shape=CUBE, position=[0, 0, 0.25 + 0.5 * number], mass=1.0, friction=0.7)
         for number in range(4)
@@ -132,8 +143,8 @@ def test_a_stack_of_four_stands():
     assert places == pytest.approx(np.array([[0, 0, 0.25 + 0.5 * row] for row in range(4)]), abs=3e-3)
 
 
-def test_a_camera_sees_the_same_ground_whoever_stands_on_it():
-    def seen(mass):
+def test_a_camera_sees_the_same_ground_whoever_stands_on_it() -> None:
+    def seen(mass: float | None) -> Image:
         with world({"cube": Obstacle(shape=CUBE, position=[0, 0], mass=mass)}) as environment:
             return environment.camera_image((-2.0, -2.0, 1.5), (0.5, 0.0, 0.2), (64, 48), 1.0)
 
@@ -142,7 +153,7 @@ def test_a_camera_sees_the_same_ground_whoever_stands_on_it():
     np.testing.assert_array_equal(fixed.segments, free.segments)
 
 
-def test_there_is_no_image_of_what_reaches_too_far():
+def test_there_is_no_image_of_what_reaches_too_far() -> None:
     """The renderer would not end."""
     wall = Obstacle(shape={"wall": {"points": [[-1e9, 2.0], [0.0, -3.0]]}}, position=[0, 0])
     with (
@@ -152,7 +163,7 @@ def test_there_is_no_image_of_what_reaches_too_far():
         environment.camera_image((-2.0, -2.0, 1.5), (0.5, 0.0, 0.2), (2, 2), 1.0)
 
 
-def test_boxes_far_from_the_origin_stand_on_the_ground_too():
+def test_boxes_far_from_the_origin_stand_on_the_ground_too() -> None:
     obstacles = {
         "east": Obstacle(shape=CUBE, position=[5e5, 6e6], mass=1.0),
         "west": Obstacle(shape=CUBE, position=[5e5 - 3e3, 6e6], mass=1.0),
@@ -163,7 +174,7 @@ def test_boxes_far_from_the_origin_stand_on_the_ground_too():
 
 
 @pytest.mark.parametrize("who", ["group", "entity"])
-def test_nobody_else_is_called_ground(who):
+def test_nobody_else_is_called_ground(who: str) -> None:
     groups, obstacles = [], {}
     if who == "group":
         groups = [AgentGroup("ground", ["ground"], SingleIntegrator(), Entity(), [[0.0, 0.0]])]
@@ -177,7 +188,7 @@ def test_nobody_else_is_called_ground(who):
 
 
 @pytest.mark.parametrize("pace", [0.05, 0.2, 1.0, 5.0])
-def test_balls_on_the_ground_lose_no_more_of_a_bounce_than_it_takes_for_stacks_to_rest(pace):
+def test_balls_on_the_ground_lose_no_more_of_a_bounce_than_it_takes_for_stacks_to_rest(pace: float) -> None:
     """1e-5 m in a physics step, or a hundredth."""
     for share in (0.0, 1e-3, 0.1, 0.5):
         gap = 0.1 + (8 + share) * pace * 0.005

@@ -1,11 +1,14 @@
 """Joints of URDF files in the spatial world: free as the file says, on a fixed base or on one that moves."""
 
 import math
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from simulating import moved
+from numpy.typing import NDArray
+from simulating import moved, present
 
 from symaware_cli.core import AgentGroup, Entity, Obstacle, WorldError
 from symaware_cli.environments.bullet import engine
@@ -17,7 +20,7 @@ GRAVITY = 9.81
 HEAVY = 1e4
 
 
-def link(name, mass, height=0.0, inertia=1e-3, body=""):
+def link(name: str, mass: float, height: float = 0.0, inertia: float = 1e-3, body: str = "") -> str:
     moments = {"ixx": inertia, "ixy": 0, "ixz": 0, "iyy": inertia, "iyz": 0, "izz": inertia}
     turning = " ".join(f'{name}="{moment}"' for name, moment in moments.items())
     return (
@@ -26,7 +29,16 @@ def link(name, mass, height=0.0, inertia=1e-3, body=""):
     )
 
 
-def joint(name, kind, parent, child, place="0 0 0", turned="0 0 0", axis="0 1 0", more=""):
+def joint(
+    name: str,
+    kind: str,
+    parent: str,
+    child: str,
+    place: str = "0 0 0",
+    turned: str = "0 0 0",
+    axis: str = "0 1 0",
+    more: str = "",
+) -> str:
     return (
         f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
         f'<origin xyz="{place}" rpy="{turned}"/><axis xyz="{axis}"/>{more}</joint>'
@@ -36,11 +48,11 @@ def joint(name, kind, parent, child, place="0 0 0", turned="0 0 0", axis="0 1 0"
 BASE = link("base", HEAVY, 0, HEAVY, '<collision><geometry><box size="4 4 0.2"/></geometry></collision>')
 
 
-def mechanism(folder, *parts):
+def mechanism(folder: Path, *parts: str) -> None:
     (folder / "mechanism.urdf").write_text(f'<robot name="mechanism">{BASE}{"".join(parts)}</robot>')
 
 
-def world(folder, mass=None, **parameters):
+def world(folder: Path, mass: float | None = None, **parameters: Any) -> PyBulletEnvironment:
     environment = PyBulletEnvironment(PyBulletEnvironment.Parameters(**{"time_step": 0.01, **parameters}))
     environment.folder = Path(folder)
     urdf = {"urdf": {"file": "mechanism.urdf", "radius": 2.0}}
@@ -50,15 +62,17 @@ def world(folder, mass=None, **parameters):
     return environment
 
 
-def positions(environment, duration, name="it"):
+def positions(environment: PyBulletEnvironment, duration: float, name: str = "it") -> NDArray[np.float64]:
     found = []
     for _ in range(round(duration * 1e9 / environment.time_step)):
         environment.step()
-        found.append(environment.joint_positions(name)[0])
+        found.append(present(environment.joint_positions(name))[0])
     return np.array(found)
 
 
-def integrated(acceleration, start, duration, parts=100_000):
+def integrated(
+    acceleration: Callable[..., float], start: tuple[float, float], duration: float, parts: int = 100_000
+) -> NDArray[np.float64]:
     """The angle over time by the classical Runge-Kutta method: what no physics engine has a part in."""
     step, (angle, rate), found = duration / parts, start, []
     for _ in range(parts):
@@ -75,7 +89,9 @@ def integrated(acceleration, start, duration, parts=100_000):
 @pytest.mark.parametrize("mass", [None, 1.0], ids=["fixed base", "free base"])
 @pytest.mark.parametrize("inertia", [1e-3, 0.7])
 @pytest.mark.parametrize(("damping", "friction"), [(0, 0), (0.4, 0), (0, 0.3)])
-def test_a_pendulum_swings_as_newton_has_it(mass, inertia, damping, friction, tmp_path):
+def test_a_pendulum_swings_as_newton_has_it(
+    mass: float | None, inertia: float, damping: float, friction: float, tmp_path: Path
+) -> None:
     length, start = 1.0, 0.5
     dynamics = f'<dynamics damping="{damping}" friction="{friction}"/>'
     bob = link("bob", 1.0, -length, inertia)
@@ -83,7 +99,7 @@ def test_a_pendulum_swings_as_newton_has_it(mass, inertia, damping, friction, tm
     with world(tmp_path, mass) as environment:
         found = positions(environment, 2.0)[:, 0]
 
-    def acceleration(angle, rate):
+    def acceleration(angle: float, rate: float) -> float:
         brake = damping * rate + (math.copysign(friction, rate) if rate else 0.0)
         return (-GRAVITY * length * math.sin(angle) - brake) / (length**2 + inertia)
 
@@ -94,7 +110,7 @@ def test_a_pendulum_swings_as_newton_has_it(mass, inertia, damping, friction, tm
 
 
 @pytest.mark.parametrize("mass", [None, 1.0], ids=["fixed base", "free base"])
-def test_what_slides_falls_as_galilei_has_it(mass, tmp_path):
+def test_what_slides_falls_as_galilei_has_it(mass: float | None, tmp_path: Path) -> None:
     limits = '<limit lower="-10" upper="10" effort="1000" velocity="100"/>'
     mechanism(
         tmp_path, link("cart", 2.0), joint("rail", "prismatic", "base", "cart", "0 0 9", axis="0 0 1", more=limits)
@@ -103,7 +119,7 @@ def test_what_slides_falls_as_galilei_has_it(mass, tmp_path):
         assert positions(environment, 1.0)[-1, 0] == pytest.approx(-0.5 * GRAVITY, rel=5e-3)
 
 
-def test_two_links_that_swing_on_each_other_keep_their_energy(tmp_path):
+def test_two_links_that_swing_on_each_other_keep_their_energy(tmp_path: Path) -> None:
     mechanism(
         tmp_path,
         link("upper", 1.0, -1.0),
@@ -122,7 +138,7 @@ def test_two_links_that_swing_on_each_other_keep_their_energy(tmp_path):
     assert np.ptp(energy) < 0.02 * GRAVITY * 3
 
 
-def test_what_a_joint_of_a_fixed_base_moves_meets_others_and_the_ground(tmp_path):
+def test_what_a_joint_of_a_fixed_base_moves_meets_others_and_the_ground(tmp_path: Path) -> None:
     ball = '<collision><origin xyz="0 0 -1"/><geometry><sphere radius="0.2"/></geometry></collision>'
     mechanism(
         tmp_path,
@@ -136,7 +152,7 @@ def test_what_a_joint_of_a_fixed_base_moves_meets_others_and_the_ground(tmp_path
         assert np.ptp(positions(environment, 2.0)) == pytest.approx(3.0, abs=0.05)
 
 
-def test_the_joints_of_who_is_led_are_held(tmp_path):
+def test_the_joints_of_who_is_led_are_held(tmp_path: Path) -> None:
     mechanism(tmp_path, link("bob", 1.0, -1.0), joint("hinge", "continuous", "base", "bob", "0 0 3", "0 -0.5 0"))
     shape = {"urdf": {"file": "mechanism.urdf", "radius": 2.0}}
     environment = PyBulletEnvironment(PyBulletEnvironment.Parameters(time_step=0.01))
@@ -167,14 +183,16 @@ def test_the_joints_of_who_is_led_are_held(tmp_path):
     ],
 )
 @pytest.mark.parametrize("mass", [None, 1.0], ids=["fixed base", "free base"])
-def test_what_the_engine_cannot_move_is_refused(parts, said, mass, tmp_path):
+def test_what_the_engine_cannot_move_is_refused(
+    parts: list[str], said: str, mass: float | None, tmp_path: Path
+) -> None:
     mechanism(tmp_path, *parts)
     with pytest.raises(WorldError, match=said) as refused:
         world(tmp_path, mass)
     assert refused.value.path == ("environment", "entities", "it", "shape", "urdf", "file")
 
 
-def test_a_link_without_a_mass_may_carry_one_that_has_some(tmp_path):
+def test_a_link_without_a_mass_may_carry_one_that_has_some(tmp_path: Path) -> None:
     mechanism(
         tmp_path,
         link("hook", 0.0, inertia=0),
@@ -189,7 +207,7 @@ def test_a_link_without_a_mass_may_carry_one_that_has_some(tmp_path):
 @pytest.mark.parametrize(
     "file", ["pendulum5.urdf", "cartpole.urdf", "TwoJointRobot_w_fixedJoints.urdf", "pr2_gripper.urdf", "r2d2.urdf"]
 )
-def test_a_mechanism_of_pybullet_moves_as_in_the_engine_alone(file, tmp_path):
+def test_a_mechanism_of_pybullet_moves_as_in_the_engine_alone(file: str, tmp_path: Path) -> None:
     """Beside a plain program of the engine, motors off; files of several kinds that come with it."""
     import pybullet_data
 

@@ -1,50 +1,64 @@
 """Physics worlds: what holds for both engines, against closed forms and against the kinematic world."""
 
 import gc
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pybullet
 import pytest
+from numpy.typing import ArrayLike, NDArray
 from simulating import Team, made, moved, simulate
 
+from symaware_cli import Model
 from symaware_cli.components.perception_range import RangePerception
 from symaware_cli.core import AgentGroup, Entity, Obstacle, WorldError
+from symaware_cli.environments.column_environment import ColumnEnvironment
 from symaware_cli.environments.kinematic import KinematicEnvironment
+from symaware_cli.environments.physics import PhysicsEnvironment
 from symaware_cli.environments.planar import PymunkEnvironment
 from symaware_cli.environments.spatial import PyBulletEnvironment
 from symaware_cli.models.bicycle import Bicycle
 from symaware_cli.models.integrator import DoubleIntegrator, SingleIntegrator
 from symaware_cli.models.linear import Linear
+from symaware_cli.models.noise import NoisyModel
 from symaware_cli.models.unicycle import Unicycle
-from symaware_cli.recording.digest import digest
+from symaware_cli.recording.digest import Digest, digest
 from symaware_cli.recording.reader import open_log
 from symaware_cli.scenario.build import build
 from symaware_cli.scenario.execution import execute
 
 SCENARIOS = Path(__file__).parent.parent.parent / "scenarios"
-KINDS = {"pymunk": PymunkEnvironment, "pybullet": PyBulletEnvironment}
+KINDS: dict[str, Any] = {"pymunk": PymunkEnvironment, "pybullet": PyBulletEnvironment}
 BALL = {"circle": {"radius": 0.1}}
 CRATE = {"box": {"length": 0.4, "width": 0.4, "height": 0.4}}
 
 
 @pytest.fixture(params=KINDS)
-def kind(request):
-    return KINDS[request.param]
+def kind(request: pytest.FixtureRequest) -> type[PhysicsEnvironment]:
+    result: type[PhysicsEnvironment] = KINDS[request.param]
+    return result
 
 
-def ball(x, velocity=None, *, y=0.0, mass=1.0, **more):
-    velocity = None if velocity is None else [velocity, 0.0]
+def ball(x: float, speed: float | None = None, *, y: float = 0.0, mass: float = 1.0, **more: float) -> Obstacle:
+    velocity = None if speed is None else [speed, 0.0]
     return Obstacle(shape=BALL, position=[x, y], mass=mass, velocity=velocity, **more)
 
 
-def group(model, state, name="robot", **entity):
+def group(model: Model, state: ArrayLike, name: str = "robot", **entity: Any) -> AgentGroup:
     rows = np.atleast_2d(np.array(state, float))
     ids = [f"{name}.{row}" for row in range(len(rows))]
     return AgentGroup(name, ids, model, Entity(**{"shape": BALL, **entity}), rows)
 
 
-def world(kind, groups=(), obstacles=None, seed=1, **parameters):
+def world(
+    kind: type[ColumnEnvironment],
+    groups: Sequence[AgentGroup] = (),
+    obstacles: Mapping[str, Any] | None = None,
+    seed: int = 1,
+    **parameters: Any,
+) -> ColumnEnvironment:
     """A world of weightless bodies, unless the parameters say otherwise, with somebody far away if nobody else."""
     if kind is PyBulletEnvironment:
         parameters = {"gravity": (0, 0, 0), "ground": None, "recovery": 0.0} | parameters
@@ -53,16 +67,16 @@ def world(kind, groups=(), obstacles=None, seed=1, **parameters):
     return environment
 
 
-def speed(environment, name):
-    return environment.pose(name).velocity[0]
+def speed(environment: ColumnEnvironment, name: str) -> float:
+    return float(environment.pose(name).velocity[0])
 
 
 # -- the same in three worlds
 
 
 @pytest.mark.parametrize("use", KINDS)
-def test_where_nobody_meets_anybody_the_world_hardly_matters(use, tmp_path):
-    def motion(world):
+def test_where_nobody_meets_anybody_the_world_hardly_matters(use: str, tmp_path: Path) -> None:
+    def motion(world: str) -> dict[str, NDArray[np.float64]]:
         log = tmp_path / f"{world}.mcap"
         summary = execute(build(SCENARIOS / "three-worlds.yaml", [f"environment.use={world}"]), log)
         assert (summary.status, summary.contacts, len(summary.goals_reached)) == ("finished", 0, 6)
@@ -87,7 +101,9 @@ def test_where_nobody_meets_anybody_the_world_hardly_matters(use, tmp_path):
     ],
     ids=lambda value: type(value).__name__,
 )
-def test_a_body_goes_where_its_model_goes(kind, model, state, control_input):
+def test_a_body_goes_where_its_model_goes(
+    kind: type[PhysicsEnvironment], model: NoisyModel, state: list[float], control_input: list[float]
+) -> None:
     truth, found = (
         world(each, [group(model, state)], time_step=0.05, substeps=substeps)
         for each, substeps in ((KinematicEnvironment, 1), (kind, 10))
@@ -102,7 +118,7 @@ def test_a_body_goes_where_its_model_goes(kind, model, state, control_input):
     found.close()
 
 
-def test_everybody_starts_exactly_where_the_file_says(kind):
+def test_everybody_starts_exactly_where_the_file_says(kind: type[PhysicsEnvironment]) -> None:
     robots = group(Unicycle(), [[1.1, -2.3, 0.7], [-4.9, 0.3, -2.1]], shape=CRATE)
     obstacles = {
         "free": Obstacle(shape=CRATE, position=[3.3, 7.7], heading=0.9, mass=1.0, velocity=[0.1, 0.2], turn_rate=0.3),
@@ -118,7 +134,7 @@ def test_everybody_starts_exactly_where_the_file_says(kind):
         assert environment.pose("free").turn_rate == pytest.approx(0.3, abs=1e-12)
 
 
-def test_a_heading_counts_turns(kind):
+def test_a_heading_counts_turns(kind: type[PhysicsEnvironment]) -> None:
     spinner = group(Unicycle(), [0.0, 0.0, 7.0])
     with world(kind, [spinner]) as environment:
         assert environment.state(spinner)[0, 2] == pytest.approx(7.0)
@@ -127,7 +143,7 @@ def test_a_heading_counts_turns(kind):
         assert environment.state(spinner)[0, 2] == pytest.approx(17.0, abs=0.02)
 
 
-def test_the_velocities_of_a_snapshot_are_those_of_the_bodies(kind):
+def test_the_velocities_of_a_snapshot_are_those_of_the_bodies(kind: type[PhysicsEnvironment]) -> None:
     robot = group(SingleIntegrator(), [0.0, 0.0])
     obstacles = {"wall": Obstacle(shape={"box": {"length": 1, "width": 5}}, position=[1.0, 0.0])}
     with world(kind, [robot], obstacles) as environment:
@@ -140,7 +156,7 @@ def test_the_velocities_of_a_snapshot_are_those_of_the_bodies(kind):
         assert environment.applied_input(robot).tolist() == [[1.0, 0.0]]
 
 
-def test_process_noise_moves_bodies_through_their_velocity(kind):
+def test_process_noise_moves_bodies_through_their_velocity(kind: type[PhysicsEnvironment]) -> None:
     robots = group(SingleIntegrator(SingleIntegrator.Parameters(process_noise=0.1)), np.zeros((200, 2)), shape=None)
     with world(kind, [robots], time_step=0.1) as environment:
         moved(environment, 1.0)
@@ -152,7 +168,9 @@ def test_process_noise_moves_bodies_through_their_velocity(kind):
 
 
 @pytest.mark.parametrize(("elasticity", "masses"), [(1.0, (1, 1)), (1.0, (1, 3)), (0.5, (2, 1)), (0.0, (1, 1))])
-def test_a_collision_keeps_momentum_and_what_elasticity_leaves_of_the_energy(kind, elasticity, masses):
+def test_a_collision_keeps_momentum_and_what_elasticity_leaves_of_the_energy(
+    kind: type[PhysicsEnvironment], elasticity: float, masses: tuple[int, int]
+) -> None:
     """Newton's law of restitution; R. C. Hibbeler, Engineering Mechanics: Dynamics, section 15.4."""
     one, other = masses
     obstacles = {
@@ -176,7 +194,9 @@ def test_a_collision_keeps_momentum_and_what_elasticity_leaves_of_the_energy(kin
 
 @pytest.mark.parametrize("shape", [{"circle": {"radius": 0.2}}, CRATE], ids=["balls", "boxes"])
 @pytest.mark.parametrize("elasticity", [0.5, 0.9, 1.0])
-def test_a_bounce_loses_what_its_elasticity_says_at_any_speed(kind, elasticity, shape):
+def test_a_bounce_loses_what_its_elasticity_says_at_any_speed(
+    kind: type[PhysicsEnvironment], elasticity: float, shape: dict[str, Any]
+) -> None:
     for pace in (0.005, 0.01, 0.03, 0.1, 0.5, 2.0, 8.0, 20.0):
         # Where in a physics step they meet, and so how deep the engine finds them in each other, must not matter.
         for share in (0.0, 1e-6, 1e-3, 0.1, 0.5, 0.999):
@@ -192,14 +212,14 @@ def test_a_bounce_loses_what_its_elasticity_says_at_any_speed(kind, elasticity, 
                 )
                 for name, side, part in (("one", -1, 1.0), ("other", 1, elasticity))
             }
-            recovery = {"recovery": 0.02} if kind is PyBulletEnvironment else {}
+            recovery: dict[str, Any] = {"recovery": 0.02} if kind is PyBulletEnvironment else {}
             with world(kind, obstacles=obstacles, **recovery) as environment:
                 moved(environment, 0.2)
                 away = speed(environment, "other") - speed(environment, "one")
             assert away == pytest.approx(elasticity * 2 * pace, rel=0.01), (pace, share)
 
 
-def test_a_bounce_within_a_time_step_is_a_contact_with_its_impulse(kind):
+def test_a_bounce_within_a_time_step_is_a_contact_with_its_impulse(kind: type[PhysicsEnvironment]) -> None:
     obstacles = {
         "ball": ball(0.0, 10.0, mass=2.0, elasticity=1.0),
         "rock": Obstacle(shape=BALL, position=[0.7, 0.0], elasticity=1.0),
@@ -216,7 +236,7 @@ def test_a_bounce_within_a_time_step_is_a_contact_with_its_impulse(kind):
     assert [each.impulse for each in contacts if each.begins] == pytest.approx([40.0] * 3, rel=0.01)
 
 
-def test_a_crowd_keeps_its_momentum_and_its_energy(kind):
+def test_a_crowd_keeps_its_momentum_and_its_energy(kind: type[PhysicsEnvironment]) -> None:
     generator = np.random.default_rng(5)
     obstacles = {
         f"ball{number}": Obstacle(
@@ -231,7 +251,7 @@ def test_a_crowd_keeps_its_momentum_and_its_energy(kind):
     }
     masses = np.array([each.mass for each in obstacles.values()])
 
-    def motion(environment):
+    def motion(environment: ColumnEnvironment) -> tuple[NDArray[np.float64], float]:
         velocities = np.array([environment.pose(name).velocity[:2] for name in obstacles])
         return masses @ velocities, 0.5 * masses @ (velocities * velocities).sum(axis=1)
 
@@ -244,7 +264,7 @@ def test_a_crowd_keeps_its_momentum_and_its_energy(kind):
     assert after[1] == pytest.approx(energy, rel=0.01)
 
 
-def test_a_glancing_collision_without_friction_keeps_what_goes_along_it(kind):
+def test_a_glancing_collision_without_friction_keeps_what_goes_along_it(kind: type[PhysicsEnvironment]) -> None:
     # The centres are 45 degrees apart when they meet: the one goes on along the tangent, the other along the normal.
     offset = 0.2 * np.sqrt(0.5)
     obstacles = {
@@ -257,7 +277,7 @@ def test_a_glancing_collision_without_friction_keeps_what_goes_along_it(kind):
     assert velocities == pytest.approx(np.array([[0.5, -0.5], [0.5, 0.5]]), abs=0.01)
 
 
-def test_what_falls_is_where_galilei_has_it(kind):
+def test_what_falls_is_where_galilei_has_it(kind: type[PhysicsEnvironment]) -> None:
     obstacles = {"stone": Obstacle(shape=BALL, position=[0, 0, 0], mass=2.0, velocity=[1.0, 0, 0])}
     gravity = (0, -10.0) if kind is PymunkEnvironment else (0, -10.0, 0)
     with world(kind, obstacles=obstacles, gravity=gravity) as environment:
@@ -268,13 +288,13 @@ def test_what_falls_is_where_galilei_has_it(kind):
     assert y == pytest.approx(-5.0, abs=10 * 0.005 / 2 + 1e-9)
 
 
-def test_damping_takes_its_part_of_the_velocity_each_second(kind):
+def test_damping_takes_its_part_of_the_velocity_each_second(kind: type[PhysicsEnvironment]) -> None:
     with world(kind, obstacles={"puck": ball(0.0, 3.0)}, damping=0.4) as environment:
         moved(environment, 2.0)
         assert speed(environment, "puck") == pytest.approx(3.0 * 0.6**2, rel=1e-6)
 
 
-def test_neither_gravity_nor_damping_diverts_who_follows_a_model(kind):
+def test_neither_gravity_nor_damping_diverts_who_follows_a_model(kind: type[PhysicsEnvironment]) -> None:
     robot = group(SingleIntegrator(), [0.0, 0.0])
     gravity = (3.0, -10.0) if kind is PymunkEnvironment else (3.0, 0.0, -10.0)
     with world(kind, [robot], gravity=gravity, damping=0.5) as environment:
@@ -283,7 +303,7 @@ def test_neither_gravity_nor_damping_diverts_who_follows_a_model(kind):
         assert environment.state(robot)[0] == pytest.approx([2.0, 1.0], abs=0.006)
 
 
-def test_a_force_that_is_limited_takes_its_time(kind):
+def test_a_force_that_is_limited_takes_its_time(kind: type[PhysicsEnvironment]) -> None:
     robot = group(SingleIntegrator(), [0.0, 0.0], mass=4.0, max_force=2.0)
     with world(kind, [robot]) as environment:
         robot.control_input = [[1.0, 0.0]]
@@ -293,7 +313,7 @@ def test_a_force_that_is_limited_takes_its_time(kind):
         assert environment.state(robot)[0, 0] == pytest.approx(0.25, abs=0.002)
 
 
-def test_a_torque_that_is_limited_takes_its_time(kind):
+def test_a_torque_that_is_limited_takes_its_time(kind: type[PhysicsEnvironment]) -> None:
     robot = group(Unicycle(), [0.0, 0.0, 0.0], shape=CRATE, mass=3.0, max_torque=0.04)
     with world(kind, [robot]) as environment:
         robot.control_input = [[0.0, 2.0]]
@@ -305,7 +325,7 @@ def test_a_torque_that_is_limited_takes_its_time(kind):
 # -- who meets whom
 
 
-def test_who_pushes_harder_wins(kind):
+def test_who_pushes_harder_wins(kind: type[PhysicsEnvironment]) -> None:
     strong = group(SingleIntegrator(), [-0.3, 0.0], "strong", max_force=20.0, shape=CRATE)
     weak = group(SingleIntegrator(), [0.3, 0.0], "weak", max_force=5.0, shape=CRATE)
     with world(kind, [strong, weak]) as environment:
@@ -315,7 +335,7 @@ def test_who_pushes_harder_wins(kind):
         assert environment.state(weak)[0, 0] - environment.state(strong)[0, 0] == pytest.approx(0.4, abs=0.02)
 
 
-def test_who_has_a_velocity_in_its_state_bounces_and_keeps_what_is_left(kind):
+def test_who_has_a_velocity_in_its_state_bounces_and_keeps_what_is_left(kind: type[PhysicsEnvironment]) -> None:
     puck = group(DoubleIntegrator(), [0.0, 0.0, 1.0, 0.5], elasticity=1.0, friction=0.0)
     obstacles = {"wall": Obstacle(shape={"box": {"length": 1, "width": 9}}, position=[1.0, 0.0], elasticity=1.0)}
     with world(kind, [puck], obstacles) as environment:
@@ -328,7 +348,7 @@ def test_who_has_a_velocity_in_its_state_bounces_and_keeps_what_is_left(kind):
     assert contacts[0].impulse == pytest.approx(2.0, rel=0.005)
 
 
-def test_what_has_a_path_pushes_what_is_free_and_nothing_diverts_it(kind):
+def test_what_has_a_path_pushes_what_is_free_and_nothing_diverts_it(kind: type[PhysicsEnvironment]) -> None:
     path = {"times": [0, 1, 2], "positions": [[-1, 0], [0, 0], [1, 0]]}
     obstacles = {"bus": Obstacle(shape=CRATE, path=path), "ball": ball(0.0, mass=5.0)}
     with world(kind, obstacles=obstacles) as environment:
@@ -339,7 +359,7 @@ def test_what_has_a_path_pushes_what_is_free_and_nothing_diverts_it(kind):
         assert environment.moves("ball")
 
 
-def test_what_has_no_mass_stays_put(kind):
+def test_what_has_no_mass_stays_put(kind: type[PhysicsEnvironment]) -> None:
     rock = Obstacle(shape=CRATE, position=[0.5, 0.0])
     with world(kind, obstacles={"rock": rock, "ball": ball(0.0, 3.0)}) as environment:
         moved(environment, 1.0)
@@ -357,7 +377,9 @@ def test_what_has_no_mass_stays_put(kind):
     ],
     ids=lambda shape: next(iter(shape)),
 )
-def test_every_shape_is_agent_free_entity_or_scenery_alike(kind, shape):
+def test_every_shape_is_agent_free_entity_or_scenery_alike(
+    kind: type[PhysicsEnvironment], shape: dict[str, Any]
+) -> None:
     robot = group(SingleIntegrator(), [-1.0, 0.0], shape=shape)
     obstacles = {
         "free": Obstacle(shape=shape, position=[0.0, 0.0], mass=0.5),
@@ -370,7 +392,7 @@ def test_every_shape_is_agent_free_entity_or_scenery_alike(kind, shape):
         assert environment.state(robot)[0, 0] < 0.75  # nobody goes through
 
 
-def test_a_wall_keeps_everybody_in(kind):
+def test_a_wall_keeps_everybody_in(kind: type[PhysicsEnvironment]) -> None:
     yard = {"wall": {"points": [[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]], "thickness": 0.1}}
     robots = group(SingleIntegrator(), [[0.0, 0.0], [0.5, 0.0], [0.0, 0.5], [0.5, 0.5]])
     with world(kind, [robots], {"yard": Obstacle(shape=yard)}) as environment:
@@ -379,7 +401,7 @@ def test_a_wall_keeps_everybody_in(kind):
         assert np.abs(environment.state(robots)).max() < 0.9
 
 
-def test_who_slides_along_a_wall_from_part_to_part_does_not_get_caught(kind):
+def test_who_slides_along_a_wall_from_part_to_part_does_not_get_caught(kind: type[PhysicsEnvironment]) -> None:
     wall = {"wall": {"points": [[-2, 0], [-0.5, 0], [0.5, 0], [2, 0]], "thickness": 0.1}}
     robot = group(SingleIntegrator(), [-1.0, 0.2], max_force=5.0)
     with world(kind, [robot], {"wall": Obstacle(shape=wall, friction=0.0)}) as environment:
@@ -393,10 +415,10 @@ def test_who_slides_along_a_wall_from_part_to_part_does_not_get_caught(kind):
     assert len(contacts) == 1 or kind is PymunkEnvironment
 
 
-def test_who_overlaps_at_the_start_is_told_of_and_parted(kind):
+def test_who_overlaps_at_the_start_is_told_of_and_parted(kind: type[PhysicsEnvironment]) -> None:
     robots = group(SingleIntegrator(), [[0.0, 0.0], [0.15, 0.0]], max_force=0.01)
     obstacles = {"rock": Obstacle(shape=BALL, position=[0.0, 0.18])}
-    parameters = {} if kind is PymunkEnvironment else {"recovery": 0.1}
+    parameters: dict[str, Any] = {} if kind is PymunkEnvironment else {"recovery": 0.1}
     with world(kind, [robots], obstacles, **parameters) as environment:
         contacts = environment.contacts()
         assert [(each.first, each.second, each.begins) for each in contacts] == [
@@ -411,7 +433,7 @@ def test_who_overlaps_at_the_start_is_told_of_and_parted(kind):
     assert len(begun) == len({(each.first, each.second) for each in begun})
 
 
-def test_the_scenery_follows_what_moves(kind):
+def test_the_scenery_follows_what_moves(kind: type[PhysicsEnvironment]) -> None:
     obstacles = {"ball": ball(0.0, 1.0), "rock": Obstacle(shape=BALL, position=[5.0, 0.0])}
     with world(kind, obstacles=obstacles) as environment:
         before = environment.scenery
@@ -424,7 +446,9 @@ def test_the_scenery_follows_what_moves(kind):
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.5])
-def test_what_is_pushed_around_hides_what_is_behind_it_where_it_was_then(kind, delay, tmp_path):
+def test_what_is_pushed_around_hides_what_is_behind_it_where_it_was_then(
+    kind: type[PhysicsEnvironment], delay: float, tmp_path: Path
+) -> None:
     sense = {"see": lambda: made(RangePerception, range=9.0, occlusion=True, delay=delay)}
     team = Team(sense, 2, [[-2.0, 0.0], [2.0, 0.0]], entity=Entity(shape=BALL))
     # A crate of 0.4 m slides at 1 m/s through the line of sight, from 0.8 to 1.2 s.
@@ -444,7 +468,7 @@ def test_what_is_pushed_around_hides_what_is_behind_it_where_it_was_then(kind, d
 # -- logs, repetition and leaks
 
 
-def crowded(kind, path, seed=3):
+def crowded(kind: type[PhysicsEnvironment], path: Path, seed: int = 3) -> Digest:
     obstacles = {f"ball{number}": ball(0.3 * number, y=0.21 * (number % 3)) for number in range(12)}
     obstacles["yard"] = Obstacle(shape={"wall": {"points": [[-2, -2], [5, -2], [5, 2], [-2, 2], [-2, -2]]}})
     team = Team(count=3, state=[[-1.0, 0.0, 1.0, 0.0], [-1.0, 0.3, 1.5, 0.0], [-1.0, 0.6, 2.0, 0.1]])
@@ -455,7 +479,9 @@ def crowded(kind, path, seed=3):
     return digest(open_log(path))
 
 
-def test_a_run_repeats_itself_byte_for_byte_whoever_lived_before(kind, tmp_path):
+def test_a_run_repeats_itself_byte_for_byte_whoever_lived_before(
+    kind: type[PhysicsEnvironment], tmp_path: Path
+) -> None:
     first = crowded(kind, tmp_path / "first.mcap")
     others = [world(each, obstacles={"ball": ball(0.0, 1.0)}) for each in KINDS.values() for _ in range(3)]
     for other in others[::2]:
@@ -467,7 +493,7 @@ def test_a_run_repeats_itself_byte_for_byte_whoever_lived_before(kind, tmp_path)
     assert first.combined == between.combined == after.combined
 
 
-def test_contacts_and_what_is_free_are_in_the_log(kind, tmp_path):
+def test_contacts_and_what_is_free_are_in_the_log(kind: type[PhysicsEnvironment], tmp_path: Path) -> None:
     crowded(kind, tmp_path / "log.mcap")
     log = open_log(tmp_path / "log.mcap")
     assert log.manifest["entities"]["ball0"]["moves"] is True
@@ -477,7 +503,7 @@ def test_contacts_and_what_is_free_are_in_the_log(kind, tmp_path):
     assert any(contact.impulse > 0.1 for contact in decoded)
 
 
-def test_worlds_live_side_by_side(kind):
+def test_worlds_live_side_by_side(kind: type[PhysicsEnvironment]) -> None:
     pair = [world(kind, obstacles={"ball": ball(0.0, float(number))}) for number in (1, 2)]
     for _ in range(50):
         for environment in pair:
@@ -487,14 +513,14 @@ def test_worlds_live_side_by_side(kind):
         environment.close()
 
 
-def clients():
+def clients() -> int:
     return sum(pybullet.getConnectionInfo(number)["isConnected"] for number in range(1024))
 
 
-def test_two_hundred_worlds_leave_nothing_behind(kind):
+def test_two_hundred_worlds_leave_nothing_behind(kind: type[PhysicsEnvironment]) -> None:
     import resource
 
-    def one():
+    def one() -> None:
         with world(kind, [group(SingleIntegrator(), np.zeros((5, 2)))], {"ball": ball(3.0)}) as environment:
             moved(environment, 0.04)
 
@@ -510,7 +536,7 @@ def test_two_hundred_worlds_leave_nothing_behind(kind):
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - held < 6_000  # KiB
 
 
-def test_a_world_that_nobody_closed_closes_when_it_is_forgotten():
+def test_a_world_that_nobody_closed_closes_when_it_is_forgotten() -> None:
     before = clients()
     environment = world(PyBulletEnvironment)
     assert clients() == before + 1
@@ -528,7 +554,7 @@ def test_a_world_that_nobody_closed_closes_when_it_is_forgotten():
 LINEAR = {"state": {"x": "m", "y": "m"}, "control_input": {"a": "m", "b": "m"}, "A": np.eye(2).tolist()}
 
 
-def test_a_map_over_the_time_step_is_followed_and_over_another_is_refused(kind):
+def test_a_map_over_the_time_step_is_followed_and_over_another_is_refused(kind: type[PhysicsEnvironment]) -> None:
     robot = group(made(Linear, time_step=0.02, B=np.eye(2).tolist(), **LINEAR), [0.0, 0.0])
     with world(kind, [robot]) as environment:
         robot.control_input = [[0.01, 0.02]]
@@ -538,7 +564,7 @@ def test_a_map_over_the_time_step_is_followed_and_over_another_is_refused(kind):
         world(kind, [robot], time_step=0.05)
 
 
-def test_a_model_with_more_than_a_body_has_is_refused(kind):
+def test_a_model_with_more_than_a_body_has_is_refused(kind: type[PhysicsEnvironment]) -> None:
     more = {"state": {"x": "m", "y": "m", "fuel": "kg"}, "control_input": {"a": "m"}, "A": np.eye(3).tolist()}
     robot = group(made(Linear, time_step=0.02, B=[[1.0], [0.0], [0.0]], **more), [0.0, 0.0, 1.0])
     with pytest.raises(WorldError, match="has `fuel` too") as caught:
@@ -546,12 +572,12 @@ def test_a_model_with_more_than_a_body_has_is_refused(kind):
     assert caught.value.path == ("agents", "robot", "model")
 
 
-def test_a_plane_has_no_place_for_who_moves_in_space():
+def test_a_plane_has_no_place_for_who_moves_in_space() -> None:
     with pytest.raises(WorldError, match="cannot move in a plane"):
         world(PymunkEnvironment, [group(made(SingleIntegrator, dimensions=3), [0, 0, 0])])
 
 
-def test_noise_that_tears_a_position_from_its_velocity_is_refused(kind):
+def test_noise_that_tears_a_position_from_its_velocity_is_refused(kind: type[PhysicsEnvironment]) -> None:
     noisy = DoubleIntegrator(DoubleIntegrator.Parameters(process_noise=0.1))
     with pytest.raises(WorldError, match="process_noise"):
         world(kind, [group(noisy, [0.0, 0.0, 0.0, 0.0])])

@@ -1,12 +1,17 @@
 """Agents that are pushed all at once, in physics worlds."""
 
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 import pytest
 
 from symaware_cli.core import AgentGroup, Entity
+from symaware_cli.environments.physics import PhysicsEnvironment
 from symaware_cli.environments.planar import PymunkEnvironment
 from symaware_cli.environments.spatial import PyBulletEnvironment
 from symaware_cli.models.integrator import DoubleIntegrator, SingleIntegrator
+from symaware_cli.models.noise import NoisyModel
 from symaware_cli.models.quadrotor import Quadrotor
 from symaware_cli.models.racecar import Racecar
 from symaware_cli.models.unicycle import Unicycle
@@ -15,8 +20,14 @@ from symaware_cli.models.unicycle import Unicycle
 WEDGE = "v 0 0 0\nv 2 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n"
 
 
-def world(kind, model, states, folder=None, **entity):
-    entity = Entity(**(entity or {"shape": {"circle": {"radius": 0.3}}}))
+def world(
+    kind: type[PhysicsEnvironment],
+    model: NoisyModel,
+    states: Any,
+    folder: Path | None = None,
+    **description: Any,
+) -> tuple[PhysicsEnvironment, AgentGroup]:
+    entity = Entity(**(description or {"shape": {"circle": {"radius": 0.3}}}))
     group = AgentGroup("robot", [f"robot.{row}" for row in range(len(states))], model, entity, states)
     environment = kind(kind.Parameters(time_step=0.02))
     if folder:
@@ -25,7 +36,7 @@ def world(kind, model, states, folder=None, **entity):
     return environment, group
 
 
-def touching(environment):
+def touching(environment: PhysicsEnvironment) -> set[tuple[str, str]]:
     return {(contact.first, contact.second) for contact in environment.contacts() if contact.begins}
 
 
@@ -39,7 +50,9 @@ def touching(environment):
     ],
     ids=["single", "double", "unicycle"],
 )
-def test_the_state_changes_by_what_is_said_and_nobody_elses(kind, model, change):
+def test_the_state_changes_by_what_is_said_and_nobody_elses(
+    kind: type[PhysicsEnvironment], model: NoisyModel, change: list[float]
+) -> None:
     states = np.zeros((3, len(model.state)))
     states[:, 1] = [0.0, 5.0, 10.0]
     environment, group = world(kind, model, states)
@@ -57,7 +70,7 @@ def test_the_state_changes_by_what_is_said_and_nobody_elses(kind, model, change)
 
 
 @pytest.mark.parametrize("kind", [PymunkEnvironment, PyBulletEnvironment])
-def test_who_is_pushed_into_another_touches_it_and_what_had_begun_stays_told(kind):
+def test_who_is_pushed_into_another_touches_it_and_what_had_begun_stays_told(kind: type[PhysicsEnvironment]) -> None:
     environment, group = world(kind, Unicycle(), [[0, 0, 0], [0.59, 0, 0], [5, 0, 0]])
     with environment:
         environment.step()
@@ -68,7 +81,7 @@ def test_who_is_pushed_into_another_touches_it_and_what_had_begun_stays_told(kin
         assert ("robot.1", "robot.2") in touching(environment)
 
 
-def test_a_body_turns_about_its_position_not_its_centre_of_mass(tmp_path):
+def test_a_body_turns_about_its_position_not_its_centre_of_mass(tmp_path: Path) -> None:
     (tmp_path / "wedge.obj").write_text(WEDGE)
     shape = {"mesh": {"file": "wedge.obj", "radius": 1.0}}
     environment, group = world(PyBulletEnvironment, Unicycle(), [[1, 2, 0.5]], tmp_path, shape=shape)
@@ -78,7 +91,7 @@ def test_a_body_turns_about_its_position_not_its_centre_of_mass(tmp_path):
 
 
 @pytest.mark.parametrize("model", [Racecar(), Quadrotor()], ids=["racecar", "quadrotor"])
-def test_vehicles_are_pushed_too(model):
+def test_vehicles_are_pushed_too(model: NoisyModel) -> None:
     states = np.zeros((2, len(model.state)))
     states[:, 1] = [0.0, 5.0]
     if isinstance(model, Quadrotor):
@@ -86,6 +99,6 @@ def test_vehicles_are_pushed_too(model):
     environment, group = world(PyBulletEnvironment, model, states)
     with environment:
         environment.step()
-        before, change = environment.state(group), 0.2 + 0.01 * np.arange(len(model.state))
+        before, change = environment.state(group), 0.2 + 0.01 * np.arange(len(model.state), dtype=float)
         environment.push(group, [1], change)
         assert environment.state(group) - before == pytest.approx(np.outer([0, 1], change), abs=1e-6)

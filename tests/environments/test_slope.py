@@ -1,12 +1,16 @@
 """Slopes and other tilted entities in the spatial world, against the inclined plane of the books."""
 
 import math
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import pytest
-from simulating import moved
+from numpy.typing import NDArray
+from simulating import moved, untyped
 
 from symaware_cli.core import AgentGroup, Entity, Obstacle, WorldError
+from symaware_cli.environments.column_environment import ColumnEnvironment
 from symaware_cli.environments.kinematic import KinematicEnvironment
 from symaware_cli.environments.planar import PymunkEnvironment
 from symaware_cli.environments.spatial import PyBulletEnvironment
@@ -21,14 +25,18 @@ CRATE = {"box": {"length": 0.6, "width": 0.6, "height": 0.2}}
 BALL = {"circle": {"radius": 0.25}}
 
 
-def world(obstacles, kind=PyBulletEnvironment, **parameters):
+def world(
+    obstacles: Mapping[str, Any], kind: type[ColumnEnvironment] = PyBulletEnvironment, **parameters: Any
+) -> ColumnEnvironment:
     environment = kind(kind.Parameters(**{"time_step": 0.02, **parameters}))
     nobody = AgentGroup("nobody", ["nobody"], SingleIntegrator(), Entity(), [[99.0, 99.0]])
     environment.initialise([nobody], obstacles, 1)
     return environment
 
 
-def slope(angle, heading, friction, what, **how):
+def slope(
+    angle: float, heading: float, friction: float, what: Mapping[str, Any], **how: Any
+) -> tuple[dict[str, Obstacle], NDArray[np.float64]]:
     """A ramp that goes down ahead, and something that lies on the middle of it; and the way down."""
     orientation = attitude(0.0, angle, heading)
     up, down = rotated(orientation, [0.0, 0.0, 1.0]), rotated(orientation, [1.0, 0.0, 0.0])
@@ -42,7 +50,7 @@ def slope(angle, heading, friction, what, **how):
 @pytest.mark.parametrize("heading", [0.0, 0.9, -2.4])
 @pytest.mark.parametrize("friction", [0.0, 0.2, 0.5])
 @pytest.mark.parametrize("angle", [0.1, 0.3, 0.5])
-def test_a_crate_slides_down_a_slope_as_coulomb_has_it(angle, friction, heading):
+def test_a_crate_slides_down_a_slope_as_coulomb_has_it(angle: float, friction: float, heading: float) -> None:
     """g (sin a - mu cos a) where tan a > mu, and else not at all; Hibbeler, Statics, section 8.2."""
     obstacles, down = slope(angle, heading, friction, CRATE)
     expected = max(0.0, GRAVITY * (math.sin(angle) - friction * math.cos(angle)))
@@ -59,7 +67,7 @@ def test_a_crate_slides_down_a_slope_as_coulomb_has_it(angle, friction, heading)
 
 
 @pytest.mark.parametrize("friction", [0.36, 0.37, 0.39, 0.40])
-def test_the_angle_of_repose_is_where_the_coefficient_of_friction_has_it(friction):
+def test_the_angle_of_repose_is_where_the_coefficient_of_friction_has_it(friction: float) -> None:
     angle = math.atan(0.38)
     obstacles, down = slope(angle, 0.0, friction, CRATE)
     with world(obstacles) as environment:
@@ -70,7 +78,7 @@ def test_the_angle_of_repose_is_where_the_coefficient_of_friction_has_it(frictio
     assert gone == pytest.approx(2.0 * expected, rel=0.1, abs=0.01)
 
 
-def test_a_ball_rolls_down_a_slope_with_five_sevenths():
+def test_a_ball_rolls_down_a_slope_with_five_sevenths() -> None:
     obstacles, down = slope(0.3, 0.4, 1.0, BALL)
     with world(obstacles) as environment:
         moved(environment, 1.0)
@@ -78,7 +86,7 @@ def test_a_ball_rolls_down_a_slope_with_five_sevenths():
     assert speed == pytest.approx(5 / 7 * GRAVITY * math.sin(0.3), rel=0.01)
 
 
-def test_a_tilted_body_given_two_coordinates_stands_on_the_ground():
+def test_a_tilted_body_given_two_coordinates_stands_on_the_ground() -> None:
     obstacles = {
         "fixed": Obstacle(shape=CRATE, position=[0, 0], roll=0.4, pitch=-0.2),
         "free": Obstacle(shape=CRATE, position=[5, 0], pitch=math.pi / 2, mass=1.0),
@@ -93,24 +101,24 @@ def test_a_tilted_body_given_two_coordinates_stands_on_the_ground():
     assert after == pytest.approx([0.1, 5.0, 0.3], abs=1e-3)
 
 
-def test_what_is_led_keeps_its_tilt():
+def test_what_is_led_keeps_its_tilt() -> None:
     led = Obstacle(
         shape=RAMP, pitch=0.3, path={"times": [0, 10], "positions": [[0, 0, 9], [10, 0, 9]], "headings": [0, 1]}
     )
     with world({"ramp": led}) as environment:
         moved(environment, 1.0)
         rays = environment.ray_cast(np.array([0]), np.array([[11.0, 0.0]]), np.array([[[-1.0, 0.0]]]), 5.0, height=5.0)
-        body = environment._body_poses.pose(environment._entities["ramp"])[1]
+        body = untyped(environment)._body_poses.pose(untyped(environment)._entities["ramp"])[1]
     assert body == pytest.approx(attitude(0.0, 0.3, 0.1), abs=1e-6)
     assert rays.shape == (1, 1)
 
 
-@pytest.mark.parametrize("shape", [CRATE, RAMP, {"cylinder": {"radius": 0.5, "height": 2.0}}])
+@pytest.mark.parametrize("description", [CRATE, RAMP, {"cylinder": {"radius": 0.5, "height": 2.0}}])
 @pytest.mark.parametrize(("roll", "pitch"), [(0.3, 0.0), (0.0, -1.2), (0.7, 0.4), (0.0, math.pi / 2), (math.pi, 0.0)])
-def test_a_footprint_holds_the_body_and_hardly_more(shape, roll, pitch):
-    shape = Shape(**shape)
-    ((corners, _),) = footprint(shape, roll, pitch).pieces
-    corners = np.array(corners)
+def test_a_footprint_holds_the_body_and_hardly_more(description: dict[str, Any], roll: float, pitch: float) -> None:
+    shape = Shape(**description)
+    ((outline, _),) = footprint(shape, roll, pitch).pieces
+    corners = np.array(outline)
     generator = np.random.default_rng(3)
     inside = generator.uniform(-0.5, 0.5, (40_000, 3))
     if shape.box:
@@ -125,7 +133,7 @@ def test_a_footprint_holds_the_body_and_hardly_more(shape, roll, pitch):
     assert aside.min(axis=0).max() < 0.15 * shape.radius  # there is something near each edge
 
 
-def test_the_scenery_has_footprints():
+def test_the_scenery_has_footprints() -> None:
     ramp = Obstacle(shape=RAMP, position=[0, 0, 5], heading=math.pi / 2, pitch=1.0)
     with world({"ramp": ramp}) as environment:
         near = environment.scenery.nearest(np.array([[0.0, 15.0]]), 20.0)
@@ -134,7 +142,7 @@ def test_the_scenery_has_footprints():
 
 
 @pytest.mark.parametrize("kind", [KinematicEnvironment, PymunkEnvironment])
-def test_a_world_without_a_third_dimension_refuses_what_is_tilted(kind):
+def test_a_world_without_a_third_dimension_refuses_what_is_tilted(kind: type[ColumnEnvironment]) -> None:
     obstacles = {
         "one": Obstacle(shape=CRATE, position=[0, 0], roll=0.1),
         "other": Obstacle(shape=CRATE, position=[5, 0], pitch=0.1),
@@ -148,6 +156,6 @@ def test_a_world_without_a_third_dimension_refuses_what_is_tilted(kind):
 @pytest.mark.parametrize(
     "shape", [{"polygon": {"vertices": [[0, 0], [1, 0], [0, 1]]}}, {"wall": {"points": [[0, 0], [1, 0]]}}]
 )
-def test_what_stands_upright_by_its_nature_is_not_tilted(shape):
+def test_what_stands_upright_by_its_nature_is_not_tilted(shape: dict[str, Any]) -> None:
     with pytest.raises(ValueError, match="stands upright"):
         Obstacle(shape=shape, position=[0, 0], roll=0.2)

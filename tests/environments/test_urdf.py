@@ -1,5 +1,6 @@
 """URDF files, and what robots look like."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -12,21 +13,21 @@ from symaware_cli.environments.urdf import UrdfError, articulation, parsed
 DATA = pybullet_data.getDataPath()
 
 
-def robot(folder, text):
+def robot(folder: Path, text: str) -> Path:
     path = folder / "robot.urdf"
     path.write_text(f"<robot name='r'>{text}</robot>")
     return path
 
 
 @pytest.fixture
-def client():
+def client() -> Iterator[int]:
     number = pybullet.connect(pybullet.DIRECT)
     yield number
     pybullet.disconnect(number)
 
 
 @pytest.mark.parametrize("file", ["racecar/racecar.urdf", "r2d2.urdf", "kuka_iiwa/model.urdf", "pr2_gripper.urdf"])
-def test_links_are_where_the_engine_has_them_however_joints_stand(client, file):
+def test_links_are_where_the_engine_has_them_however_joints_stand(client: int, file: str) -> None:
     described = articulation(Path(DATA, file))
     body = pybullet.loadURDF(f"{DATA}/{file}", flags=pybullet.URDF_IGNORE_VISUAL_SHAPES, physicsClientId=client)
     infos = [pybullet.getJointInfo(body, joint, client) for joint in range(pybullet.getNumJoints(body, client))]
@@ -47,7 +48,7 @@ def test_links_are_where_the_engine_has_them_however_joints_stand(client, file):
         assert abs(np.dot(orientation, state[5])) == pytest.approx(1.0, abs=1e-6)
 
 
-def test_colours_come_from_the_link_the_robot_or_the_file_beside_the_mesh(tmp_path):
+def test_colours_come_from_the_link_the_robot_or_the_file_beside_the_mesh(tmp_path: Path) -> None:
     (tmp_path / "a.obj").write_text("mtllib a.mtl\nv 0 0 0\n")
     (tmp_path / "a.mtl").write_text("newmtl a\nKd 0.1 0.2 0.3\n")
     path = robot(
@@ -64,7 +65,7 @@ def test_colours_come_from_the_link_the_robot_or_the_file_beside_the_mesh(tmp_pa
     assert [visual.colour for visual in visuals] == [(1, 0, 0, 1), (0, 1, 0, 0.5), (0.1, 0.2, 0.3, 1.0), None]
 
 
-def test_what_makes_no_sense_of_a_look_is_passed_over(tmp_path):
+def test_what_makes_no_sense_of_a_look_is_passed_over(tmp_path: Path) -> None:
     path = robot(
         tmp_path,
         """<link name='a'><visual/><visual><geometry/></visual><visual><geometry><cone/></geometry></visual>
@@ -77,7 +78,7 @@ def test_what_makes_no_sense_of_a_look_is_passed_over(tmp_path):
     assert (visual.position, visual.orientation) == ((1, 2, 3), (0, 0, 0, 1))
 
 
-def test_links_that_carry_each_other_in_a_circle_end(tmp_path):
+def test_links_that_carry_each_other_in_a_circle_end(tmp_path: Path) -> None:
     joint = "<joint name='{0}{1}' type='fixed'><parent link='{0}'/><child link='{1}'/></joint>"
     links = "".join(f"<link name='{name}'/>" for name in "abc")
     path = robot(tmp_path, links + joint.format("a", "b") + joint.format("b", "c") + joint.format("c", "b"))
@@ -86,7 +87,7 @@ def test_links_that_carry_each_other_in_a_circle_end(tmp_path):
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-16"])
-def test_entities_are_not_expanded(tmp_path, encoding):
+def test_entities_are_not_expanded(tmp_path: Path, encoding: str) -> None:
     path = tmp_path / "bomb.urdf"
     text = "<!DOCTYPE robot [<!ENTITY a 'ha'><!ENTITY b '&a;&a;'>]><robot><link name='&b;'/></robot>"
     path.write_text(text, encoding=encoding)
@@ -94,7 +95,7 @@ def test_entities_are_not_expanded(tmp_path, encoding):
         parsed(path)
 
 
-def test_a_file_without_end_is_not_read(tmp_path):
+def test_a_file_without_end_is_not_read(tmp_path: Path) -> None:
     path = tmp_path / "long.urdf"
     with open(path, "wb") as file:
         file.truncate((16 << 20) + 1)

@@ -2,6 +2,9 @@
 
 import hashlib
 import struct
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -10,7 +13,9 @@ from symaware_cli.recording.reader import open_log
 from symaware_cli.recording.writer import LogWriter
 
 
-def test_runs_whose_chunks_were_cut_elsewhere_have_equal_digests(tmp_path, sample_writer):
+def test_runs_whose_chunks_were_cut_elsewhere_have_equal_digests(
+    tmp_path: Path, sample_writer: Callable[..., Path]
+) -> None:
     often = sample_writer(tmp_path / "often.mcap", flush_every=1)
     seldom = sample_writer(tmp_path / "seldom.mcap", flush_every=1000)
     assert often.read_bytes() != seldom.read_bytes()
@@ -21,13 +26,13 @@ def test_runs_whose_chunks_were_cut_elsewhere_have_equal_digests(tmp_path, sampl
     assert set(first.attachments) == {"manifest.json", "resolved.yaml", "scenario/hello.yaml"}
 
 
-def test_a_log_without_its_summary_has_the_digest_it_had(tmp_path, sample):
+def test_a_log_without_its_summary_has_the_digest_it_had(tmp_path: Path, sample: Path) -> None:
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(sample.read_bytes()[:-10])
     assert digest(open_log(cut)) == digest(open_log(sample))
 
 
-def test_the_digest_is_what_the_document_defines(tmp_path):
+def test_the_digest_is_what_the_document_defines(tmp_path: Path) -> None:
     with LogWriter(tmp_path / "log.mcap") as writer:
         writer.attach("manifest.json", "application/json", b'{"format": 1}')
         channel, empty = writer.channel("/b", "Rows"), writer.channel("/a", "Event")
@@ -61,9 +66,10 @@ def test_the_digest_is_what_the_document_defines(tmp_path):
         (lambda writer, state, event: writer.add_timing(5, wall_time=1, cpu_time=1, steps=1), []),
     ],
 )
-def test_a_difference_is_told_where_it_is(tmp_path, change, topics):
+def test_a_difference_is_told_where_it_is(tmp_path: Path, change: Callable[..., Any], topics: list[str]) -> None:
     digests = []
-    for number, act in enumerate([lambda *_: None, change]):
+    acts: list[Callable[..., Any]] = [lambda *_: None, change]
+    for number, act in enumerate(acts):
         with LogWriter(tmp_path / f"{number}.mcap") as writer:
             state, event = writer.channel("/state", "Rows"), writer.channel("/events", "Event")
             writer.add(state, 5, b"a")
@@ -74,7 +80,7 @@ def test_a_difference_is_told_where_it_is(tmp_path, change, topics):
     assert (digests[0].combined == digests[1].combined) == (not topics)
 
 
-def test_messages_in_another_order_make_another_digest(tmp_path):
+def test_messages_in_another_order_make_another_digest(tmp_path: Path) -> None:
     digests = []
     for number, order in enumerate([(b"a", b"b"), (b"b", b"a")]):
         with LogWriter(tmp_path / f"{number}.mcap") as writer:

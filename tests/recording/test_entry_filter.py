@@ -1,16 +1,18 @@
 """Which events, messages and contacts are found."""
 
 import json
+from typing import Any
 
 import pytest
 
+from symaware_cli import Log
 from symaware_cli.recording import symaware_v1_pb2 as v1
 from symaware_cli.recording.entry_filter import EntryFilter
 from symaware_cli.recording.error import UnknownNameError
 from symaware_cli.recording.reader import open_log
 from symaware_cli.recording.writer import LogWriter
 
-EVENTS = [  # name, source, level, data
+EVENTS: list[tuple[str, str, Any, dict[str, Any]]] = [  # name, source, level, data
     ("started", "run", "INFO", {}),
     ("slowed", "agents.robot.1.steer", "DEBUG", {}),
     ("slowed", "agents.robot.10.steer", "INFO", {"agent": "robot.1"}),
@@ -28,7 +30,7 @@ CONTACTS = [("car", "wall", "BEGIN"), ("robot.1", "wall", "END"), ("robot.1", "r
 
 
 @pytest.fixture(scope="module")
-def log(tmp_path_factory):
+def log(tmp_path_factory: pytest.TempPathFactory) -> Log:
     robots = [f"robot.{row}" for row in range(11)]
     manifest = {
         "format": 1,
@@ -80,7 +82,7 @@ def log(tmp_path_factory):
         ({"kind": "nothing", "stage": "SENT"}, [0, 1, 2, 3, 4, 5, 6]),
     ],
 )
-def test_events_are_those_that_meet_every_condition(log, wanted, times):
+def test_events_are_those_that_meet_every_condition(log: Log, wanted: dict[str, Any], times: list[int]) -> None:
     assert [event.time for event in EntryFilter(**wanted).events(log)] == times
 
 
@@ -97,7 +99,7 @@ def test_events_are_those_that_meet_every_condition(log, wanted, times):
         ({"stage": "SENT", "kind": "hello", "end": 5}, [0]),
     ],
 )
-def test_messages_are_those_that_meet_every_condition(log, wanted, times):
+def test_messages_are_those_that_meet_every_condition(log: Log, wanted: dict[str, Any], times: list[int]) -> None:
     assert [entry.time for entry in EntryFilter(**wanted).communications(log)] == times
 
 
@@ -105,12 +107,12 @@ def test_messages_are_those_that_meet_every_condition(log, wanted, times):
     ("wanted", "times"),
     [({}, [0, 1, 2]), ({"agents": ("wall",)}, [0, 1]), ({"agents": ("robot.2",)}, [2]), ({"stage": "END"}, [1])],
 )
-def test_contacts_are_those_that_meet_every_condition(log, wanted, times):
+def test_contacts_are_those_that_meet_every_condition(log: Log, wanted: dict[str, Any], times: list[int]) -> None:
     assert [entry.time for entry in EntryFilter(**wanted).contacts(log)] == times
 
 
 @pytest.mark.parametrize("pattern", ["robot.11", "robto", "x*", ""])
-def test_an_agent_that_there_is_not_is_told(log, pattern):
+def test_an_agent_that_there_is_not_is_told(log: Log, pattern: str) -> None:
     for find in (EntryFilter.events, EntryFilter.communications, EntryFilter.contacts):
         with pytest.raises(
             UnknownNameError, match=f"has no agent, group or entity '{pattern.replace('*', '.')}"

@@ -26,24 +26,24 @@ VERBS = {
 }
 
 
-def test_the_control_input_that_was_requested_is_read():
+def test_the_control_input_that_was_requested_is_read() -> None:
     series = open_log(LOG).series("robot", "control_requested")
     assert series.columns == ("speed", "turn_rate")
     assert series.values.shape == (15, 3, 2)
     assert series.values[0, :, 0] == pytest.approx(2.0)  # the controller's, beyond the model's limit of 1 m/s
 
 
-def test_what_was_computed_from_it_is_not_taken_for_what_was_applied():
+def test_what_was_computed_from_it_is_not_taken_for_what_was_applied() -> None:
     with pytest.raises(Exception, match="has no control of 'robot'"):
         open_log(LOG).series("robot", "control")
 
 
-def test_entities_with_channels_of_their_own_are_read():
+def test_entities_with_channels_of_their_own_are_read() -> None:
     series = open_log(LOG).series("cart", "world")
     assert series.values[:, 1] == pytest.approx(np.linspace(-2, -0.5, 16))
 
 
-def test_messages_and_beliefs_are_read():
+def test_messages_and_beliefs_are_read() -> None:
     log = open_log(LOG)
     assert Counter(each.stage for each in log.communications()) == {"SENT": 102, "DELIVERED": 96}
     seen, true = log.beliefs("robot.0", "robot.1"), log.series("robot.1", "world")
@@ -53,7 +53,7 @@ def test_messages_and_beliefs_are_read():
 
 
 @pytest.mark.parametrize("verb", VERBS)
-def test_every_verb_takes_them(verb, tmp_path):
+def test_every_verb_takes_them(verb: str, tmp_path: Path) -> None:
     if verb == "replay":
         pytest.importorskip("rerun", reason="Rerun is an extra")
     command = [sys.executable, "-m", "symaware_cli", verb, str(LOG), *VERBS[verb]]

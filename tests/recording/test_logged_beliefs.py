@@ -1,11 +1,14 @@
 """What an agent believed of another, as it was recorded."""
 
 import json
+from collections.abc import Callable, Sequence
+from pathlib import Path
 
 import numpy as np
 import pytest
 from simulating import Team, simulate
 
+from symaware_cli import Log
 from symaware_cli.components.perception import OmniscientPerception
 from symaware_cli.recording import symaware_v1_pb2 as v1
 from symaware_cli.recording import wire
@@ -19,10 +22,10 @@ BICYCLE = [*UNICYCLE, ["speed", "m/s"]]
 
 
 @pytest.fixture
-def write(tmp_path):
+def write(tmp_path: Path) -> Callable[..., Log]:
     """Write a log of three robots and a car that know each other as (time, message) say; robots have four states."""
 
-    def write(entries, world=()):
+    def write(entries: Sequence[tuple[int, bytes]], world: Sequence[tuple[int, bytes]] = ()) -> Log:
         manifest = {
             "format": 1,
             "groups": {
@@ -45,7 +48,7 @@ def write(tmp_path):
     return write
 
 
-def test_beliefs_are_found_among_those_of_others_with_covariances_and_ages(write):
+def test_beliefs_are_found_among_those_of_others_with_covariances_and_ages(write: Callable[..., Log]) -> None:
     everything = np.arange(24.0).reshape(4, 6)
     covariances = np.arange(4 * 36.0).reshape(4, 6, 6)
     # robot.0 knows the car and robot.2, robot.1 nobody, robot.2 both other robots.
@@ -70,7 +73,7 @@ def test_beliefs_are_found_among_those_of_others_with_covariances_and_ages(write
     assert log.beliefs("robot.2", "car").values[1].tolist() == list(range(6))
 
 
-def test_others_may_be_known_by_more_or_fewer_numbers(write):
+def test_others_may_be_known_by_more_or_fewer_numbers(write: Callable[..., Log]) -> None:
     message = wire.encode_awareness(
         [2, 0, 1], [0, 3, 2], [3, 4, 4], np.arange(11.0), covariances=np.arange(9 + 16 + 16.0)
     )
@@ -80,7 +83,7 @@ def test_others_may_be_known_by_more_or_fewer_numbers(write):
     assert log.beliefs("robot.2", "robot.1").covariances[0].ravel().tolist() == list(range(25, 41))
 
 
-def test_who_knows_the_world_knows_the_truth_at_that_instant(write):
+def test_who_knows_the_world_knows_the_truth_at_that_instant(write: Callable[..., Log]) -> None:
     world = [(time, wire.encode_rows([[time, 0.0, 0.0]])) for time in (2, 4)]
     beliefs = write([(time, wire.WHOLE_WORLD) for time in (1, 2, 3, 4)], world).beliefs("robot.1", "car")
     assert np.array_equal(beliefs.values[:, 0], [np.nan, 2, 2, 4], equal_nan=True)
@@ -101,14 +104,16 @@ def test_who_knows_the_world_knows_the_truth_at_that_instant(write):
         ("robot.1", 6, False, ("x", "y", "z", "vx", "vy", "vz")),
     ],
 )
-def test_columns_have_names_where_the_log_tells_which_they_are(write, other, columns, covariances, names):
+def test_columns_have_names_where_the_log_tells_which_they_are(
+    write: Callable[..., Log], other: str, columns: int, covariances: bool, names: tuple[str, ...]
+) -> None:
     spread = np.eye(columns) if covariances else ()
     entity = {"car": 0, "robot.1": 2}[other]
     message = wire.encode_awareness([1], [entity], [columns], np.zeros(columns), [0], covariances=spread)
     assert write([(0, message)]).beliefs("robot.0", other).columns == names
 
 
-def test_beliefs_in_a_run_are_those_that_the_components_had(tmp_path):
+def test_beliefs_in_a_run_are_those_that_the_components_had(tmp_path: Path) -> None:
     simulate({"point": Team({"see": OmniscientPerception}, count=3)}, steps=4, log=tmp_path / "log.mcap")
     log = open_log(tmp_path / "log.mcap")
     beliefs = log.beliefs("point.0", "point.2")
@@ -127,13 +132,13 @@ def test_beliefs_in_a_run_are_those_that_the_components_had(tmp_path):
         ("car", "robot.0", r"has no awareness of 'car' \(no channel /agents/car/awareness\)"),
     ],
 )
-def test_beliefs_that_are_not_there_are_told(write, agent, other, sentence):
+def test_beliefs_that_are_not_there_are_told(write: Callable[..., Log], agent: str, other: str, sentence: str) -> None:
     with pytest.raises(LogError, match=sentence) as caught:
         write([]).beliefs(agent, other)
     assert isinstance(caught.value, UnknownNameError) == (agent == "robto")
 
 
-def test_a_message_that_does_not_fit_together_is_told(write):
+def test_a_message_that_does_not_fit_together_is_told(write: Callable[..., Log]) -> None:
     message = v1.Awareness(rows=[0], lengths=[1], entities=[0], columns=[3], values=[1, 2])
     with pytest.raises(LogError, match=r"/agents/robot/awareness .* do not fit together: .* 2 numbers where 3"):
         write([(0, message.SerializeToString())]).beliefs("robot.0", "car")

@@ -1,6 +1,9 @@
 """Messages that are recorded, a batch at a time."""
 
 import csv
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,10 +22,10 @@ from symaware_cli.recording.writer import LogWriter
 
 
 @pytest.fixture
-def log_of(tmp_path):
+def log_of(tmp_path: Path) -> Callable[..., Path]:
     """Records traffic among three robots, each ten nanoseconds after the one before; the first at 50 ns."""
 
-    def record(*traffic):
+    def record(*traffic: Traffic) -> Path:
         ready = simulation({"robot": Team(count=3)})
         path = tmp_path / "log.mcap"
         with LogWriter(path) as writer:
@@ -47,7 +50,7 @@ def log_of(tmp_path):
 
 
 @pytest.fixture
-def columns(log_of):
+def columns(log_of: Callable[..., Path]) -> Path:
     """A log with numbers that two of the robots say."""
     said = {"goal": np.array([[1.0, 2.0], [3.0, 4.0]]), "risk": np.array([0.5, 0.25])}
     batch = MessageBatch(np.array([0, 2]), said)
@@ -57,7 +60,7 @@ def columns(log_of):
     return log_of(Traffic("sent", sent, sizes), Traffic("dropped", sent, sizes, ("", "loss", "storm"), reason))
 
 
-def test_each_message_of_a_batch_is_an_entry(columns):
+def test_each_message_of_a_batch_is_an_entry(columns: Path) -> None:
     entries = list(open_log(columns).communications())
     assert [(entry.time, entry.stage, entry.sender, entry.receiver, entry.id, entry.reason) for entry in entries] == [
         (50, "SENT", "robot.0", "robot.1", 7, ""),
@@ -78,7 +81,7 @@ def test_each_message_of_a_batch_is_an_entry(columns):
     }
 
 
-def test_each_is_a_row_of_the_table(columns, tmp_path):
+def test_each_is_a_row_of_the_table(columns: Path, tmp_path: Path) -> None:
     export_tables(open_log(columns), tmp_path / "tables", CSV)
     with open(tmp_path / "tables" / "messages.csv", newline="") as file:
         rows = list(csv.DictReader(file))
@@ -89,10 +92,11 @@ def test_each_is_a_row_of_the_table(columns, tmp_path):
     assert rows[0]["payload"] == '{"goal": [1.0, 2.0], "risk": 0.5}'
 
 
-def test_what_an_agent_says_besides_numbers_is_told_as_it_said_it(log_of):
+def test_what_an_agent_says_besides_numbers_is_told_as_it_said_it(log_of: Callable[..., Path]) -> None:
     said = {"word": objects(["fire", "fire", {"at": [1, 2.5]}]), "count": objects([1, True, None])}
     batch = MessageBatch(np.array([1, 1, 2]), said, "word", np.array([0, 2, 0]))
     places, sequences = np.arange(3), np.array([4, 5, 0])
+    assert batch.receivers is not None
     delivery = Delivery(batch, places, batch.receivers, sequences, 50, np.full(3, 100))
     sizes = np.array([44, 37, 50])
     path = log_of(Traffic("sent", delivery, sizes), Traffic("delivered", delivery.some(slice(1, 3)), sizes))
@@ -115,7 +119,7 @@ def test_what_an_agent_says_besides_numbers_is_told_as_it_said_it(log_of):
         {"says": [0], "said": [v1.MessageColumns.Said(name="a", texts=["no JSON"])]},
     ],
 )
-def test_columns_that_do_not_fit_together_are_damage(tmp_path, columns):
+def test_columns_that_do_not_fit_together_are_damage(tmp_path: Path, columns: dict[str, Any]) -> None:
     path = tmp_path / "damaged.mcap"
     with LogWriter(path) as writer:
         channel = writer.channel("/messages", "MessageColumns")
@@ -125,7 +129,9 @@ def test_columns_that_do_not_fit_together_are_damage(tmp_path, columns):
         list(open_log(path).communications())
 
 
-def test_logs_of_earlier_versions_tell_single_messages_and_those_of_groups_on_two_channels(log_of, tmp_path):
+def test_logs_of_earlier_versions_tell_single_messages_and_those_of_groups_on_two_channels(
+    log_of: Callable[..., Path], tmp_path: Path
+) -> None:
     path = tmp_path / "former.mcap"
     attachments = open_log(log_of()).attachments
     with LogWriter(path) as writer:

@@ -1,23 +1,27 @@
 """The recorder writes what changed, when it changed."""
 
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 from simulating import STEP, Team, simulate
 
-from symaware_cli import Controller, GroupComponent, TimeSeries, open_log
+from symaware_cli import Controller, GroupComponent, Log, Snapshot, TimeSeries, open_log
 
 
 class Drift(Controller):
-    def _compute(self):
+    def _compute(self) -> tuple[list[float], TimeSeries]:
         return [1.0, 0.0], TimeSeries()
 
 
 class Present(GroupComponent):
     """Knows the world as it is."""
 
-    def _compute(self):
+    def _compute(self) -> Snapshot:
         return self.environment.snapshot()
 
-    def _update(self, value):
+    def _update(self, value: Snapshot) -> None:
         self._group.awareness.world = value
 
 
@@ -26,23 +30,23 @@ class Late(Present):
 
     before = None
 
-    def _update(self, value):
+    def _update(self, value: Snapshot) -> None:
         self._group.awareness.world, self.before = self.before, value
 
 
-def recorded(components, count, folder):
+def recorded(components: Mapping[str, Any], count: int, folder: Path) -> Log:
     simulate({"a": Team(components, count=count)}, 4, folder / "log.mcap")
     return open_log(folder / "log.mcap")
 
 
-def test_who_knows_the_world_as_it_is_costs_two_bytes_a_step(tmp_path):
+def test_who_knows_the_world_as_it_is_costs_two_bytes_a_step(tmp_path: Path) -> None:
     log = recorded({"see": Present, "go": Drift}, 3, tmp_path)
     messages = list(log.messages("/agents/a/awareness"))
     assert [message.decode().world for message in messages] == [True] * 4
     assert all(len(message.data) == 2 for message in messages)
 
 
-def test_who_knows_the_world_as_it_was_is_recorded_with_what_it_knows(tmp_path):
+def test_who_knows_the_world_as_it_was_is_recorded_with_what_it_knows(tmp_path: Path) -> None:
     log = recorded({"see": Late, "go": Drift}, 2, tmp_path)
     messages = [message for message in log.messages("/agents/a/awareness") if message.time >= 2 * STEP]
     truth = log.series("a", "world")

@@ -1,13 +1,17 @@
 """Channels that many entities share, read as if each had its own."""
 
 import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from simulating import Team, simulate
+from simulating import Team, simulate, untyped
 
-from symaware_cli import open_log
+from symaware_cli import Log, open_log
 from symaware_cli.core import Obstacle
+from symaware_cli.environments.column_environment import ColumnEnvironment
 from symaware_cli.environments.kinematic import KinematicEnvironment
 from symaware_cli.environments.planar import PymunkEnvironment
 from symaware_cli.environments.spatial import PyBulletEnvironment
@@ -23,7 +27,7 @@ BALL = {"circle": {"radius": 0.1}}
 STEPS = 12
 
 
-def path(*positions, **more):
+def path(*positions: Sequence[int], **more: Sequence[float]) -> Obstacle:
     return Obstacle(shape=BALL, path={"times": list(range(len(positions))), "positions": positions, **more})
 
 
@@ -43,17 +47,18 @@ OBSTACLES = {
 class Watched:
     """Notes what a world says of its entities at each instant, past the log."""
 
-    def __init__(self, environment):
-        self.environment, self.seen = environment, []
+    def __init__(self, environment: ColumnEnvironment) -> None:
+        self.environment = environment
+        self.seen: list[dict[str, tuple[list[Any], Any]]] = []
         take = environment.step
 
-        def step():
+        def step() -> None:
             self.note()
             take()
 
-        environment.step = step
+        untyped(environment).step = step
 
-    def note(self):
+    def note(self) -> None:
         environment = self.environment
         moving = [name for name in environment.obstacles if environment.moves(name)]
         self.seen.append(
@@ -64,14 +69,16 @@ class Watched:
         )
 
 
-def recorded(kind, obstacles, log, steps=STEPS, **parameters):
+def recorded(
+    kind: type[ColumnEnvironment], obstacles: Mapping[str, Any], log: Path, steps: int = STEPS, **parameters: Any
+) -> tuple[Log, list[dict[str, tuple[Any, Any]]]]:
     environment = kind(kind.Parameters(time_step=0.05, **parameters))
     watched = Watched(environment)
     simulate({"robot": Team()}, steps, log, environment=environment, obstacles=obstacles)
     return open_log(log), watched.seen
 
 
-def flat(obstacles):
+def flat(obstacles: Mapping[str, Any]) -> dict[str, Obstacle]:
     """The same in a plane."""
     found = {}
     for name, each in obstacles.items():
@@ -86,7 +93,7 @@ def flat(obstacles):
 
 
 LED = {name: OBSTACLES[name] for name in ("bus", "crane", "post")}
-WORLDS = {
+WORLDS: dict[str, tuple[Any, Mapping[str, Any], set[str]]] = {
     "kinematic": (KinematicEnvironment, LED, {"/world/plane", "/world/space"}),
     "pymunk": (PymunkEnvironment, flat(OBSTACLES), {"/world/plane"}),
     "pybullet": (PyBulletEnvironment, OBSTACLES, {"/world/plane", "/world/space", "/world/bodies"}),
@@ -94,7 +101,7 @@ WORLDS = {
 
 
 @pytest.mark.parametrize("use", WORLDS)
-def test_the_log_tells_of_each_entity_what_was_so_in_one_message_for_all(use, tmp_path):
+def test_the_log_tells_of_each_entity_what_was_so_in_one_message_for_all(use: str, tmp_path: Path) -> None:
     kind, obstacles, topics = WORLDS[use]
     log, seen = recorded(kind, obstacles, tmp_path / "log.mcap")
     assert {topic for topic in log.channels if topic in SHARED} == topics
@@ -116,7 +123,7 @@ def test_the_log_tells_of_each_entity_what_was_so_in_one_message_for_all(use, tm
     assert "/world/post/state" not in log.topics
 
 
-def test_who_rests_is_left_out(tmp_path):
+def test_who_rests_is_left_out(tmp_path: Path) -> None:
     obstacles = {
         "still": Obstacle(shape=BALL, position=[9, 9], mass=1.0),
         "moves": Obstacle(shape=BALL, position=[5, 5], velocity=[1, 0], mass=1.0),
@@ -130,7 +137,7 @@ def test_who_rests_is_left_out(tmp_path):
 
 
 @pytest.mark.parametrize("use", ["pymunk", "pybullet"])
-def test_a_world_is_the_same_whether_or_not_it_was_looked_at(use):
+def test_a_world_is_the_same_whether_or_not_it_was_looked_at(use: str) -> None:
     kind, obstacles, _ = WORLDS[use]
     top = obstacles["ball1"].model_copy(update={"turn_rate": 9.0, "heading": 4.0})
     ends = []
@@ -147,7 +154,7 @@ def test_a_world_is_the_same_whether_or_not_it_was_looked_at(use):
     assert ends[0] == ends[1]
 
 
-def written(path, *messages):
+def written(path: Path, *messages: tuple[str, dict[str, str], int, bytes]) -> Log:
     with LogWriter(path) as writer:
         channels = {}
         for topic, metadata, time, content in messages:
@@ -160,7 +167,7 @@ def written(path, *messages):
 BOTH = shared_metadata(["one", "other"], SHARED["/world/plane"])
 
 
-def test_channels_of_single_entities_are_read_as_before(tmp_path):
+def test_channels_of_single_entities_are_read_as_before(tmp_path: Path) -> None:
     own = {"columns": "x,y,heading", "units": "m,m,rad"}
     values = [[[float(time), 2.0, 0.5]] for time in range(3)]
     old = written(
@@ -181,7 +188,7 @@ def test_channels_of_single_entities_are_read_as_before(tmp_path):
     assert "/world/other/state" not in old.topics
 
 
-def test_a_channel_of_an_entity_wins_over_one_that_it_shares(tmp_path):
+def test_a_channel_of_an_entity_wins_over_one_that_it_shares(tmp_path: Path) -> None:
     own = {"columns": "x,y,heading", "units": "m,m,rad"}
     log = written(
         tmp_path / "log.mcap",
@@ -200,14 +207,14 @@ def test_a_channel_of_an_entity_wins_over_one_that_it_shares(tmp_path):
         wire.encode_rows([[1, 1]] * 2),
     ],
 )
-def test_a_message_that_does_not_fit_its_entities_is_told_of(content, tmp_path):
+def test_a_message_that_does_not_fit_its_entities_is_told_of(content: bytes, tmp_path: Path) -> None:
     log = written(tmp_path / "log.mcap", ("/world/plane", BOTH, 7, content))
     with pytest.raises(LogError, match=r"/world/plane at 7 ns in .*log.mcap does not fit"):
         log.series("one", "world")
 
 
 @pytest.mark.parametrize("entities", ["", "{}", "[" * 100_000, "[[]]", '["one", 3]', "nonsense"])
-def test_metadata_that_name_nobody_are_no_reason_to_fail(entities, tmp_path):
+def test_metadata_that_name_nobody_are_no_reason_to_fail(entities: str, tmp_path: Path) -> None:
     metadata = {**BOTH, "entities": entities}
     log = written(tmp_path / "log.mcap", ("/world/plane", metadata, 0, wire.encode_rows([[1, 1, 1]])))
     assert isinstance(log.topics, dict)
@@ -215,7 +222,7 @@ def test_metadata_that_name_nobody_are_no_reason_to_fail(entities, tmp_path):
         log.series("two", "world")
 
 
-def test_tables_tell_of_each_entity(tmp_path):
+def test_tables_tell_of_each_entity(tmp_path: Path) -> None:
     kind, obstacles, _ = WORLDS["pybullet"]
     log, seen = recorded(kind, obstacles, tmp_path / "log.mcap")
     export_tables(log, tmp_path / "tables", CSV)

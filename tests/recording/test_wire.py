@@ -3,7 +3,9 @@
 import contextlib
 import importlib.util
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,6 +13,8 @@ from google.protobuf.message import DecodeError
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
+from numpy.typing import NDArray
+from simulating import present
 
 from symaware_cli.recording import symaware_v1_pb2 as v1
 from symaware_cli.recording import wire
@@ -21,12 +25,12 @@ finite = st.floats(allow_nan=False, width=64)
 layouts = st.sampled_from(["plain", "big-endian", "reversed", "column-major", "every other", "list"])
 
 
-def tables():
+def tables() -> st.SearchStrategy[Any]:
     shapes = st.tuples(st.integers(0, 40), st.integers(1, 7))
     return shapes.flatmap(lambda shape: hnp.arrays(np.float64, shape, elements=finite))
 
 
-def laid_out(array: np.ndarray, layout: str):
+def laid_out(array: np.ndarray, layout: str) -> NDArray[np.float64]:
     """The same numbers, in memory in another way."""
     match layout:
         case "big-endian":
@@ -44,26 +48,30 @@ def laid_out(array: np.ndarray, layout: str):
     return array
 
 
-def row_indices(count: int):
+def row_indices(count: int) -> st.SearchStrategy[Any]:
     return st.none() | st.lists(st.integers(0, 2**32 - 1), min_size=count, max_size=count, unique=True).map(sorted)
 
 
 @given(st.data(), tables(), layouts)
-def test_rows_are_written_byte_for_byte_as_the_generated_class_writes_them(data, values, layout):
+def test_rows_are_written_byte_for_byte_as_the_generated_class_writes_them(
+    data: st.DataObject, values: NDArray[np.float64], layout: str
+) -> None:
     rows = data.draw(row_indices(len(values)))
     written = wire.encode_rows(laid_out(values, layout), rows)
     expected = v1.Rows(columns=values.shape[1], rows=rows or [], values=values.ravel())
     assert written == expected.SerializeToString()
     decoded = wire.decode_rows(written)
     assert np.array_equal(decoded.values, values)
-    assert decoded.rows is None if not rows else decoded.rows.tolist() == rows
+    assert decoded.rows is None if not rows else present(decoded.rows).tolist() == rows
 
 
 times = st.integers(-(2**63), 2**63 - 1)
 
 
 @given(st.data(), st.integers(0, 10), st.integers(0, 6), st.integers(1, 4))
-def test_series_with_shared_times_are_written_as_the_generated_class_writes_them(data, count, points, columns):
+def test_series_with_shared_times_are_written_as_the_generated_class_writes_them(
+    data: st.DataObject, count: int, points: int, columns: int
+) -> None:
     rows = data.draw(row_indices(count))
     stamps = data.draw(st.lists(times, min_size=points, max_size=points))
     values = data.draw(hnp.arrays(np.float64, (count, points, columns), elements=finite))
@@ -79,7 +87,9 @@ def test_series_with_shared_times_are_written_as_the_generated_class_writes_them
 
 
 @given(st.data(), st.lists(st.integers(0, 6), max_size=10), st.integers(1, 4))
-def test_series_with_times_of_their_own_are_written_as_the_generated_class_writes_them(data, lengths, columns):
+def test_series_with_times_of_their_own_are_written_as_the_generated_class_writes_them(
+    data: st.DataObject, lengths: list[int], columns: int
+) -> None:
     rows = data.draw(row_indices(len(lengths)))
     total = sum(lengths)
     stamps = data.draw(st.lists(times, min_size=total, max_size=total))
@@ -96,7 +106,9 @@ def test_series_with_times_of_their_own_are_written_as_the_generated_class_write
 
 
 @given(st.data(), st.lists(st.integers(0, 5), max_size=8), st.booleans())
-def test_awareness_is_written_as_the_generated_class_writes_it(data, lengths, uniform):
+def test_awareness_is_written_as_the_generated_class_writes_it(
+    data: st.DataObject, lengths: list[int], uniform: bool
+) -> None:
     rows = data.draw(row_indices(len(lengths)))
     known = sum(lengths)
     entities = data.draw(st.lists(st.integers(0, 2**32 - 1), min_size=known, max_size=known))
@@ -126,8 +138,10 @@ def test_awareness_is_written_as_the_generated_class_writes_it(data, lengths, un
 
 
 @given(st.data(), st.lists(st.integers(0, 3), max_size=5))
-def test_series_of_others_are_written_as_the_generated_class_writes_them(data, lengths):
-    def drawn(elements, count):
+def test_series_of_others_are_written_as_the_generated_class_writes_them(
+    data: st.DataObject, lengths: list[int]
+) -> None:
+    def drawn(elements: st.SearchStrategy[Any], count: int) -> Any:
         return data.draw(st.lists(elements, min_size=count, max_size=count))
 
     known = sum(lengths)
@@ -136,46 +150,52 @@ def test_series_of_others_are_written_as_the_generated_class_writes_them(data, l
     stamps = drawn(times, sum(points))
     values = drawn(finite, sum(size * count for size, count in zip(columns, points, strict=True)))
     written = wire.encode_others_series("risk", lengths, entities, columns, points, stamps, values, rows)
-    own = {"part": "risk", "rows": rows or [], "lengths": lengths, "entities": entities, "columns": columns}
+    own: dict[str, Any] = {
+        "part": "risk",
+        "rows": rows or [],
+        "lengths": lengths,
+        "entities": entities,
+        "columns": columns,
+    }
     expected = v1.Awareness(series=[v1.OthersSeries(**own, points=points, times=stamps, values=values)])
     assert written == expected.SerializeToString()
 
 
-def test_knowing_the_whole_world_takes_two_bytes():
+def test_knowing_the_whole_world_takes_two_bytes() -> None:
     assert v1.Awareness(world=True).SerializeToString() == wire.WHOLE_WORLD
     assert wire.decode_awareness(wire.WHOLE_WORLD).world
 
 
 @pytest.mark.parametrize("size", [15, 16, 17, 2047, 2048, 100_000])
-def test_lengths_of_every_size_of_varint_are_written(size):
+def test_lengths_of_every_size_of_varint_are_written(size: int) -> None:
     values = np.arange(size, dtype=float)[:, None]
     written = wire.encode_rows(values)
     assert written == v1.Rows(columns=1, values=values.ravel()).SerializeToString()
     assert np.array_equal(wire.decode_rows(written).values, values)
 
 
-def test_a_nan_keeps_its_bits():
+def test_a_nan_keeps_its_bits() -> None:
     values = np.array([[np.nan, -np.nan, np.inf, -0.0]])
     assert wire.decode_rows(wire.encode_rows(values)).values.tobytes() == values.tobytes()
 
 
-def test_integers_are_written_as_the_numbers_they_are():
+def test_integers_are_written_as_the_numbers_they_are() -> None:
     assert wire.decode_rows(wire.encode_rows(np.array([[1, 2]]), np.array([5]))).values.tolist() == [[1.0, 2.0]]
 
 
-def test_decoding_copies_nothing():
+def test_decoding_copies_nothing() -> None:
     decoded = wire.decode_rows(wire.encode_rows(np.ones((4, 2)), range(4)))
     assert decoded.values.base is not None
     assert not decoded.values.flags.writeable
 
 
-def test_a_message_in_another_layout_is_read_with_the_generated_class():
+def test_a_message_in_another_layout_is_read_with_the_generated_class() -> None:
     split = v1.Rows(columns=2, values=[1, 2]).SerializeToString() + v1.Rows(values=[3, 4]).SerializeToString()
     assert wire.decode_rows(split).values.tolist() == [[1, 2], [3, 4]]
     unpacked = b"\x08\x02" + b"".join(b"\x19" + np.float64(value).tobytes() for value in (1, 2))
     assert wire.decode_rows(unpacked).values.tolist() == [[1, 2]]
     later = v1.Rows(columns=1, rows=[3], values=[4]).SerializeToString() + b"\xaa\x06\x03new"
-    assert wire.decode_rows(later).rows.tolist() == [3]
+    assert present(wire.decode_rows(later).rows).tolist() == [3]
     series = v1.SeriesRows(lengths=[1], times=[1]).SerializeToString() + v1.SeriesRows(times=[2]).SerializeToString()
     assert wire.decode_series(series).times.tolist() == [1, 2]
     known = v1.Awareness(entities=[1]).SerializeToString() + v1.Awareness(entities=[2]).SerializeToString()
@@ -183,7 +203,7 @@ def test_a_message_in_another_layout_is_read_with_the_generated_class():
 
 
 @given(st.binary(max_size=60))
-def test_noise_is_refused_with_a_value_error_or_a_decode_error(noise):
+def test_noise_is_refused_with_a_value_error_or_a_decode_error(noise: bytes) -> None:
     for decode in (wire.decode_rows, wire.decode_series, wire.decode_awareness):
         with contextlib.suppress(ValueError, DecodeError):
             decode(noise)
@@ -200,15 +220,17 @@ def test_noise_is_refused_with_a_value_error_or_a_decode_error(noise):
         lambda: wire.encode_awareness([1], [1], [2], [1.0]),
     ],
 )
-def test_shapes_that_do_not_fit_are_refused(call):
+def test_shapes_that_do_not_fit_are_refused(call: Callable[..., Any]) -> None:
     with pytest.raises(ValueError, match=r"\d"):
         call()
 
 
-def test_the_generated_code_is_fresh():
+def test_the_generated_code_is_fresh() -> None:
     spec = importlib.util.spec_from_file_location("generate", SCHEMAS / "generate.py")
+    assert spec is not None
     module = importlib.util.module_from_spec(spec)
     sys.modules["generate"] = module
+    assert spec.loader is not None
     spec.loader.exec_module(module)
     for path, text in module.generated().items():
         assert path.read_text() == text, f"{path.name} is stale: run python schemas/generate.py"

@@ -6,7 +6,10 @@ import os
 import subprocess
 import sys
 import time
+from collections.abc import Callable
+from io import FileIO
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,11 +17,13 @@ from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from mcap.reader import make_reader
 from mcap.records import Channel, Chunk, Message, Schema
 from mcap.stream_reader import StreamReader
+from simulating import present, untyped
 
 from symaware_cli.recording import wire
 from symaware_cli.recording.error import LogError
+from symaware_cli.recording.log_schema import CHUNK_SIZE
 from symaware_cli.recording.reader import open_log
-from symaware_cli.recording.writer import CHUNK_SIZE, LogWriter
+from symaware_cli.recording.writer import LogWriter
 
 
 def chunks(path: Path) -> list[Chunk]:
@@ -26,16 +31,17 @@ def chunks(path: Path) -> list[Chunk]:
         return [record for record in StreamReader(file, emit_chunks=True).records if isinstance(record, Chunk)]
 
 
-def records(path: Path) -> list:
+def records(path: Path) -> list[Any]:
     with open(path, "rb") as file:
         return list(StreamReader(file, validate_crcs=True).records)
 
 
-def test_a_foreign_tool_decodes_every_message_from_the_schemas_in_the_file(sample):
+def test_a_foreign_tool_decodes_every_message_from_the_schemas_in_the_file(sample: Path) -> None:
     decoded = []
     with open(sample, "rb") as file:
         reader = make_reader(file, validate_crcs=True)
         for schema, channel, message in reader.iter_messages():
+            assert schema is not None
             assert (schema.encoding, channel.message_encoding) == ("protobuf", "protobuf")
             files = descriptor_pb2.FileDescriptorSet.FromString(schema.data)
             pool = descriptor_pool.DescriptorPool()
@@ -45,12 +51,12 @@ def test_a_foreign_tool_decodes_every_message_from_the_schemas_in_the_file(sampl
             decoded.append((channel.topic, message.log_time, kind.FromString(message.data)))
     assert len(decoded) == open_log(sample).message_count
     topic, time, rows = next(entry for entry in decoded if entry[0] == "/agents/robot/state")
-    assert (topic, time, rows.columns, len(rows.values)) == ("/agents/robot/state", 0, 3, 9)
-    event = next(message for topic, _, message in decoded if topic == "/events")
+    assert (topic, time, untyped(rows).columns, len(untyped(rows).values)) == ("/agents/robot/state", 0, 3, 9)
+    event: Any = next(message for topic, _, message in decoded if topic == "/events")
     assert event.source == "agents.robot.1.steer"
 
 
-def test_the_summary_agrees_with_the_records(sample):
+def test_the_summary_agrees_with_the_records(sample: Path) -> None:
     with open(sample, "rb") as file:
         reader = make_reader(file, validate_crcs=True)
         summary = reader.get_summary()
@@ -58,6 +64,8 @@ def test_the_summary_agrees_with_the_records(sample):
         metadata = {each.name: each.metadata for each in reader.iter_metadata()}
         count = sum(1 for _ in reader.iter_messages())
     everything = records(sample)
+    assert summary is not None
+    assert summary.statistics is not None
     assert summary.statistics.message_count == count == sum(isinstance(each, Message) for each in everything)
     assert summary.statistics.chunk_count == len(chunks(sample)) == len(summary.chunk_indexes)
     assert summary.statistics.channel_count == sum(isinstance(each, Channel) for each in everything) / 2
@@ -67,21 +75,21 @@ def test_the_summary_agrees_with_the_records(sample):
     assert metadata == {"symaware.outcome": {"status": '"done"', "steps": "40"}}
 
 
-def test_the_message_indexes_point_at_the_messages(sample):
+def test_the_message_indexes_point_at_the_messages(sample: Path) -> None:
     topics = ["/events", "/agents/car/state"]
     with open(sample, "rb") as file:
         found = [message.data for _, _, message in make_reader(file).iter_messages(topics=topics)]
     assert len(found) == 44
 
 
-def test_the_channels_stand_outside_the_chunks(sample):
+def test_the_channels_stand_outside_the_chunks(sample: Path) -> None:
     with open(sample, "rb") as file:
         outside = [each for each in StreamReader(file, emit_chunks=True).records if isinstance(each, Channel)]
     assert len({channel.topic for channel in outside}) == 12
     assert outside[0].topic == "/timing"
 
 
-def test_no_chunk_is_larger_than_its_bound_but_that_of_a_single_larger_message(tmp_path):
+def test_no_chunk_is_larger_than_its_bound_but_that_of_a_single_larger_message(tmp_path: Path) -> None:
     random = np.random.default_rng(1)
     sizes = [100, 30_000, CHUNK_SIZE - 31, CHUNK_SIZE, 5, 3 * CHUNK_SIZE, *random.integers(1, 60_000, 200).tolist()]
     with LogWriter(tmp_path / "log.mcap") as writer:
@@ -90,7 +98,7 @@ def test_no_chunk_is_larger_than_its_bound_but_that_of_a_single_larger_message(t
             writer.add(channel, time, bytes(size))
         writer.finish({})
     with open(writer.path, "rb") as file:
-        indexes = make_reader(file).get_summary().chunk_indexes
+        indexes = present(make_reader(file).get_summary()).chunk_indexes
     large = [index for index in indexes if index.uncompressed_size > CHUNK_SIZE]
     assert [index.message_start_time for index in large] == [3, 5]
     assert all(index.message_start_time == index.message_end_time for index in large)
@@ -98,12 +106,12 @@ def test_no_chunk_is_larger_than_its_bound_but_that_of_a_single_larger_message(t
     assert len(indexes) < sum(sizes) / CHUNK_SIZE * 1.5
 
 
-def test_equal_runs_make_equal_files(tmp_path, sample_writer):
+def test_equal_runs_make_equal_files(tmp_path: Path, sample_writer: Callable[..., Path]) -> None:
     first, second = sample_writer(tmp_path / "1.mcap"), sample_writer(tmp_path / "2.mcap")
     assert first.read_bytes() == second.read_bytes()
 
 
-def test_timing_does_not_shift_the_sequences_of_the_others(tmp_path):
+def test_timing_does_not_shift_the_sequences_of_the_others(tmp_path: Path) -> None:
     sequences = []
     for timings in (0, 5):
         with LogWriter(tmp_path / f"{timings}.mcap") as writer:
@@ -117,7 +125,7 @@ def test_timing_does_not_shift_the_sequences_of_the_others(tmp_path):
     assert sequences[0] == sequences[1] == [(time, time) for time in range(10)]
 
 
-def test_what_was_flushed_is_in_the_file(tmp_path):
+def test_what_was_flushed_is_in_the_file(tmp_path: Path) -> None:
     writer = LogWriter(tmp_path / "log.mcap")
     channel = writer.channel("/state", "Rows")
     writer.add(channel, 0, wire.encode_rows([[1.0]]))
@@ -131,7 +139,7 @@ def test_what_was_flushed_is_in_the_file(tmp_path):
     writer.abort()
 
 
-def test_what_was_added_reaches_the_disk_while_nobody_adds_more(tmp_path):
+def test_what_was_added_reaches_the_disk_while_nobody_adds_more(tmp_path: Path) -> None:
     with LogWriter(tmp_path / "log.mcap", flush_interval=0.01) as writer:
         channel = writer.channel("/state", "Rows")
         writer.flush_in_background()
@@ -145,7 +153,7 @@ def test_what_was_added_reaches_the_disk_while_nobody_adds_more(tmp_path):
     assert [message.time for message in open_log(writer.path).messages("/state")] == [0, 1, 2]
 
 
-def test_flushing_in_the_background_loses_and_doubles_nothing(tmp_path):
+def test_flushing_in_the_background_loses_and_doubles_nothing(tmp_path: Path) -> None:
     with LogWriter(tmp_path / "log.mcap", flush_interval=0.0001) as writer:
         channel = writer.channel("/state", "Rows")
         writer.flush_in_background()
@@ -155,7 +163,7 @@ def test_flushing_in_the_background_loses_and_doubles_nothing(tmp_path):
     assert [message.time for message in open_log(writer.path).messages("/state")] == list(range(20_000))
 
 
-def test_messages_counts_those_in_the_chunk_too(tmp_path):
+def test_messages_counts_those_in_the_chunk_too(tmp_path: Path) -> None:
     with LogWriter(tmp_path / "log.mcap") as writer:
         channel = writer.channel("/state", "Rows")
         for time in range(3):
@@ -166,7 +174,7 @@ def test_messages_counts_those_in_the_chunk_too(tmp_path):
         assert writer.messages == 4
 
 
-def test_time_does_not_go_back(tmp_path):
+def test_time_does_not_go_back(tmp_path: Path) -> None:
     with LogWriter(tmp_path / "log.mcap") as writer:
         channel = writer.channel("/state", "Rows")
         writer.add(channel, 5, b"")
@@ -186,7 +194,9 @@ def test_time_does_not_go_back(tmp_path):
         ((1, 9, 7), TypeError),
     ],
 )
-def test_an_add_that_fails_leaves_nothing_behind(tmp_path, arguments, error):
+def test_an_add_that_fails_leaves_nothing_behind(
+    tmp_path: Path, arguments: tuple[int, int, Any], error: type[KeyError | TypeError | ValueError]
+) -> None:
     with LogWriter(tmp_path / "log.mcap") as writer:
         channel = writer.channel("/state", "Rows")
         writer.add(channel, 1, b"one")
@@ -199,8 +209,8 @@ def test_an_add_that_fails_leaves_nothing_behind(tmp_path, arguments, error):
     assert [(m.sequence, m.time, m.data) for m in log.messages()] == [(0, 1, b"one"), (1, 2, b"two")]
 
 
-def test_leaving_early_keeps_what_was_added_but_no_outcome(tmp_path):
-    def fail(writer):
+def test_leaving_early_keeps_what_was_added_but_no_outcome(tmp_path: Path) -> None:
+    def fail(writer: LogWriter) -> None:
         writer.add(writer.channel("/state", "Rows"), 1, b"")
         raise RuntimeError("the run")
 
@@ -212,11 +222,12 @@ def test_leaving_early_keeps_what_was_added_but_no_outcome(tmp_path):
     assert log.message_count == 1
 
 
-def test_a_closed_log_takes_nothing_more(tmp_path):
+def test_a_closed_log_takes_nothing_more(tmp_path: Path) -> None:
     with LogWriter(tmp_path / "log.mcap") as writer:
         channel = writer.channel("/state", "Rows")
         writer.finish({})
         size = os.path.getsize(writer.path)
+        call: Callable[[], object]
         for call in (
             lambda: writer.add(channel, 1, b""),
             lambda: writer.finish({}),
@@ -237,7 +248,7 @@ def test_a_closed_log_takes_nothing_more(tmp_path):
         (lambda folder: folder / ("x" * 300), "file name too long"),
     ],
 )
-def test_a_log_that_cannot_be_created_says_why(tmp_path, make, sentence):
+def test_a_log_that_cannot_be_created_says_why(tmp_path: Path, make: Callable[..., Any], sentence: str) -> None:
     (tmp_path / "file").touch()
     path = make(tmp_path)
     with pytest.raises(LogError) as caught:
@@ -246,14 +257,14 @@ def test_a_log_that_cannot_be_created_says_why(tmp_path, make, sentence):
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may do anything")
-def test_a_log_without_permission_says_so(tmp_path):
+def test_a_log_without_permission_says_so(tmp_path: Path) -> None:
     tmp_path.chmod(0o500)
     with pytest.raises(LogError, match="permission denied"):
         LogWriter(tmp_path / "log.mcap")
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="only Linux has /dev/full")
-def test_a_full_disk_is_told_at_once():
+def test_a_full_disk_is_told_at_once() -> None:
     with pytest.raises(LogError, match="cannot write the log /dev/full: the disk is full"):
         LogWriter("/dev/full")
 
@@ -292,7 +303,7 @@ except LogError as error:
 
 
 @pytest.mark.parametrize("limit", [100_000, 54_321, 30_000])
-def test_a_disk_that_fills_up_is_told_once_and_what_was_flushed_stays_readable(tmp_path, limit):
+def test_a_disk_that_fills_up_is_told_once_and_what_was_flushed_stays_readable(tmp_path: Path, limit: int) -> None:
     path = tmp_path / "log.mcap"
     run = subprocess.run([sys.executable, "-c", FILL, str(limit), str(path)], capture_output=True, text=True)
     *flushed, sentence = run.stdout.splitlines()
@@ -301,11 +312,12 @@ def test_a_disk_that_fills_up_is_told_once_and_what_was_flushed_stays_readable(t
     assert path.stat().st_size <= limit
     log = open_log(path)
     assert [message.time for message in log.messages()] == list(range(int(flushed[-1]) + 1))
+    assert log.damage is not None
     assert log.damage.end_missing
     assert log.damage.unread_bytes == 0, "the writer left half a record"
 
 
-def test_a_limit_that_stops_even_the_beginning_is_told(tmp_path):
+def test_a_limit_that_stops_even_the_beginning_is_told(tmp_path: Path) -> None:
     path = tmp_path / "log.mcap"
     run = subprocess.run([sys.executable, "-c", FILL, "20", str(path)], capture_output=True, text=True)
     assert run.returncode == 1, run.stderr
@@ -314,7 +326,9 @@ def test_a_limit_that_stops_even_the_beginning_is_told(tmp_path):
         open_log(path)
 
 
-def test_a_device_that_fails_while_finishing_is_told_and_hides_nothing(tmp_path, monkeypatch):
+def test_a_device_that_fails_while_finishing_is_told_and_hides_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     writer = LogWriter(tmp_path / "log.mcap")
     writer.add(writer.channel("/state", "Rows"), 1, b"data")
     writer.flush()
@@ -322,22 +336,24 @@ def test_a_device_that_fails_while_finishing_is_told_and_hides_nothing(tmp_path,
     writer._file = open(os.open("/dev/full", os.O_WRONLY), "wb", buffering=0)  # noqa: SIM115
     with pytest.raises(LogError, match="the disk is full") as caught, writer:
         writer.finish({})
-    assert caught.value.__cause__.errno == errno.ENOSPC
+    assert caught.value.__cause__ is not None
+    assert untyped(caught.value.__cause__).errno == errno.ENOSPC
     assert open_log(writer.path).message_count == 1
 
 
-def test_a_write_that_is_interrupted_is_done_again_when_the_log_is_closed(tmp_path):
+def test_a_write_that_is_interrupted_is_done_again_when_the_log_is_closed(tmp_path: Path) -> None:
     class Interrupted:
         """A file that is interrupted once, after a part of what it was given."""
 
-        def __init__(self, file):
+        def __init__(self, file: FileIO) -> None:
             self.file = file
             self.pending = True
 
-        def __getattr__(self, name):
-            return getattr(self.file, name)
+        def __getattr__(self, name: str) -> Callable[..., Any]:
+            result: Callable[..., Any] = getattr(self.file, name)
+            return result
 
-        def write(self, data):
+        def write(self, data: memoryview) -> int:
             if not self.pending:
                 return self.file.write(data)
             if len(data) > 50:
@@ -347,7 +363,7 @@ def test_a_write_that_is_interrupted_is_done_again_when_the_log_is_closed(tmp_pa
 
     writer = LogWriter(tmp_path / "log.mcap")
     writer.add(writer.channel("/state", "Rows"), 1, b"data")
-    writer._file = Interrupted(writer._file)
+    untyped(writer)._file = Interrupted(writer._file)
     with pytest.raises(KeyboardInterrupt), writer:
         writer.flush()
     log = open_log(writer.path)
@@ -355,7 +371,7 @@ def test_a_write_that_is_interrupted_is_done_again_when_the_log_is_closed(tmp_pa
     assert [message.data for message in log.messages()] == [b"data"]
 
 
-def test_the_outcome_is_read_back_as_it_was_given(tmp_path):
+def test_the_outcome_is_read_back_as_it_was_given(tmp_path: Path) -> None:
     outcome = {"status": "failed", "error": None, "minimum_separation": 0.25, "between": ["a", "b"], "steps": 3}
     with LogWriter(tmp_path / "log.mcap") as writer:
         writer.finish(outcome)

@@ -6,9 +6,11 @@ import os
 import signal
 import threading
 import time
+from pathlib import Path
+from typing import Any
 
 import pytest
-from simulating import Team, execute, simulation
+from simulating import Team, execute, present, simulation
 
 from symaware_cli import Component, TimeSeries, open_log
 from symaware_cli.core import Controller
@@ -22,38 +24,38 @@ GUEST = RunOptions(may_exit=False)
 class Deaf(Component):
     """Swallows the first Ctrl-C, and does not come back until the second."""
 
-    def _compute(self):
+    def _compute(self) -> None:
         with contextlib.suppress(BaseException):
             signal.raise_signal(signal.SIGINT)
         time.sleep(0.2)
         signal.raise_signal(signal.SIGINT)
         raise AssertionError("not reached")
 
-    def _update(self, value):
+    def _update(self, value: Any) -> None:
         pass
 
 
-def test_a_second_ctrl_c_ends_the_run_and_not_the_process(tmp_path):
+def test_a_second_ctrl_c_ends_the_run_and_not_the_process(tmp_path: Path) -> None:
     before = signal.getsignal(signal.SIGINT)
     summary = execute(simulation({"robot": Team({"deaf": Deaf})}), 5, tmp_path / "run.mcap", GUEST)
     assert summary.status == "interrupted"
-    assert open_log(tmp_path / "run.mcap").outcome["status"] == "interrupted"
+    assert present(open_log(tmp_path / "run.mcap").outcome)["status"] == "interrupted"
     assert signal.getsignal(signal.SIGINT) is before
 
 
 class Fetch(Controller):
     """Awaits something outside."""
 
-    async def _async_compute(self):
+    async def _async_compute(self) -> Any:
         await asyncio.sleep(0.001)
         return [1.0, 0.0], TimeSeries()
 
-    def _compute(self):
+    def _compute(self) -> tuple[Any, ...]:
         raise AssertionError("it awaits")
 
 
-def test_components_await_the_outside_within_a_loop_that_runs_already():
-    async def cell():
+def test_components_await_the_outside_within_a_loop_that_runs_already() -> None:
+    async def cell() -> Any:
         ready = simulation({"robot": Team({"fetch": Fetch})})
         summary = execute(ready, 5, options=RunOptions(mode="asynchronous", pace=1.0, may_exit=False))
         await asyncio.sleep(0.001)
@@ -62,7 +64,7 @@ def test_components_await_the_outside_within_a_loop_that_runs_already():
     assert asyncio.run(cell()) == ("finished", [[1.0, 0.0]])
 
 
-def test_runs_of_several_threads_may_overlap_in_any_order():
+def test_runs_of_several_threads_may_overlap_in_any_order() -> None:
     before = os._exit
     first, second = exits_refused(), exits_refused()
     first.__enter__()
@@ -74,10 +76,10 @@ def test_runs_of_several_threads_may_overlap_in_any_order():
     assert os._exit is before
 
 
-def test_a_time_out_holds_in_another_thread():
+def test_a_time_out_holds_in_another_thread() -> None:
     summaries = []
 
-    def work():
+    def work() -> None:
         summaries.append(execute(simulation({"robot": Team()}), 10**9, options=RunOptions(timeout=0.2, may_exit=False)))
 
     thread = threading.Thread(target=work)
@@ -86,8 +88,8 @@ def test_a_time_out_holds_in_another_thread():
     assert summaries[0].status == "interrupted"
 
 
-def test_a_run_that_advances_by_parts_is_the_run():
-    def states(*parts):
+def test_a_run_that_advances_by_parts_is_the_run() -> None:
+    def states(*parts: Any) -> Any:
         ready = simulation({"robot": Team({}, count=2)})
         course = Run(ready, 6, None, None, GUEST)
         for part in parts:
@@ -98,7 +100,7 @@ def test_a_run_that_advances_by_parts_is_the_run():
     assert states(None) == states(0, 1, 2, 3) == states(6)
 
 
-def test_a_run_that_is_left_before_it_began_has_an_outcome():
+def test_a_run_that_is_left_before_it_began_has_an_outcome() -> None:
     course = Run(simulation({"robot": Team()}), 6, None, None, GUEST)
     course.leave("no need")
     course.leave("no need")

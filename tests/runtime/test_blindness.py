@@ -1,8 +1,10 @@
 """Agents whose perception fails, among others whose perception goes on."""
 
+from typing import Any
+
 import numpy as np
 import pytest
-from simulating import STEP, Team, simulation
+from simulating import STEP, Team, present, simulation
 
 from symaware_cli.components.communication.inbox import Inbox
 from symaware_cli.components.communication.state import StateSender
@@ -14,12 +16,12 @@ from symaware_cli.runtime.run import run
 from symaware_cli.runtime.timing import Timing
 
 
-def known(components, **others):
+def known(components: Any, **others: Any) -> Any:
     """Of whom the first of two agents is aware in each step, and where the second believes the first to be."""
     ready = simulation({"pair": Team({"see": OmniscientPerception, **components}, count=2), **others})
     group, entry, frames = ready.groups[0], ready.entries[0], []
 
-    def look():
+    def look() -> None:
         near = group.others(100.0)
         frames.append((near.others[near.observers == 0].tolist(), near.positions[near.observers == 1][0, 0]))
 
@@ -31,13 +33,13 @@ def known(components, **others):
     return [frame[0] for frame in frames[:20]], [frame[1] for frame in frames[:20]]
 
 
-def test_who_is_not_blinded_sees_where_the_others_are_now():
+def test_who_is_not_blinded_sees_where_the_others_are_now() -> None:
     aware, positions = known({})
     assert aware == [*[[1]] * 5, *[[]] * 10, *[[1]] * 5]
     assert positions == sorted(set(positions))
 
 
-def test_what_was_seen_before_is_gone_at_once_also_where_the_sensor_has_no_turn():
+def test_what_was_seen_before_is_gone_at_once_also_where_the_sensor_has_no_turn() -> None:
     ready = simulation({"pair": Team({"see": OmniscientPerception}, 2, timings={"see": Timing(period=10 * STEP)})})
     group, found = ready.groups[0], []
     ready.events.subscribe("iterated", lambda event: found.append(len(group.others(100.0).others)))
@@ -48,15 +50,16 @@ def test_what_was_seen_before_is_gone_at_once_also_where_the_sensor_has_no_turn(
 
 
 @pytest.mark.parametrize("blind", [True, False])
-def test_what_sensors_measure_wrongly_estimators_are_given_wrongly(blind):
+def test_what_sensors_measure_wrongly_estimators_are_given_wrongly(blind: Any) -> None:
     """The observation, which they correct their beliefs with, is that of the sensor with its fault."""
     parameters = RangePerception.Parameters(range=9.0)
     ready = simulation({"pair": Team({"see": lambda: RangePerception(parameters)}, 2)})
     group, entry, found = ready.groups[0], ready.entries[0], []
 
-    def look(event):
+    def look(event: Any) -> None:
         observation = group.awareness.observation
-        wrong = observation.state - ready.environment.state(group)
+        assert observation is not None
+        wrong = present(observation.state) - ready.environment.state(group)
         found.append((wrong.tolist(), len(observation.tracks)))
 
     ready.events.subscribe("iterated", look)
@@ -67,7 +70,7 @@ def test_what_sensors_measure_wrongly_estimators_are_given_wrongly(blind):
     assert found[:6] == [sound, sound, faulty, faulty, sound, sound]
 
 
-def test_who_is_blinded_still_knows_what_it_is_told():
+def test_who_is_blinded_still_knows_what_it_is_told() -> None:
     aware, _ = known({"hear": Inbox}, speaker=Team({"tell": StateSender}))
     assert aware[4:7] == [[1, 2], [2], [2]]
     assert aware[15] == [1, 2]

@@ -3,6 +3,8 @@
 import json
 import subprocess
 import sys
+from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -32,7 +34,9 @@ agents:
 
 
 @pytest.mark.parametrize(("growth", "said"), [("1.0e+4", "has run away, beyond 1e+15"), ("1.0e+15", "has run away")])
-def test_a_state_that_grows_ends_the_run_with_whose_it_is_while_it_is_finite(growth, said, tmp_path):
+def test_a_state_that_grows_ends_the_run_with_whose_it_is_while_it_is_finite(
+    growth: Any, said: Any, tmp_path: Path
+) -> None:
     scenario, log = tmp_path / "diverging.yaml", tmp_path / "log.mcap"
     scenario.write_text(DIVERGING.replace("GROWTH", growth).replace("COMPONENT", "perception.omniscient"))
     line = [sys.executable, "-P", "-m", "symaware_cli", "run", str(scenario), "--json", "--output", str(log)]

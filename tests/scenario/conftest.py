@@ -28,7 +28,7 @@ def known_plugins() -> Iterator[None]:
             for group in catalogue.GROUPS.values()
         }
         points = metadata.EntryPoints(point for each in found.values() for point in each)
-        patch.setattr(catalogue.metadata, "entry_points", lambda: points)
+        patch.setattr(metadata, "entry_points", lambda: points)
         yield
     for name in [each for each in sys.modules if each.partition(".")[0] in ("broken_plugins", "sound_plugins")]:
         del sys.modules[name]

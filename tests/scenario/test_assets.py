@@ -1,5 +1,8 @@
 """The files that shapes are made of: where they are found, where it is told that they are not, and in logs."""
 
+from pathlib import Path
+from typing import Any
+
 import pytest
 import yaml
 
@@ -26,7 +29,7 @@ ROBOT = (
 )
 
 
-def scenario(world, *shapes):
+def scenario(world: str, *shapes: Any) -> Any:
     entities = {f"thing{number}": {"shape": shape, "position": [0, 0, 1]} for number, shape in enumerate(shapes)}
     robot = {"model": {"use": "unicycle"}, "state": [5, 0, 0]}
     environment = {"use": world, "entities": entities}
@@ -39,23 +42,23 @@ def scenario(world, *shapes):
     }
 
 
-def mesh(file):
+def mesh(file: str) -> Any:
     return {"mesh": {"file": file, "radius": 1.0}}
 
 
-def write(path, content):
+def write(path: Path, content: Any) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(content if isinstance(content, str) else yaml.safe_dump(content))
 
 
-def problems(path):
+def problems(path: Path) -> Any:
     with pytest.raises(ScenarioError) as caught:
         build(path)
     return [(problem.code, problem.path) for problem in caught.value.problems]
 
 
 @pytest.mark.parametrize("world", ["kinematic", "pymunk", "pybullet"])
-def test_all_that_is_missing_is_told_of_in_every_world_where_it_is_named(world, tmp_path):
+def test_all_that_is_missing_is_told_of_in_every_world_where_it_is_named(world: str, tmp_path: Path) -> None:
     write(tmp_path / "bent.urdf", "<robot")
     shapes = [mesh("none.obj"), {"urdf": {"file": "bent.urdf", "radius": 1.0}}, mesh("nor.stl")]
     write(tmp_path / "tents.yaml", scenario(world, *shapes))
@@ -67,7 +70,7 @@ def test_all_that_is_missing_is_told_of_in_every_world_where_it_is_named(world, 
     ]
 
 
-def test_a_file_lies_beside_the_one_that_names_it(tmp_path):
+def test_a_file_lies_beside_the_one_that_names_it(tmp_path: Path) -> None:
     write(tmp_path / "base" / "tent.obj", TETRAHEDRON)
     write(
         tmp_path / "base" / "tents.yaml",
@@ -86,7 +89,7 @@ def test_a_file_lies_beside_the_one_that_names_it(tmp_path):
         build(tmp_path / "top.yaml", ["environment.entities.thing0.shape.mesh.file=tent.obj"])
 
 
-def test_a_log_has_the_colours_of_its_meshes_too(tmp_path):
+def test_a_log_has_the_colours_of_its_meshes_too(tmp_path: Path) -> None:
     write(tmp_path / "in" / "tent.obj", TETRAHEDRON)
     write(tmp_path / "in" / "paint" / "red.mtl", "newmtl red\nKd 1 0 0\nmap_Kd -clamp on stripes.png\n")
     write(tmp_path / "in" / "paint" / "stripes.png", "not looked at")

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from simulating import untyped
 
 from symaware_cli.scenario.build import Built, build
 from symaware_cli.scenario.execution import execute
@@ -34,7 +35,7 @@ def mutable(value: object) -> Iterator[object]:
     for each in inner:
         yield from mutable(each)
     if hasattr(value, "model_fields_set"):
-        yield from mutable(dict(value))
+        yield from mutable(dict(untyped(value)))
 
 
 def test_a_scenario_becomes_groups_of_agents_with_their_components(building: Building) -> None:
@@ -68,7 +69,7 @@ def test_two_agents_never_share_a_mutable_parameter_or_knowledge(building: Build
     built = building(knowledge={"goal": [0, 0], "post": [1, 1], **facts}, components={"watch": WATCH}, count=3)
     (entry,) = built.simulation.entries
     owners = [
-        [*mutable(dict(knowledge)), *mutable(component.kept)]
+        [*mutable(dict(knowledge)), *mutable(untyped(component).kept)]
         for knowledge, component in zip(built.simulation.groups[0].knowledge, entry.components, strict=True)
     ]
     seen = [{id(value) for value in owner} for owner in owners]
@@ -78,13 +79,13 @@ def test_two_agents_never_share_a_mutable_parameter_or_knowledge(building: Build
     assert not seen[1] & seen[2]
     arrays = [value for owner in owners for value in owner if isinstance(value, np.ndarray)]
     assert not any(np.shares_memory(one, two) for n, one in enumerate(arrays) for two in arrays[:n])
-    entry.components[0].kept.gains.append(9.0)
-    assert entry.components[1].kept.gains == [1.0, 2.0]
+    untyped(entry.components[0]).kept.gains.append(9.0)
+    assert untyped(entry.components[1]).kept.gains == [1.0, 2.0]
 
 
 def test_a_component_whose_init_does_not_call_its_base_still_gets_its_parameters(building: Building) -> None:
     built = building(knowledge={"goal": [0, 0], "post": [1, 1]}, components={"watch": WATCH})
-    assert [component.kept.range for component in built.simulation.entries[0].components] == [2.0, 2.0]
+    assert [untyped(component).kept.range for component in built.simulation.entries[0].components] == [2.0, 2.0]
 
 
 def test_a_component_without_parameters_is_made_without_any(building: Building) -> None:

@@ -1,5 +1,7 @@
 """Scenarios without agents: the world goes its own way, and can be looked at like any other."""
 
+from pathlib import Path
+
 import pytest
 import yaml
 
@@ -18,7 +20,7 @@ BUS = {"shape": {"circle": {"radius": 0.2}}, "path": {"times": [0, 1], "position
 @pytest.mark.parametrize(
     ("world", "body"), [("kinematic", BUS), ("pymunk", BALL), ("pybullet", BALL), ("pybullet", BUS)], ids=str
 )
-def test_bodies_move_on_their_own_and_a_log_repeats_it(world, body, mode, tmp_path):
+def test_bodies_move_on_their_own_and_a_log_repeats_it(world: str, body: str, mode: str, tmp_path: Path) -> None:
     content = {"symaware": 1, "name": "alone", "run": {"duration": 1.0, "mode": mode}}
     content["environment"] = {"use": world, "entities": {"thing": body}}
     (tmp_path / "alone.yaml").write_text(yaml.safe_dump(content))

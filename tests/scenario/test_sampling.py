@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from simulating import untyped
 
 from symaware_cli.scenario.build import Built
 from symaware_cli.scenario.problem import Problem
@@ -20,7 +21,8 @@ pytestmark = pytest.mark.usefixtures("known_plugins")
 
 
 def states(built: Built) -> list[list[float]]:
-    return built.simulation.groups[0].initial_state.tolist()
+    result: list[list[float]] = built.simulation.groups[0].initial_state.tolist()
+    return result
 
 
 def known(built: Built, name: str = "fact") -> list[Any]:
@@ -260,9 +262,9 @@ def test_no_two_agents_share_a_place_on_a_grid(
 def test_nothing_reads_the_global_random_state(building: Building) -> None:
     np.random.seed(1)  # noqa: NPY002
     one = states(building(state={"uniform": [0, 1]}))
-    before = np.random.get_state()[1].tolist()  # noqa: NPY002
+    before = untyped(np.random.get_state())[1].tolist()  # noqa: NPY002
     assert states(building(state={"uniform": [0, 1]})) == one
-    assert np.random.get_state()[1].tolist() == before  # noqa: NPY002
+    assert untyped(np.random.get_state())[1].tolist() == before  # noqa: NPY002
 
 
 def test_a_group_of_many_agents_is_drawn_in_reasonable_time(building: Building, tmp_path: Path) -> None:

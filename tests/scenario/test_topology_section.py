@@ -3,10 +3,12 @@
 import itertools
 from collections import Counter
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import yaml
+from simulating import untyped
 
 from symaware_cli import open_log
 from symaware_cli.recording.digest import digest
@@ -53,7 +55,7 @@ SCENARIO = {
 }
 
 
-def changed(**changes):
+def changed(**changes: Any) -> Any:
     """The scenario with other values at dotted paths; None takes a key away."""
     document = yaml.safe_load(yaml.safe_dump(SCENARIO, sort_keys=False))
     for path, value in changes.items():
@@ -68,7 +70,7 @@ def changed(**changes):
     return document
 
 
-def ran(folder: Path, document, name="talk", overrides=()):
+def ran(folder: Path, document: dict[str, Any], name: str = "talk", overrides: Any = ()) -> Any:
     """Run a document and open its log."""
     path, log = folder / f"{name}.yaml", folder / f"{name}.mcap"
     path.write_text(yaml.safe_dump(document, sort_keys=False))
@@ -77,10 +79,10 @@ def ran(folder: Path, document, name="talk", overrides=()):
     return open_log(log)
 
 
-def test_messages_are_in_the_log_from_beginning_to_end(tmp_path):
+def test_messages_are_in_the_log_from_beginning_to_end(tmp_path: Path) -> None:
     entries = list(ran(tmp_path, SCENARIO).communications())
     assert [(entry.time) for entry in entries] == sorted(entry.time for entry in entries)
-    lives: dict[int, list] = {}
+    lives: dict[int, list[Any]] = {}
     for entry in entries:
         lives.setdefault(entry.id, []).append(entry)
     stages = Counter(tuple(entry.stage for entry in life) for life in lives.values())
@@ -105,7 +107,7 @@ def test_messages_are_in_the_log_from_beginning_to_end(tmp_path):
     assert told.size == 32 + 8 * 8
 
 
-def test_a_link_may_be_slower_than_others(tmp_path):
+def test_a_link_may_be_slower_than_others(tmp_path: Path) -> None:
     entries = [entry for entry in ran(tmp_path, SCENARIO).communications() if entry.stage == "DELIVERED"]
     slow, others = (
         [entry.latency for entry in entries if (entry.receiver == "robot.3") == is_slow] for is_slow in (True, False)
@@ -114,14 +116,14 @@ def test_a_link_may_be_slower_than_others(tmp_path):
     assert np.median(others) < 150_000_000
 
 
-def test_the_order_of_groups_changes_nothing_but_the_file(tmp_path):
+def test_the_order_of_groups_changes_nothing_but_the_file(tmp_path: Path) -> None:
     turned = changed()
     turned["agents"] = dict(reversed(list(turned["agents"].items())))
     one, other = ran(tmp_path, SCENARIO), ran(tmp_path, turned, "turned")
 
-    def fate(log):
+    def fate(log: Path) -> Any:
         return sorted(
-            (entry.id, entry.time, entry.stage, entry.receiver, entry.reason) for entry in log.communications()
+            (entry.id, entry.time, entry.stage, entry.receiver, entry.reason) for entry in untyped(log).communications()
         )
 
     assert fate(one) == fate(other)
@@ -130,11 +132,11 @@ def test_the_order_of_groups_changes_nothing_but_the_file(tmp_path):
         assert digest_of(one, topic) == digest_of(other, topic)
 
 
-def digest_of(log, topic):
-    return [(message.time, message.data) for message in log.messages(topic)]
+def digest_of(log: Path, topic: str) -> Any:
+    return [(message.time, message.data) for message in untyped(log).messages(topic)]
 
 
-def test_another_agent_changes_nobody_elses_messages(tmp_path):
+def test_another_agent_changes_nobody_elses_messages(tmp_path: Path) -> None:
     far = changed(agents__ghost={"model": {"use": "single-integrator"}, "state": [100.0, 100.0]})
     one, other = (
         {
@@ -146,7 +148,7 @@ def test_another_agent_changes_nobody_elses_messages(tmp_path):
     assert one == other
 
 
-def test_runs_are_equal_to_the_byte_in_both_modes(tmp_path):
+def test_runs_are_equal_to_the_byte_in_both_modes(tmp_path: Path) -> None:
     path = tmp_path / "talk.yaml"
     path.write_text(yaml.safe_dump(SCENARIO))
     both = [assert_repeatable(path, [f"run.mode={mode}"]) for mode in ("synchronous", "asynchronous")]
@@ -154,7 +156,7 @@ def test_runs_are_equal_to_the_byte_in_both_modes(tmp_path):
     assert list(ran(tmp_path, SCENARIO).communications())
 
 
-def test_in_the_asynchronous_mode_messages_arrive_at_their_very_time(tmp_path):
+def test_in_the_asynchronous_mode_messages_arrive_at_their_very_time(tmp_path: Path) -> None:
     log = ran(tmp_path, changed(run__mode="asynchronous"))
     latencies = [entry.latency for entry in log.communications() if entry.stage == "DELIVERED"]
     assert sum(latency % STEP != 0 for latency in latencies) > 0.9 * len(latencies)
@@ -164,7 +166,7 @@ def test_in_the_asynchronous_mode_messages_arrive_at_their_very_time(tmp_path):
     assert len(times) == pytest.approx(len(latencies), abs=30)
 
 
-def test_who_waits_for_messages_is_woken_when_they_come(tmp_path):
+def test_who_waits_for_messages_is_woken_when_they_come(tmp_path: Path) -> None:
     document = changed(run__mode="asynchronous")
     hear = document["agents"]["robot"]["components"]["hear"]
     hear |= {"trigger": {"event": "received"}}
@@ -175,7 +177,7 @@ def test_who_waits_for_messages_is_woken_when_they_come(tmp_path):
     assert delivered <= aware
 
 
-def test_changes_of_links_are_events(tmp_path):
+def test_changes_of_links_are_events(tmp_path: Path) -> None:
     log = ran(tmp_path, SCENARIO)
     events = [event for event in log.events() if event.name == "links-changed"]
     assert events[0].time == 0
@@ -187,14 +189,14 @@ def test_changes_of_links_are_events(tmp_path):
         assert event.time > before.time
 
 
-def test_a_promise_that_is_broken_on_the_way_is_told(tmp_path):
+def test_a_promise_that_is_broken_on_the_way_is_told(tmp_path: Path) -> None:
     document = changed(topology={"use": "range", "with": {"range": 2.0}, "connected": True})
     events = [event for event in ran(tmp_path, document).events() if event.name == "links-changed"]
     assert events[0].level == "WARNING"
     assert events[0].data["parts"] == 6
 
 
-def test_topologies_change_when_they_should(tmp_path):
+def test_topologies_change_when_they_should(tmp_path: Path) -> None:
     topology = {"use": "complete", "changes": [{"at": 0.5, "use": "line"}, {"at": 1.0, "use": "star"}], "repeat": 1.5}
     log = ran(tmp_path, changed(topology=topology))
     changes = [(event.time / 1e9, event.data["links"]) for event in log.events() if event.name == "links-changed"]
@@ -202,12 +204,12 @@ def test_topologies_change_when_they_should(tmp_path):
 
 
 @pytest.mark.parametrize(("messages", "stages"), [("dropped", {"DROPPED"}), ("none", set())])
-def test_messages_may_be_left_out_of_the_log(messages, stages, tmp_path):
+def test_messages_may_be_left_out_of_the_log(messages: Any, stages: Any, tmp_path: Path) -> None:
     log = ran(tmp_path, changed(recording={"messages": messages}))
     assert {entry.stage for entry in log.communications()} == stages
 
 
-def test_without_a_topology_everybody_reaches_everybody_with_the_next_step(tmp_path):
+def test_without_a_topology_everybody_reaches_everybody_with_the_next_step(tmp_path: Path) -> None:
     log = ran(tmp_path, changed(topology=None))
     entries = list(log.communications())
     assert {entry.stage for entry in entries} == {"SENT", "DELIVERED"}
@@ -226,7 +228,7 @@ def test_without_a_topology_everybody_reaches_everybody_with_the_next_step(tmp_p
         ("broken.short-lived", "failed at 1 s: RuntimeError: no more"),
     ],
 )
-def test_a_topology_that_fails_is_named(use, failure, tmp_path):
+def test_a_topology_that_fails_is_named(use: str, failure: str, tmp_path: Path) -> None:
     path, log = tmp_path / "talk.yaml", tmp_path / "talk.mcap"
     topology = {"use": "complete", "changes": [{"at": 1.0, "use": use}]}
     path.write_text(yaml.safe_dump(changed(topology=topology), sort_keys=False))
@@ -249,7 +251,7 @@ def test_a_topology_that_fails_is_named(use, failure, tmp_path):
         ({"queue": 100.0, "drop": "head"}, [], {"mud": {"at": 1.0, "degrade": {"bandwidth": 300.0}}}),
     ],
 )
-def test_a_channel_may_be_put_together_from_parts(channel, links, faults, tmp_path):
+def test_a_channel_may_be_put_together_from_parts(channel: Any, links: Any, faults: Any, tmp_path: Path) -> None:
     topology = {"use": "complete", "channel": channel, "links": links}
     log = ran(tmp_path, changed(topology=topology, faults=faults))
     assert {entry.reason for entry in log.communications() if entry.stage == "DROPPED"} == {"queue-full"}
@@ -257,7 +259,7 @@ def test_a_channel_may_be_put_together_from_parts(channel, links, faults, tmp_pa
 
 @pytest.mark.parametrize("drop", ["tail", "head"])
 @pytest.mark.parametrize("bandwidth", [1000.0, 3000.0, 7000.0])
-def test_as_much_waits_as_the_queue_holds_whatever_the_bandwidth(bandwidth, drop, tmp_path):
+def test_as_much_waits_as_the_queue_holds_whatever_the_bandwidth(bandwidth: float, drop: str, tmp_path: Path) -> None:
     tell = {"use": "communication.state", "period": 1.0}
     agents = {
         "one": {"model": {"use": "single-integrator"}, "components": {"a": tell, "b": tell, "c": tell}},
@@ -270,12 +272,14 @@ def test_as_much_waits_as_the_queue_holds_whatever_the_bandwidth(bandwidth, drop
     assert fates == {"SENT": 6, "DELIVERED": 4, "DROPPED": 2}
 
 
-def fate_of(log, start, end):
-    entries = [entry for entry in log.communications() if entry.stage == "DROPPED" and start <= entry.time < end]
+def fate_of(log: Path, start: Any, end: Any) -> Any:
+    entries = [
+        entry for entry in untyped(log).communications() if entry.stage == "DROPPED" and start <= entry.time < end
+    ]
     return {(entry.sender, entry.receiver) for entry in entries}, {entry.reason for entry in entries}
 
 
-def test_links_can_be_cut_parted_degraded_and_restored(tmp_path):
+def test_links_can_be_cut_parted_degraded_and_restored(tmp_path: Path) -> None:
     faults = {
         "axe": {"at": 0.4, "for": 0.4, "cut": {"between": ["robot.0", "robot.[12]"]}},
         "river": {"at": 0.8, "partition": [["robot.[01]"], ["car", "robot.2"]]},
@@ -300,7 +304,7 @@ def test_links_can_be_cut_parted_degraded_and_restored(tmp_path):
 
 
 @pytest.mark.parametrize("mode", ["synchronous", "asynchronous"])
-def test_a_fault_at_0_comes_before_the_first_turns(tmp_path, mode):
+def test_a_fault_at_0_comes_before_the_first_turns(tmp_path: Path, mode: str) -> None:
     faults = {"axe": {"at": 0.0, "cut": {"between": ["robot", "car"]}}}
     document = changed(topology={"use": "complete"}, faults=faults)
     document["run"] = {**document["run"], "mode": mode}
@@ -312,7 +316,7 @@ def test_a_fault_at_0_comes_before_the_first_turns(tmp_path, mode):
     assert not [pair for pair in delivered if "car" in pair]
 
 
-def test_links_can_be_narrowed(tmp_path):
+def test_links_can_be_narrowed(tmp_path: Path) -> None:
     faults = {"sand": {"at": 0.4, "for": 0.4, "degrade": {"receiver": "robot.2", "bandwidth": 1000.0}}}
     log = ran(tmp_path, changed(topology={"use": "complete"}, faults=faults))
     delivered = [entry for entry in log.communications() if entry.stage == "DELIVERED"]
@@ -320,7 +324,7 @@ def test_links_can_be_narrowed(tmp_path):
     assert late == {("robot.2", time * 100_000_000) for time in (4, 5, 6, 7)}
 
 
-def test_a_fault_of_a_link_is_drawn_from_the_chance_of_the_link(tmp_path):
+def test_a_fault_of_a_link_is_drawn_from_the_chance_of_the_link(tmp_path: Path) -> None:
     faults = {"storm": {"at": 0.0, "drop": {"probability": 0.4}}}
     turned = changed(topology={"use": "complete"}, faults=faults)
     turned["agents"] = dict(reversed(list(turned["agents"].items())))
@@ -332,7 +336,7 @@ def test_a_fault_of_a_link_is_drawn_from_the_chance_of_the_link(tmp_path):
     assert one
 
 
-def test_a_repeated_run_is_taken_from_the_log_alone(tmp_path):
+def test_a_repeated_run_is_taken_from_the_log_alone(tmp_path: Path) -> None:
     log = ran(tmp_path, SCENARIO)
     again = tmp_path / "again.mcap"
     from symaware_cli.scenario.files import open_scenario
@@ -342,7 +346,7 @@ def test_a_repeated_run_is_taken_from_the_log_alone(tmp_path):
 
 
 @pytest.mark.parametrize("fault", [{"stop": "robot.1"}, {"freeze": "robot.1.tell"}])
-def test_who_takes_no_part_says_nothing(fault, tmp_path):
+def test_who_takes_no_part_says_nothing(fault: dict[str, str], tmp_path: Path) -> None:
     faults = {"end": {"at": 0.5, "for": 0.5, **fault}}
     log = ran(tmp_path, changed(topology={"use": "complete"}, faults=faults))
     said = {entry.time for entry in log.communications() if entry.stage == "SENT" and entry.sender == "robot.1"}

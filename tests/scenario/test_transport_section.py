@@ -1,5 +1,8 @@
 """The `transport` section: read with the scenario, and of use to runs of several processes only."""
 
+from pathlib import Path
+from typing import Any
+
 import pytest
 import yaml
 from spreading import goal_seekers
@@ -12,10 +15,10 @@ from symaware_cli.scenario.problem import ScenarioError
 
 
 @pytest.fixture
-def built(tmp_path):
+def built(tmp_path: Path) -> Any:
     """Build a scenario with some transport, or with none."""
 
-    def build_with(transport):
+    def build_with(transport: Any) -> Any:
         document = {key: value for key, value in goal_seekers(distance=1.0).items() if key != "transport"}
         if transport is not None:
             document["transport"] = transport
@@ -26,18 +29,18 @@ def built(tmp_path):
     return build_with
 
 
-def test_it_says_what_carries_a_run_and_how(built):
+def test_it_says_what_carries_a_run_and_how(built: Any) -> None:
     transport = built({"use": "tcp", "with": {"timeout": 0.5, "maximum_frame": 4096}}).transport
     assert isinstance(transport, Tcp)
     assert (transport.parameters.timeout, transport.parameters.maximum_frame) == (0.5, 4096)
     assert transport.parameters.members == 64
 
 
-def test_it_may_be_left_out(built):
+def test_it_may_be_left_out(built: Any) -> None:
     assert built(None).transport is None
 
 
-def test_in_one_process_it_changes_nothing(built, tmp_path):
+def test_in_one_process_it_changes_nothing(built: Any, tmp_path: Path) -> None:
     logs = set()
     for name, transport in (("none", None), ("tcp", {"use": "tcp"}), ("memory", {"use": "memory"})):
         execute(built(transport), tmp_path / f"{name}.mcap")
@@ -57,7 +60,7 @@ def test_in_one_process_it_changes_nothing(built, tmp_path):
         ("zenoh or so", "zenoh or so"),
     ],
 )
-def test_what_is_wrong_with_it_is_said(built, transport, said):
+def test_what_is_wrong_with_it_is_said(built: Any, transport: Any, said: str) -> None:
     with pytest.raises(ScenarioError) as raised:
         built(transport)
     assert len(raised.value.problems) == 1

@@ -3,12 +3,16 @@
 import enum
 import threading
 from collections import Counter, OrderedDict, defaultdict, deque
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import NamedTuple
+from pathlib import Path
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
+from simulating import untyped
 
 from symaware_cli.core import TimeSeries
 from symaware_cli.core.stateful import StateError
@@ -22,10 +26,10 @@ PACKAGES = {__name__.partition(".")[0], "symaware_cli"}
 class Thing:
     """Something with attributes."""
 
-    def __init__(self, **attributes):
+    def __init__(self, **attributes: Any) -> None:
         vars(self).update(attributes)
 
-    def method(self):
+    def method(self) -> Self:
         return self
 
 
@@ -47,15 +51,15 @@ class Value:
     part: object
 
 
-def take(thing):
+def take(thing: Slotted | Thing) -> list[tuple[str, str, list[Any]]]:
     return Taking({"thing": thing}, PACKAGES).entries
 
 
-def put(entries, thing):
+def put(entries: Sequence[tuple[str, str, list[Any]]], thing: Slotted | Thing) -> None:
     Putting(Counterparts(entries, {"thing": thing}, PACKAGES)).put()
 
 
-def moved(**attributes):
+def moved(**attributes: Any) -> Thing:
     """A thing that got its attributes from another one."""
     thing = Thing()
     put(take(Thing(**attributes)), thing)
@@ -72,8 +76,8 @@ def moved(**attributes):
     ],
     ids=repr,
 )
-def test_a_value_is_equal_and_of_the_same_type_afterwards(value):
-    found = moved(value=value).value
+def test_a_value_is_equal_and_of_the_same_type_afterwards(value: bool | None) -> None:
+    found = untyped(moved(value=value)).value
     assert type(found) is type(value)
     assert found == value
 
@@ -88,54 +92,54 @@ def test_a_value_is_equal_and_of_the_same_type_afterwards(value):
     ids=repr,
 )
 @pytest.mark.parametrize("writeable", [True, False])
-def test_an_array_has_the_same_bits_layout_and_permission(array, writeable):
+def test_an_array_has_the_same_bits_layout_and_permission(array: NDArray[np.float64], writeable: bool) -> None:
     array = array.copy(order="K")
     array.flags.writeable = writeable
-    found = moved(array=array).array
+    found = untyped(moved(array=array)).array
     assert (found.dtype, found.shape, found.strides) == (array.dtype, array.shape, array.strides)
     assert found.tobytes() == array.tobytes()
     assert found.flags.writeable == writeable
     assert found.base is None
 
 
-def test_an_array_of_another_layout_is_one_array_for_all_who_hold_it():
+def test_an_array_of_another_layout_is_one_array_for_all_who_hold_it() -> None:
     array = np.arange(6.0).reshape(2, 3).T.copy(order="F")
-    thing = moved(one=array, other=array)
+    thing: Any = moved(one=array, other=array)
     assert thing.one is thing.other
     assert np.array_equal(thing.one, array)
     assert thing.one.strides == array.strides
 
 
-def test_an_array_of_objects_holds_the_same_objects():
+def test_an_array_of_objects_holds_the_same_objects() -> None:
     part = [1]
     array = np.empty(2, object)
     array[:] = [part, "text"]
-    found = moved(array=array, part=part)
+    found: Any = moved(array=array, part=part)
     assert found.array[0] is found.part
     assert found.array[1] == "text"
 
 
-def test_a_view_still_shows_the_array_that_it_showed():
+def test_a_view_still_shows_the_array_that_it_showed() -> None:
     base = np.arange(12.0).reshape(3, 4)
-    found = moved(base=base, view=base[::2, 1:][::-1])
+    found: Any = moved(base=base, view=base[::2, 1:][::-1])
     assert np.array_equal(found.view, base[::2, 1:][::-1])
     found.base[0, 1] = 77.0
     assert found.view[1, 0] == 77.0
 
 
-def test_what_was_one_object_is_one_object_even_in_a_circle():
-    circle = [1]
+def test_what_was_one_object_is_one_object_even_in_a_circle() -> None:
+    circle: list[Any] = [1]
     circle.append(circle)
-    found = moved(one=circle, other=circle)
+    found: Any = moved(one=circle, other=circle)
     assert found.one is found.other
     assert found.one[1] is found.one
 
 
-def test_an_object_that_stands_is_the_same_one_afterwards():
+def test_an_object_that_stands_is_the_same_one_afterwards() -> None:
     inner, held = Thing(number=1), [1]
-    thing = Thing(inner=inner, held=held, bound=inner.method, called=partial(inner.method))
+    thing: Any = Thing(inner=inner, held=held, bound=inner.method, called=partial(inner.method))
     entries = take(thing)
-    inner.number, inner.extra, thing.held, thing.bound = 2, 3, [1, 2], None
+    untyped(inner).number, untyped(inner).extra, thing.held, thing.bound = 2, 3, [1, 2], None
     put(entries, thing)
     assert thing.inner is inner
     assert vars(inner) == {"number": 1}
@@ -144,9 +148,9 @@ def test_an_object_that_stands_is_the_same_one_afterwards():
     assert thing.called() is inner
 
 
-def test_an_object_that_stands_is_found_under_the_key_that_stands():
+def test_an_object_that_stands_is_found_under_the_key_that_stands() -> None:
     key, held = Thing(), Speaking()
-    thing = Thing(key=key, table={key: held})
+    thing: Any = Thing(key=key, table={key: held})
     entries = take(thing)
     held.number = 2
     put(entries, thing)
@@ -155,9 +159,9 @@ def test_an_object_that_stands_is_found_under_the_key_that_stands():
 
 
 @pytest.mark.parametrize("instead", [lambda held: held.clear, lambda held: None])
-def test_a_method_of_a_list_is_put_back_where_something_else_stands(instead):
+def test_a_method_of_a_list_is_put_back_where_something_else_stands(instead: Callable[..., Any]) -> None:
     held = [1]
-    thing = Thing(held=held, call=held.append)
+    thing: Any = Thing(held=held, call=held.append)
     entries = take(thing)
     thing.call = instead(held)
     put(entries, thing)
@@ -166,12 +170,12 @@ def test_a_method_of_a_list_is_put_back_where_something_else_stands(instead):
     assert held == [1, 2]
 
 
-def test_slots_without_a_value_have_none_afterwards():
+def test_slots_without_a_value_have_none_afterwards() -> None:
     source, target = Slotted(), Slotted()
-    source.b, target._a = 1, 2
+    untyped(source).b, untyped(target)._a = 1, 2
     entries = take(source)
     put(entries, target)
-    assert target.b == 1
+    assert untyped(target).b == 1
     assert not hasattr(target, "_a")
 
 
@@ -180,25 +184,25 @@ class Standing:
 
     __slots__ = ("_for", "note")
 
-    def __getattr__(self, name):
+    def __getattr__(self, name: str) -> Any:
         return getattr(self._for, name)
 
 
-def test_what_stands_in_for_another_object_has_its_own_attributes_only():
+def test_what_stands_in_for_another_object_has_its_own_attributes_only() -> None:
     thing, target = Thing(note="not its own"), Thing()
-    standing = Standing()
+    standing: Any = Standing()
     standing._for = thing
     source = Thing(standing=standing)
     put(take(source), target)
-    assert target.standing is not standing
-    assert target.standing._for.note == "not its own"
+    assert untyped(target).standing is not standing
+    assert untyped(target).standing._for.note == "not its own"
     standing.note = "its own"
     put(take(source), target)
-    assert (target.standing.note, target.standing._for.note) == ("its own", "not its own")
+    assert (untyped(target).standing.note, untyped(target).standing._for.note) == ("its own", "not its own")
 
 
-def test_what_never_changes_is_not_changed_under_the_hands_of_who_holds_it():
-    thing = Thing(series=TimeSeries({0.0: [1.0]}), value=Value(1))
+def test_what_never_changes_is_not_changed_under_the_hands_of_who_holds_it() -> None:
+    thing: Any = Thing(series=TimeSeries({0.0: [1.0]}), value=Value(1))
     entries = take(thing)
     series, value = thing.series, thing.value
     thing.series, thing.value = later = TimeSeries({0.0: [2.0]}), Value(2)
@@ -208,15 +212,15 @@ def test_what_never_changes_is_not_changed_under_the_hands_of_who_holds_it():
     assert later == (TimeSeries({0.0: [2.0]}), Value(2))
 
 
-def test_a_function_keeps_what_it_remembers():
+def test_a_function_keeps_what_it_remembers() -> None:
     count = 0
 
-    def step():
+    def step() -> int:
         nonlocal count
         count += 1
         return count
 
-    thing = Thing(step=step)
+    thing: Any = Thing(step=step)
     step()
     entries = take(thing)
     step()
@@ -225,14 +229,14 @@ def test_a_function_keeps_what_it_remembers():
     assert step() == 2
 
 
-def test_a_generator_of_chance_draws_on_from_where_it_was():
-    thing = Thing(random=np.random.default_rng(3))
+def test_a_generator_of_chance_draws_on_from_where_it_was() -> None:
+    thing: Any = Thing(random=np.random.default_rng(3))
     thing.random.random(5)
     entries = take(thing)
     wanted = thing.random.random(3)
     put(entries, thing)
     assert np.array_equal(thing.random.random(3), wanted)
-    assert np.array_equal(moved(random=np.random.Generator(np.random.Philox(2))).random.random(), 0) is False
+    assert np.array_equal(untyped(moved(random=np.random.Generator(np.random.Philox(2)))).random.random(), 0) is False
 
 
 @pytest.mark.parametrize(
@@ -243,21 +247,21 @@ def test_a_generator_of_chance_draws_on_from_where_it_was():
         (threading.Thread(), r"it is a threading\.Thread"),
     ],
 )
-def test_what_cannot_be_taken_is_refused_with_the_place_where_it_stands(value, said):
+def test_what_cannot_be_taken_is_refused_with_the_place_where_it_stands(value: object, said: str) -> None:
     with pytest.raises(StateError, match=said):
         take(Thing(inner=Thing(value=value)))
 
 
-def test_an_open_file_is_refused(tmp_path):
+def test_an_open_file_is_refused(tmp_path: Path) -> None:
     with open(tmp_path / "file", "w") as file, pytest.raises(StateError, match=r"it is a _io\.TextIOWrapper"):
         take(Thing(file=file))
 
 
-def test_attributes_that_hold_no_state_stay_what_they_are():
+def test_attributes_that_hold_no_state_stay_what_they_are() -> None:
     class Holder(Thing):
         uncaptured = ("lock",)
 
-    thing = Holder(lock=threading.Lock(), number=1)
+    thing: Any = Holder(lock=threading.Lock(), number=1)
     entries = take(thing)
     lock, thing.number = thing.lock, 2
     put(entries, thing)
@@ -268,30 +272,30 @@ def test_attributes_that_hold_no_state_stay_what_they_are():
 class Speaking:
     uncaptured = "*"
 
-    def __init__(self):
+    def __init__(self) -> None:
         self.engine, self.number = threading.Lock(), 1
 
-    def captured(self):
+    def captured(self) -> dict[str, int]:
         return {"number": self.number}
 
-    def check_state(self, state):
+    def check_state(self, state: Mapping[str, Any]) -> None:
         if state["number"] < 0:
             raise StateError("a negative number")
 
-    def restored(self, state):
+    def restored(self, state: Mapping[str, Any]) -> None:
         self.number = state["number"]
 
 
-def test_an_object_may_tell_its_state_itself():
-    thing = Thing(speaking=Speaking())
+def test_an_object_may_tell_its_state_itself() -> None:
+    thing: Any = Thing(speaking=Speaking())
     entries = take(thing)
     thing.speaking.number = 2
     put(entries, thing)
     assert thing.speaking.number == 1
 
 
-def test_nothing_has_changed_where_a_state_is_refused():
-    thing = Thing(number=1, speaking=Speaking())
+def test_nothing_has_changed_where_a_state_is_refused() -> None:
+    thing: Any = Thing(number=1, speaking=Speaking())
     thing.speaking.number = -1
     entries = take(thing)
     thing.number = thing.speaking.number = 2
@@ -300,13 +304,13 @@ def test_nothing_has_changed_where_a_state_is_refused():
     assert thing.number == thing.speaking.number == 2
 
 
-def test_a_local_function_that_does_not_stand_is_not_made():
+def test_a_local_function_that_does_not_stand_is_not_made() -> None:
     with pytest.raises(StateError, match=r"the state of thing\.call cannot be put here: the function .*<lambda>"):
         moved(call=lambda: 1)
 
 
-def test_only_known_classes_and_data_classes_are_made():
-    assert moved(value=Value(Thing(a=1))).value.part.a == 1
+def test_only_known_classes_and_data_classes_are_made() -> None:
+    assert untyped(moved(value=Value(Thing(a=1)))).value.part.a == 1
     entries = take(Thing(value=Thing(a=1)))
     with pytest.raises(StateError, match=r"thing\.value cannot be put here: the object of the class .*Thing"):
         Counterparts(entries, {"thing": Thing()}, {"other"})
