@@ -53,7 +53,8 @@ def holds(formula: Formula, run: list[int], at: int) -> bool:
 
 def formula_of(chance: random.Random, depth: int) -> Formula:
     if depth == 0 or chance.random() < 0.15:
-        return chance.choice([A, B, Constant(True), Constant(False), A, B])
+        leaves: list[Formula] = [A, B, Constant(True), Constant(False), A, B]
+        return chance.choice(leaves)
     inner, other = formula_of(chance, depth - 1), formula_of(chance, depth - 1)
     made: list[Formula] = [
         Not(inner),

@@ -46,7 +46,8 @@ def tree(text: str) -> Node:
 
 
 def margin(text: str) -> list[float]:
-    return np.broadcast_to(plain(robustness(tree(text))(VALUES.__getitem__)), (3,)).tolist()
+    found: list[float] = np.broadcast_to(plain(robustness(tree(text))(VALUES.__getitem__)), (3,)).tolist()
+    return found
 
 
 @pytest.mark.parametrize(

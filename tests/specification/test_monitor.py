@@ -2,6 +2,8 @@ import os
 
 import numpy as np
 import pytest
+from formulas import random_formula, random_samples
+from recursion import interval
 
 from symaware_cli.runtime.state.counterparts import Counterparts
 from symaware_cli.runtime.state.putting import Putting
@@ -20,8 +22,6 @@ from symaware_cli.specification.formula import (
     operands,
 )
 from symaware_cli.specification.monitor import Monitor
-from tests.specification.formulas import random_formula, random_samples
-from tests.specification.recursion import interval
 
 
 def check_reasons(monitor: Monitor, formula: Formula, samples: Array) -> None:

@@ -1,8 +1,10 @@
 """Laws of temporal logic hold for verdicts, bounds and exact robustness at every instant."""
 
 import numpy as np
+from formulas import random_formula, random_samples
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from test_monitor import followed
 
 from symaware_cli.specification.formula import (
     Always,
@@ -17,8 +19,6 @@ from symaware_cli.specification.formula import (
     Since,
     Until,
 )
-from tests.specification.formulas import random_formula, random_samples
-from tests.specification.test_monitor import followed
 
 seeds = st.integers(0, 2**32 - 1)
 firsts = st.integers(0, 3)

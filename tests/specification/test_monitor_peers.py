@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from formulas import PREDICATES, random_formula, random_samples
 
 from symaware_cli.specification.formula import (
     Always,
@@ -26,7 +27,6 @@ from symaware_cli.specification.formula import (
     operands,
 )
 from symaware_cli.specification.monitor import Monitor
-from tests.specification.formulas import PREDICATES, random_formula, random_samples
 
 RTAMT = pytest.mark.skipif(sys.version_info >= (3, 13), reason="rtamt is not for this Python")
 SENTIL = pytest.mark.skipif(

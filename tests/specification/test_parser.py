@@ -14,6 +14,7 @@ from symaware_cli.specification.node import (
     Element,
     Junction,
     Name,
+    Node,
     Not,
     Sign,
     Temporal,
@@ -28,7 +29,7 @@ FUNCTIONS = {"inside": 2, "max": None}
 NOWHERE = (0, 0)
 
 
-def tree(text):
+def tree(text: str) -> Node:
     return parse(text, NAMES, FUNCTIONS)
 
 
@@ -53,7 +54,7 @@ def tree(text):
         ("2 ** -a ** b", "2 ** (-(a ** b))"),
     ],
 )
-def test_what_binds_more_tightly(text, bracketed):
+def test_what_binds_more_tightly(text: str, bracketed: str) -> None:
     assert tree(text) == tree(bracketed)
 
 
@@ -75,19 +76,19 @@ def test_what_binds_more_tightly(text, bracketed):
         ("()", "the brackets are empty", "()"),
     ],
 )
-def test_what_is_wrong_is_reported_at_its_place(text, problem, marked):
+def test_what_is_wrong_is_reported_at_its_place(text: str, problem: str, marked: str) -> None:
     with pytest.raises(ExpressionError) as caught:
         tree(text)
     assert problem in caught.value.problem
     assert text[caught.value.start : caught.value.end] == marked
 
 
-def test_a_definition_stands_for_its_tree():
+def test_a_definition_stands_for_its_tree() -> None:
     near = tree("a < 1")
     assert parse("always near", NAMES, FUNCTIONS, {"near": near}) == tree("always a < 1")
 
 
-def _numbers(inner):
+def _numbers(inner: st.SearchStrategy[Node]) -> st.SearchStrategy[Node]:
     return st.one_of(
         st.builds(lambda one: Sign(NOWHERE, "-", one), inner),
         st.builds(lambda sign, one, two: Arithmetic(NOWHERE, sign, one, two), st.sampled_from("+-*/%"), inner, inner),
@@ -113,7 +114,7 @@ WINDOWS = st.one_of(
 )
 
 
-def _conditions(inner):
+def _conditions(inner: st.SearchStrategy[Node]) -> st.SearchStrategy[Node]:
     several = st.lists(inner, min_size=2, max_size=3).map(tuple)
     return st.one_of(
         st.builds(lambda one: Not(NOWHERE, one), inner),
@@ -146,13 +147,13 @@ CONDITIONS = st.recursive(COMPARISONS, _conditions, max_leaves=6)
 
 @settings(max_examples=200, deadline=None)
 @given(CONDITIONS)
-def test_a_tree_is_printed_as_text_that_is_parsed_to_the_same_tree(node):
+def test_a_tree_is_printed_as_text_that_is_parsed_to_the_same_tree(node: Node) -> None:
     text = printed(node)
     assert printed(parse(text, NAMES, FUNCTIONS, longest=100_000)) == text
 
 
 @settings(max_examples=200, deadline=None)
 @given(st.text(st.sampled_from("ab01.()[],<>=+-*/ \"'!&|")) | st.text(max_size=20))
-def test_any_text_is_parsed_or_refused(text):
+def test_any_text_is_parsed_or_refused(text: str) -> None:
     with contextlib.suppress(ExpressionError):
         assert printed(tree(text))
