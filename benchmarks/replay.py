@@ -29,7 +29,7 @@ from symaware_cli.recording import wire
 from symaware_cli.recording.reader import Log, open_log
 from symaware_cli.scenario.build import build
 from symaware_cli.scenario.execution import execute
-from symaware_cli.viewing.beliefs import Reading
+from symaware_cli.viewing.beliefs import read_beliefs
 from symaware_cli.viewing.replay_session import replay_session
 from symaware_cli.viewing.rerun.columns import TIMELINE
 from symaware_cli.viewing.viewer import require
@@ -122,7 +122,7 @@ def _drawn(rr: Any, run_view: RunView, group_view: GroupView, field: str, conten
                 else:
                     yield row, rr.LineStrips3D([group_view.positions(values)], colors=group_view.colours[row])
         case wire.Awareness() if not content.world:
-            beliefs = Reading(2).read([(0, content)], len(group_view.agents), range(len(group_view.agents)))
+            beliefs = read_beliefs([(0, content)], len(group_view.agents), range(len(group_view.agents)), 2)
             for row in range(len(group_view.agents)):
                 yield row, rr.Points3D(beliefs.places[beliefs.observer == row])
 

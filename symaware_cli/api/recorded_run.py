@@ -156,18 +156,13 @@ class RecordedRun:
             group.awareness.world = self._environment.snapshot()
             return
         count = len(group)
-        rows = range(count) if content.rows is None else content.rows.tolist()
-        lengths = np.broadcast_to(content.lengths, (len(rows),)).astype(int)
-        width = int(content.columns[0]) if len(content.columns) else 2 * roster.dimensions
-        values = content.values.reshape(-1, width)
+        others = content.others(count, roster.dimensions)
         known = self._others.setdefault(
             group.name, [(np.empty(0, np.intp), np.empty((0, roster.dimensions))) for _ in range(count)]
         )
-        first = 0
-        for row, length in zip(rows, lengths.tolist(), strict=True):
-            last = first + length
-            known[row] = content.entities[first:last].astype(np.intp), values[first:last, : roster.dimensions]
-            first = last
+        ends = np.cumsum(others.counts).tolist()
+        for row, first, last in zip(others.present.tolist(), [0, *ends], ends, strict=False):
+            known[row] = others.entities[first:last].astype(np.intp), others.values[first:last]
         pointers = np.cumsum([0, *(len(each) for each, _ in known)])
         positions = np.concatenate([each for _, each in known])
         indices = np.concatenate([each for each, _ in known])

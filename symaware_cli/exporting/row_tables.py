@@ -148,34 +148,20 @@ def lay_out_awareness(message: wire.Awareness, count: int, *, width: int, covari
     The numbers are the age, the values, and the covariance by rows. An agent that knows the whole world has no row.
     """
     columns = 1 + width + (width * width if covariances else 0)
-    nobody = np.empty(0, np.int64)
-    if not message.has_states:
-        return Piece(nobody, nobody, np.empty((0, columns)), nobody)
-    if message.world:
-        return Piece(_present(message.rows, count), nobody, np.empty((0, columns)), nobody)
-    lengths = message.lengths.astype(np.int64)
-    if len(lengths) == 1:
-        lengths = np.full(count if message.rows is None else len(message.rows), lengths[0])
-    present = _present(message.rows, len(lengths))
-    who, _, filled = _spread(present, lengths, len(message.entities))
+    if not message.has_states or message.world:
+        nobody = np.empty(0, np.int64)
+        present = _present(message.rows, count) if message.world else nobody
+        return Piece(present, nobody, np.empty((0, columns)), nobody)
+    known = message.others(count, width)
+    who, _, filled = _spread(known.present, known.counts, len(known.entities))
     others = np.full(len(who), -1, np.int64)
-    others[filled] = message.entities
+    others[filled] = known.entities
     numbers = np.full((len(who), columns), np.nan)
-    numbers[filled, 0] = message.ages if len(message.ages) else 0.0
-    # Others may have different numbers of values.
-    sizes = np.broadcast_to(message.columns.astype(np.int64), len(message.entities))
-    inside = np.arange(width) < sizes[:, None]
-    values = np.full(inside.shape, np.nan)
-    values[inside] = message.values
-    numbers[filled, 1 : 1 + width] = values
-    if covariances and len(message.covariances):
-        squares = inside[:, :, None] & inside[:, None, :]
-        spread = np.full(squares.shape, np.nan)
-        spread[squares] = message.covariances
-        # All zeros mean that the covariance is unknown, if the message has covariances of others.
-        spread[~np.nan_to_num(spread).any(axis=(1, 2))] = np.nan
-        numbers[filled, 1 + width :] = spread.reshape(len(spread), -1)
-    return Piece(present, who, numbers, others)
+    numbers[filled, 0] = known.ages
+    numbers[filled, 1 : 1 + width] = known.values
+    if known.covariances is not None and covariances:
+        numbers[filled, 1 + width :] = known.covariances.reshape(-1, width * width)
+    return Piece(known.present, who, numbers, others)
 
 
 def lay_out_scan(message: v1.Scan, count: int) -> Piece:

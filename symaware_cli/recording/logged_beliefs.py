@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,17 +28,6 @@ class LoggedBeliefs(Series):
     series: Mapping[str, Sequence[Prediction]]
 
 
-class _Belief(NamedTuple):
-    """The belief at one instant."""
-
-    values: Array
-    covariance: Array | None
-    age: float
-
-
-_UNKNOWN = _Belief(np.empty(0), None, np.nan)
-
-
 def beliefs(
     entries: Iterable[tuple[int, wire.Awareness]],
     row: int,
@@ -60,7 +48,8 @@ def beliefs(
     Raises:
         ValueError: A message is inconsistent.
     """
-    known: dict[int, _Belief] = {}
+    # At each instant the values, the covariance and the age.
+    known: dict[int, tuple[Array, Array | None, float]] = {}
     series: dict[str, list[Prediction]] = {}
     for time, message in entries:
         for told in message.series:
@@ -74,44 +63,25 @@ def beliefs(
         if not message.has_states:
             continue
         if message.world:
-            known[time] = _Belief(truth(time), None, 0.0)
+            known[time] = truth(time), None, 0.0
             continue
-        place = row_position(row, message.rows)
-        if place is not None:
-            known[time] = _belief(message, place, count if message.rows is None else len(message.rows), other)
-    columns = max((len(belief.values) for belief in known.values()), default=0)
-    values = np.full((len(known), columns), np.nan)
+        others = message.others(count, wanted=[row])
+        if row in others.present:
+            known[time] = np.empty(0), None, np.nan
+            for index in np.flatnonzero(others.entities == other)[-1:].tolist():
+                size, spread = int(others.sizes[index]), others.covariances
+                covariance = None if spread is None else spread[index, :size, :size]
+                known[time] = others.values[index, :size], covariance, float(others.ages[index])
+    columns = max((len(values) for values, _, _ in known.values()), default=0)
+    table = np.full((len(known), columns), np.nan)
     covariances = np.full((len(known), columns, columns), np.nan)
-    for number, belief in enumerate(known.values()):
-        size = len(belief.values)
-        values[number, :size] = belief.values
-        if belief.covariance is not None:
-            covariances[number, :size, :size] = belief.covariance
+    for number, (values, covariance, _) in enumerate(known.values()):
+        size = len(values)
+        table[number, :size] = values
+        if covariance is not None:
+            covariances[number, :size, :size] = covariance
     names, units = zip(*motion_quantities(columns // 2), strict=True) if columns in (4, 6) else ((), ())
-    ages = np.array([belief.age for belief in known.values()], float)
+    ages = np.array([age for _, _, age in known.values()], float)
     return LoggedBeliefs(
-        np.array(list(known), np.int64), values, names, units, covariances=covariances, ages=ages, series=series
+        np.array(list(known), np.int64), table, names, units, covariances=covariances, ages=ages, series=series
     )
-
-
-def _belief(message: wire.Awareness, place: int, count: int, other: int) -> _Belief:
-    """Return the belief about one other agent in a message, given the position of the row in the message."""
-    lengths = message.lengths.astype(np.int64)
-    if len(lengths) == 1:
-        lengths = np.repeat(lengths, count)
-    start = int(lengths[:place].sum())
-    found = np.flatnonzero(message.entities[start : start + int(lengths[place : place + 1].sum())] == other)
-    if not len(found):
-        return _UNKNOWN
-    index = start + int(found[-1])
-    sizes = np.broadcast_to(message.columns.astype(np.int64), message.entities.shape)
-    size, first, square = int(sizes[index]), int(sizes[:index].sum()), int((sizes[:index] ** 2).sum())
-    values = message.values[first : first + size]
-    if len(values) != size:
-        raise ValueError(f"{len(values)} numbers where {size} were announced")
-    covariance = None
-    if len(message.covariances):
-        covariance = message.covariances[square : square + size * size].reshape(size, size)
-        # All zeros mean that the covariance is unknown, if the message has covariances of others.
-        covariance = covariance if covariance.any() else None
-    return _Belief(values, covariance, float(message.ages[index]) if len(message.ages) else 0.0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,103 +52,54 @@ class Beliefs:
         return self.times[telling], counts[telling], mine
 
 
-@dataclass(frozen=True)
-class _Flat:
-    """The contents of several messages one after another: what there is of each entity in them.
+def read_beliefs(
+    entries: Sequence[tuple[int, wire.Awareness]], count: int, wanted: Sequence[int], dimension: int
+) -> Beliefs:
+    """Read the messages of one group.
 
-    Attributes:
-        message: (m,) which message it comes from.
-        observer: (m,) whose belief it is.
-        who: (m,) of whom.
-        width: (m,) how many numbers it has.
-        start: (m,) where these begin among the values.
-        square: (m,) where its covariance begins among the covariances; -1 without one.
-        ages: (m,) [s].
-        values: All numbers.
-        covariances: All covariances.
+    Args:
+        entries: The time [ns] and content of each; agents that know the whole world have no beliefs besides it.
+        count: How many agents the group has.
+        wanted: The agents whose beliefs are read, as rows of the group.
+        dimension: In how many dimensions they move; a belief begins with the position.
     """
-
-    message: Integers
-    observer: Integers
-    who: Integers
-    width: Integers
-    start: Integers
-    square: Integers
-    ages: Array
-    values: Array
-    covariances: Array
-
-
-class Reading:
-    """Makes beliefs of messages."""
-
-    def __init__(self, dimension: int) -> None:
-        """Take note of what of a belief to read: it begins with the position.
-
-        Args:
-            dimension: In how many dimensions the observers move.
-        """
-        self._dimension = dimension
-
-    def read(self, entries: Sequence[tuple[int, wire.Awareness]], count: int, wanted: Sequence[int]) -> Beliefs:
-        """Read messages of one group.
-
-        Args:
-            entries: Their times [ns] and contents. Who knows the whole world has no beliefs that differ from it.
-            count: How many agents the group has.
-            wanted: Whose beliefs to read, as rows of the group.
-        """
-        told = np.zeros((len(entries), count), bool)
-        for number, (_, message) in enumerate(entries):
-            told[number, slice(None) if message.rows is None else message.rows] = True
-        known = [(number, message) for number, (_, message) in enumerate(entries) if len(message.entities)]
-        times = np.array([time for time, _ in entries], np.int64)
-        if not known:
-            none = np.empty(0, np.intp)
-            return Beliefs(times, told, none, none, none, np.empty((0, 3)), None, np.empty(0))
-        flat = _flattened(known, count)
-        chosen = np.zeros(count, bool)
-        chosen[list(wanted)] = True
-        some = np.flatnonzero(chosen[flat.observer])
-        who, width = flat.who[some], flat.width[some]
-        columns = np.broadcast_to(np.arange(self._dimension), (len(some), self._dimension))
-        places = in_space(flat.values[flat.start[some, None] + columns])
-        covariances = None
-        sure = np.flatnonzero(flat.square[some] >= 0)
-        if len(sure):
-            # A square of numbers stands behind another; in it rows behind rows.
-            covariances = np.full((len(some), self._dimension, self._dimension), np.nan)
-            rows, squares = columns[sure], flat.square[some[sure], None, None]
-            places_in_it = rows[:, :, None] * width[sure, None, None] + rows[:, None]
-            covariances[sure] = flat.covariances[squares + places_in_it]
-        ages = flat.ages[some]
-        return Beliefs(times, told, flat.message[some], flat.observer[some], who, places, covariances, ages)
-
-
-def _flattened(known: Sequence[tuple[int, wire.Awareness]], count: int) -> _Flat:
-    """Put messages that have entities, and their numbers, one after another."""
-    numbers, rows, lengths, entities, widths, sure, ages = [], [], [], [], [], [], []
-    for number, message in known:
-        here = np.arange(count) if message.rows is None else message.rows
-        size = len(message.entities)
-        rows.append(here)
-        numbers.append(np.full(len(here), number))
-        lengths.append(message.lengths if len(message.lengths) == len(here) else message.lengths.repeat(len(here)))
-        entities.append(message.entities)
-        widths.append(message.columns if len(message.columns) == size else message.columns.repeat(size))
-        sure.append(np.full(size, len(message.covariances) > 0))
-        ages.append(message.ages if len(message.ages) else np.zeros(size))
-    each, width = np.concatenate(lengths), np.concatenate(widths).astype(np.intp)
-    known_square = np.concatenate(sure)
-    areas = np.where(known_square, width**2, 0)
-    return _Flat(
-        message=np.repeat(np.concatenate(numbers), each),
-        observer=np.repeat(np.concatenate(rows).astype(np.intp), each),
-        who=np.concatenate(entities).astype(np.intp),
-        width=width,
-        start=np.cumsum(width) - width,
-        square=np.where(known_square, np.cumsum(areas) - areas, -1),
-        ages=np.concatenate(ages),
-        values=np.concatenate([message.values for _, message in known]),
-        covariances=np.concatenate([message.covariances for _, message in known]),
+    times = np.array([time for time, _ in entries], np.int64)
+    told = np.zeros((len(entries), count), bool)
+    for number, (_, message) in enumerate(entries):
+        told[number, slice(None) if message.rows is None else message.rows] = True
+    known = [(number * count, message) for number, (_, message) in enumerate(entries) if len(message.entities)]
+    everyone = np.array(wanted)[None] + count * np.arange(len(entries))[:, None]
+    others = _joined(known, count).others(count, dimension, everyone)
+    return Beliefs(
+        times=times,
+        told=told,
+        message=others.rows // count,
+        observer=others.rows % count,
+        who=others.entities,
+        places=in_space(others.values),
+        covariances=others.covariances,
+        ages=others.ages,
     )
+
+
+def _joined(entries: Sequence[tuple[int, wire.Awareness]], count: int) -> wire.Awareness:
+    """Join messages into one; rows are counted from a first row that is given with each."""
+    rows, lengths, columns = [], [], []
+    for first, message in entries:
+        here = np.arange(count) if message.rows is None else message.rows
+        rows.append(first + here)
+        lengths.append(np.broadcast_to(message.lengths, len(here)))
+        columns.append(np.broadcast_to(message.columns, len(message.entities)))
+    messages = [message for _, message in entries]
+    # Zeros stand for covariances and ages that a message does not have.
+    squares = [np.zeros(int((each.astype(np.int64) ** 2).sum())) for each in columns]
+    spreads = [
+        each.covariances if len(each.covariances) else zero for each, zero in zip(messages, squares, strict=True)
+    ]
+    whole: dict[str, Any] = {"rows": rows, "lengths": lengths, "columns": columns}
+    whole |= {"entities": [each.entities for each in messages], "values": [each.values for each in messages]}
+    whole["ages"] = [each.ages if len(each.ages) else np.zeros(len(each.entities)) for each in messages]
+    whole["covariances"] = spreads if any(len(each.covariances) for each in messages) else []
+    nothing = np.empty(0, np.int64)
+    given: Any = {name: np.concatenate([nothing, *parts]) for name, parts in whole.items()}
+    return wire.Awareness(world=False, **given)

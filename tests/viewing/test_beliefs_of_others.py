@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from symaware_cli.recording import wire
-from symaware_cli.viewing.beliefs import Reading
+from symaware_cli.viewing.beliefs import read_beliefs
 from symaware_cli.viewing.views import GroupView, RunView
 
 
@@ -33,10 +33,14 @@ def message(lengths, entities, columns, values, rows=None, **more):
     return wire.decode_awareness(wire.encode_awareness(lengths, entities, columns, values, rows, **more))
 
 
+def read(entries, count, wanted):
+    return read_beliefs(entries, count, wanted, 2)
+
+
 def test_a_belief_begins_with_the_position():
     states = message([2, 0], [1, 2], 4, [[1, 2, 0.5, 0], [3, 4, 9, 0]])
     tracks = message([1, 1], [2, 3], 4, [[5, 6, 0, 0], [7, 8, 0, 0]])
-    beliefs = Reading(2).read([(0, states), (50, tracks)], 2, [0, 1])
+    beliefs = read([(0, states), (50, tracks)], 2, [0, 1])
     assert beliefs.places.tolist() == [[1, 2, 0], [3, 4, 0], [5, 6, 0], [7, 8, 0]]
     assert beliefs.who.tolist() == [1, 2, 2, 3]
     times, counts, mine = beliefs.of(0)
@@ -45,7 +49,7 @@ def test_a_belief_begins_with_the_position():
 
 def test_whoever_a_message_leaves_out_believes_what_it_believed():
     entries = [(0, message([1, 1], [1, 0], 2, [[1, 1], [2, 2]])), (50, message([0], [], 2, [], [1]))]
-    beliefs = Reading(2).read(entries, 2, [0, 1])
+    beliefs = read(entries, 2, [0, 1])
     assert beliefs.of(0)[0].tolist() == [0]
     times, counts, _ = beliefs.of(1)
     assert (times.tolist(), counts.tolist()) == ([0, 50], [1, 0])
@@ -53,7 +57,7 @@ def test_whoever_a_message_leaves_out_believes_what_it_believed():
 
 def test_who_knows_the_world_has_no_beliefs_that_differ_from_it():
     entries = [(0, message([1], [1], 2, [[1, 1]], [0])), (50, wire.decode_awareness(wire.WHOLE_WORLD))]
-    times, counts, _ = Reading(2).read(entries, 2, [0]).of(0)
+    times, counts, _ = read(entries, 2, [0]).of(0)
     assert (times.tolist(), counts.tolist()) == ([0, 50], [1, 0])
 
 
@@ -64,7 +68,7 @@ def test_covariances_are_found_whatever_the_sizes_are(sizes, data):
     values, flat = random.normal(size=sum(sizes)), np.concatenate([square.ravel() for square in squares])
     known = message([len(sizes), 0], [3] * len(sizes), sizes, values, covariances=flat)
     unknown = message([1, 0], [3], 2, [[0, 0]])
-    beliefs = Reading(2).read([(0, unknown), (1, known)], 2, [0])
+    beliefs = read([(0, unknown), (1, known)], 2, [0])
     assert np.isnan(beliefs.covariances[0]).all()
     for square, found in zip(squares, beliefs.covariances[1:], strict=True):
         np.testing.assert_array_equal(found, square[:2, :2])
@@ -73,15 +77,15 @@ def test_covariances_are_found_whatever_the_sizes_are(sizes, data):
 def test_ages_are_zero_where_nothing_is_said():
     old = message([1, 0], [1], 2, [[0, 0]], ages=[1.5])
     new = message([1, 0], [1], 2, [[0, 0]])
-    assert Reading(2).read([(0, old), (1, new)], 2, [0]).ages.tolist() == [1.5, 0.0]
+    assert read([(0, old), (1, new)], 2, [0]).ages.tolist() == [1.5, 0.0]
 
 
 def test_only_whoever_is_wanted_is_read():
     entries = [(0, message([1, 2], [1, 0, 2], 2, [[1, 1], [2, 2], [3, 3]]))]
-    beliefs = Reading(2).read(entries, 2, [1])
+    beliefs = read(entries, 2, [1])
     assert beliefs.places[:, 0].tolist() == [2, 3]
     assert beliefs.of(1)[1].tolist() == [2]
 
 
 def test_without_messages_there_are_no_beliefs():
-    assert len(Reading(2).read([], 2, [0]).places) == 0
+    assert len(read([], 2, [0]).places) == 0

@@ -60,6 +60,31 @@ class OthersSeries:
 
 
 @dataclass(frozen=True, slots=True)
+class KnownOthers:
+    """Beliefs about others in columns, one entry for each row and other.
+
+    Attributes:
+        present: (p,) the rows of the group that the message is about, ascending.
+        counts: (p,) the number of entries of each.
+        rows: (m,) the row of each entry.
+        entities: (m,) the roster index of the other.
+        ages: (m,) since the other was last perceived [s].
+        sizes: (m,) the number of values of the other.
+        values: (m, width); NaN where an other has fewer values.
+        covariances: (m, width, width) of the values; NaN where they are unknown. None if the message has none.
+    """
+
+    present: NDArray[np.int64]
+    counts: NDArray[np.int64]
+    rows: NDArray[np.int64]
+    entities: NDArray[np.int64]
+    ages: NDArray[np.float64]
+    sizes: NDArray[np.int64]
+    values: NDArray[np.float64]
+    covariances: NDArray[np.float64] | None
+
+
+@dataclass(frozen=True, slots=True)
 class Awareness:
     """The beliefs of each row about others.
 
@@ -89,6 +114,57 @@ class Awareness:
     def has_states(self) -> bool:
         """Whether it holds beliefs about the states of others."""
         return self.world or len(self.lengths) > 0
+
+    def others(self, count: int, width: int | None = None, wanted: ArrayLike | None = None) -> KnownOthers:
+        """Return the beliefs in columns; there are no entries for rows that know the whole world.
+
+        Args:
+            count: Number of rows of the group.
+            width: Number of values of each other, further ones are left out; None for the greatest number.
+            wanted: The rows whose entries are returned; None for all.
+
+        Raises:
+            ValueError: The message is inconsistent.
+        """
+        lengths = self.lengths.astype(np.int64)
+        if self.world or len(lengths) == 1:
+            number = count if self.rows is None else len(self.rows)
+            lengths = np.full(number, 0 if self.world else lengths[0])
+        present = np.arange(len(lengths)) if self.rows is None or not len(lengths) else self.rows.astype(np.int64)
+        known = len(self.entities)
+        if len(present) != len(lengths) or lengths.sum() != known:
+            raise ValueError(f"{known} others of {len(present)} rows, where {lengths.sum()} were announced")
+        sizes = np.broadcast_to(self.columns.astype(np.int64), known) if known else np.empty(0, np.int64)
+        if sizes.sum() != len(self.values):
+            raise ValueError(f"{len(self.values)} numbers, where {sizes.sum()} were announced")
+        if len(self.covariances) not in (0, (sizes**2).sum()):
+            raise ValueError(f"{len(self.covariances)} covariances, where {(sizes**2).sum()} were announced")
+        rows = np.repeat(present, lengths)
+        some = np.arange(known) if wanted is None else np.flatnonzero(np.isin(rows, wanted))
+        width = int(sizes.max(initial=0)) if width is None else width
+        column = np.arange(width)
+        inside = column < sizes[some, None]
+        values = np.full((len(some), width), np.nan)
+        values[inside] = self.values[((np.cumsum(sizes) - sizes)[some, None] + column)[inside]]
+        covariances = None
+        if len(self.covariances):
+            covariances = np.full((len(some), width, width), np.nan)
+            both = inside[:, :, None] & inside[:, None, :]
+            inner = sizes[some, None, None] * column[:, None] + column
+            covariances[both] = self.covariances[((np.cumsum(sizes**2) - sizes**2)[some, None, None] + inner)[both]]
+            # All zeros mean that the covariance is unknown, if the message has covariances of others.
+            covariances[~np.nan_to_num(covariances).any(axis=(1, 2))] = np.nan
+        ages = self.ages[some] if len(self.ages) else np.zeros(len(some))
+        return KnownOthers(
+            present=present,
+            counts=lengths,
+            rows=rows[some],
+            entities=self.entities[some].astype(np.int64),
+            ages=ages,
+            sizes=sizes[some],
+            values=values,
+            covariances=covariances,
+        )
 
 
 WHOLE_WORLD = b"\x08\x01"

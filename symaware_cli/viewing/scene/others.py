@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from symaware_cli.recording import wire
 from symaware_cli.recording.series import row_position
-from symaware_cli.viewing.beliefs import Beliefs, Reading
+from symaware_cli.viewing.beliefs import Beliefs, read_beliefs
 from symaware_cli.viewing.chunk import Chunk
 from symaware_cli.viewing.detail import Detail
 from symaware_cli.viewing.scene.base import Drawing
@@ -42,7 +42,6 @@ class Others(Drawing):
         for agent in detail.focus:
             group, row = run_view.place[agent]
             self._focus.setdefault(group, []).append((agent, row))
-        self._readings = {group: Reading(len(run_view.group_views[group].position)) for group in self._focus}
         looks = [self._looks(name) for name in run_view.roster]
         #: Of each in the roster.
         self._colours = np.array([colour for colour, _ in looks], np.uint8).reshape(-1, 3)
@@ -72,7 +71,8 @@ class Others(Drawing):
                     yield from self._ways(name, agent, row, entries)
             states = [(time, each) for time, each in entries if each.has_states]
             if states:
-                beliefs = self._readings[group].read(states, len(group_view.agents), [row for _, row in agents])
+                rows, dimension = [row for _, row in agents], len(group_view.position)
+                beliefs = read_beliefs(states, len(group_view.agents), rows, dimension)
                 for agent, row in agents:
                     yield from self._ghosts(agent, row, beliefs)
 
