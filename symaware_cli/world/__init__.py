@@ -1,1 +1,1 @@
-"""Who is in the world, how bodies move, what was measured; time, chance and arrays of real numbers."""
+"""Worlds: bodies, models, contacts, rosters and snapshots; sensor readings, time, randomness and numeric arrays."""

@@ -1,4 +1,4 @@
-"""Arrays of real numbers: what may stand in them, what must be refused, and arrays that nobody can change."""
+"""Arrays of real numbers: conversion, checks for finite values, and read-only arrays."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
-#: No element of a state goes farther: there, numbers of double precision are 0.1 apart, and differences mean nothing.
+#: The bound of elements of a state: beyond it, double precision is coarser than 0.1, and differences are meaningless.
 FARTHEST = 1e15
 #: The greatest finite number.
 MOST = float(np.finfo(float).max)
@@ -26,7 +26,7 @@ _REFUSED = {
 
 
 def real(values: ArrayLike) -> NDArray[np.float64]:
-    """Return values as an array of floating-point numbers, which is the same one if it is that already.
+    """Return values as an array of floating-point numbers; such an array is returned as it is.
 
     Raises:
         TypeError: They are not real numbers.
@@ -46,7 +46,7 @@ def real(values: ArrayLike) -> NDArray[np.float64]:
 
 
 def frozen(values: ArrayLike) -> Array:
-    """Return the values as an array nobody can write to; copied unless it is one already.
+    """Return the values as a read-only array; copied unless it is one already.
 
     It is laid out row by row, because some of NumPy's functions give other last bits for other layouts.
 
@@ -63,7 +63,7 @@ def frozen(values: ArrayLike) -> Array:
 
 
 def is_finite(array: Array) -> bool:
-    """Whether no element is NaN or infinite; the usual answer costs one dot product.
+    """Return whether all elements are finite; usually at the cost of one dot product.
 
     It may overflow, and then every element is looked at. `numpy.dot` would warn of that, with some kernels of BLAS and
     not with others; `numpy.vdot` never does.
@@ -72,11 +72,11 @@ def is_finite(array: Array) -> bool:
 
 
 def is_within(array: Array, most: float) -> bool:
-    """Whether no element is NaN, infinite, or of a greater magnitude than a finite one; as cheap as `is_finite`."""
+    """Return whether all elements are finite and within the bound; as cheap as `is_finite`."""
     return bool(np.vdot(array, array) <= min(most * most, MOST)) or bool((np.abs(array) <= most).all())
 
 
 def said_of(values: Array) -> str:
-    """Say what is wrong with a row that is not within bounds."""
+    """Describe what is wrong with a row that is not within bounds."""
     what = "is not finite" if not is_finite(values) else f"has run away, beyond {FARTHEST:g}"
     return f"{what}: {values.tolist()}"

@@ -1,13 +1,12 @@
-"""Chance that can be repeated: every draw is keyed by what it is for, and by nothing else.
+"""Repeatable random draws, each keyed by its purpose.
 
-What is drawn depends on the seed of the run, on who draws for what, on the turn, and on whom it is about. It depends
-neither on how many numbers were drawn before nor on who else draws, so two variants of a scenario share their chance as
-far as they share their agents.
+A draw depends on the seed of the run, the drawing agent and purpose, the turn, and the other agent that it concerns. It
+depends neither on earlier draws nor on other agents, so two variants of a scenario have the same draws for the agents
+that they share.
 
-There is no state: a generator based on counters scrambles a key, which BLAKE2b makes of seed, purpose and turn, and a
-counter, here who draws and about whom. So a thousand agents draw in one array operation, and nothing is made at the
-start. BLAKE2b, because Python's own hash differs between processes.
-
+There is no state: a counter-based generator scrambles a key, which BLAKE2b derives from seed, purpose and turn, and a
+counter, which identifies the drawing agent and the other one. So a thousand agents draw in one array operation, and no
+generators are created at the start. BLAKE2b is used because Python's own hash differs between processes.
 Philox-4x32-10: J. K. Salmon, M. A. Moraes, R. O. Dror, D. E. Shaw, "Parallel Random Numbers: As Easy as 1, 2, 3",
 SC 2011.
 """
@@ -34,10 +33,10 @@ _MULTIPLIERS = np.array([[0xD2511F53], [0xCD9E8D57]], np.uint64)
 _WEYL = np.array([[0x9E3779B9], [0xBB67AE85]], np.uint32)
 _LOW, _HIGH = (0, 1) if sys.byteorder == "little" else (1, 0)
 
-#: So many counters are scrambled at a time: what is computed on the way stays in the processor's cache.
+#: How many counters are scrambled at a time: small enough for intermediate results to stay in the processor's cache.
 _BLOCK = 4096
 
-#: So many are drawn ahead for turns to come, at most; for how many turns, and for how few it is not worth while.
+#: Numbers drawn ahead for future turns, at most; the most turns, and the fewest for which it is worthwhile.
 _AHEAD, _MOST_TURNS, _FEWEST_TURNS = 4096, 32, 2
 
 #: 2**-32, 2**-53, and 2 pi / 2**32.
@@ -48,8 +47,8 @@ class Turn(NamedTuple):
     """A turn of a component.
 
     Attributes:
-        instant: When it began, in nanoseconds.
-        repetition: How many turns it took before at the same instant; -1 where it takes up its work.
+        instant: Its beginning, in nanoseconds.
+        repetition: The number of earlier turns at the same instant; -1 for the initialisation.
     """
 
     instant: int
@@ -62,7 +61,7 @@ def philox(first: Numbers, second: Numbers, key: int | Numbers) -> tuple[Words, 
     Args:
         first: The first half of each counter; shape (m,).
         second: The second half; shape (m,).
-        key: One for all, or one for each, shape (m,).
+        key: One key for all, or one for each, shape (m,).
 
     Returns:
         Words 0 and 2, and words 1 and 3, of each counter; each of shape (2, m).
@@ -70,7 +69,7 @@ def philox(first: Numbers, second: Numbers, key: int | Numbers) -> tuple[Words, 
     count = len(first)
     keys = np.array(_words(np.array([key], np.uint64) if isinstance(key, int) else key), order="C")
     even, odd = np.zeros((2, count), np.uint64), np.empty((2, count), np.uint32)
-    # The products of a round and of the one before; each is a low and a high word, which go to the other lane.
+    # The products of a round and of the previous one; each is a low and a high word, which go to the other lane.
     products = np.empty((2, 2, count), np.uint64)
     factor = even.view(np.uint32)[:, _LOW::2]
     crossed = products[:, ::-1].view(np.uint32)
@@ -89,33 +88,33 @@ def philox(first: Numbers, second: Numbers, key: int | Numbers) -> tuple[Words, 
 
 
 def _words(numbers: Numbers) -> Words:
-    """The low and the high words of numbers of 64 bits; shape (2, m)."""
+    """Return the low and the high words of numbers of 64 bits; shape (2, m)."""
     words: Words = np.ascontiguousarray(numbers).view(np.uint32).reshape(-1, 2).T[:: 1 if _LOW == 0 else -1]
     return words
 
 
 def number_of(text: str) -> int:
-    """A number of 64 bits that a text determines, and no process, platform or order changes."""
+    """Return a 64-bit number that depends on a text only, not on process, platform or order."""
     return int.from_bytes(hashlib.blake2b(text.encode(), digest_size=8).digest(), "little")
 
 
 def agent_numbers(ids: Iterable[str]) -> Numbers:
-    """What stands for agents in counters: a number for each, which its id alone determines; shape (n,)."""
+    """Return the numbers of agents in counters, which depend on their ids only; shape (n,)."""
     return np.array([number_of(id) for id in ids], np.uint64)
 
 
 def key_of(seed: int, *purpose: str | int) -> int:
-    """A key of 64 bits for one purpose, such as the name of a component, a kind of draws and a turn."""
+    """Return a 64-bit key for one purpose, such as the name of a component, a kind of draws and a turn."""
     return number_of("\0".join(map(str, (seed, *purpose))))
 
 
 def fraction(seed: int, *purpose: str | int) -> float:
-    """Draw a single number from the open interval (0, 1): the key itself, which is as good as any other."""
+    """Draw a single number from the open interval (0, 1), from the key itself."""
     return ((key_of(seed, *purpose) >> 12) + 0.5) * 2.0**-52
 
 
 def combined(first: Numbers, second: Numbers, key: int) -> Numbers:
-    """Make a number of 64 bits of each two, such as the key of a link of its ends; shape (m,)."""
+    """Combine pairs to 64-bit numbers, such as the ends of a link to its key; shape (m,)."""
     even, odd = philox(first, second, key)
     numbers: Numbers = odd[0].astype(np.uint64) << np.uint64(32) | even[0]
     return numbers
@@ -125,9 +124,9 @@ def message_fractions(keys: Numbers, numbers: NDArray[np.int64], page: int) -> A
     """Draw four numbers from the open interval (0, 1) for each message, in steps of 2**-32.
 
     Args:
-        keys: Of the links; shape (m,).
-        numbers: Those of the messages on their links; shape (m,).
-        page: Which four of those that each message has.
+        keys: The keys of the links; shape (m,).
+        numbers: The numbers of the messages on their links; shape (m,).
+        page: The number of the group of four draws of each message.
 
     Returns:
         Shape (4, m).
@@ -154,7 +153,7 @@ def uniform(first: Numbers, second: Numbers, key: int | Numbers, width: int = 2)
 def standard_normal(first: Numbers, second: Numbers, key: int | Numbers, width: int = 4) -> Array:
     """Draw standard normal numbers for each counter; up to four, shape (m, width).
 
-    None is farther than 6.77 from 0, as they are made of words of 32 bits: one of 10**11 would be.
+    None exceeds 6.77 in magnitude, as they are made from 32-bit words; the probability of that is 10**-11.
 
     Source: G. E. P. Box and M. E. Muller, "A Note on the Generation of Random Normal Deviates", The Annals of
     Mathematical Statistics 29, 1958.
@@ -176,32 +175,32 @@ def standard_normal(first: Numbers, second: Numbers, key: int | Numbers, width: 
 
 
 class GroupChance:
-    """What the agents of a group draw for one purpose, such as the turns of a component: a row for each agent.
+    """The draws of a group's agents for one purpose, such as a component: a row for each agent.
 
-    Several draws of one kind in a turn give different numbers; what is drawn of one kind, or in one turn, has no
-    influence on another.
+    Several draws of one kind in a turn give different numbers; draws of one kind, or in one turn, have no influence on
+    others.
     """
 
     def __init__(self, seed: int, purpose: str, numbers: Numbers) -> None:
-        """Draw nothing yet.
+        """Start without draws.
 
         Args:
             seed: The seed of the run.
-            purpose: What is drawn for; the same for all agents, and unlike that of anybody else who draws.
-            numbers: What stands for the agents, as in `agent_numbers`; shape (n,).
+            purpose: The purpose; the same for all agents, and different from all other purposes.
+            numbers: The numbers of the agents, from `agent_numbers`; shape (n,).
         """
         self._seed = seed
         self._purpose = purpose
         self._numbers = numbers
         self._turn = Turn(-1)
         self._used: dict[tuple[str, ...], int] = {}
-        #: From the turn before to this one [ns], and whether that is as long as the time before.
+        #: The time from the previous turn to this one [ns], and whether it equals the one before.
         self._step = 0
         self._is_regular = False
         self._ahead: dict[tuple[str | int, ...], _Ahead] = {}
 
     def at(self, turn: Turn) -> Self:
-        """Turn to what is drawn in a turn; in the same turn as before, go on."""
+        """Select the draws of a turn; in the same turn as before, continue."""
         if turn != self._turn:
             step = turn.instant - self._turn.instant
             self._is_regular = step == self._step > 0
@@ -217,13 +216,13 @@ class GroupChance:
         return self._rows(uniform, 2, width, kind)
 
     def standard_normal_of(self, rows: Indices, others: Numbers, width: int, kind: str = "") -> Array:
-        """Draw standard normal numbers about others, whoever else is there.
+        """Draw standard normal numbers for pairs with others, independently of further agents.
 
         Args:
-            rows: Who draws, as rows of the group; shape (m,).
-            others: What stands for those about whom it is, as in `agent_numbers`; shape (m,).
-            width: How many for each.
-            kind: Which kind.
+            rows: The drawing agents, as rows of the group; shape (m,).
+            others: The numbers of the others, from `agent_numbers`; shape (m,).
+            width: The number of draws for each pair.
+            kind: The kind of draws.
 
         Returns:
             Shape (m, width).
@@ -231,7 +230,7 @@ class GroupChance:
         return self._pairs(standard_normal, 4, rows, others, width, kind)
 
     def uniform_of(self, rows: Indices, others: Numbers, width: int, kind: str = "") -> Array:
-        """Draw numbers from [0, 1) about others; see `standard_normal_of`."""
+        """Draw numbers from [0, 1) for pairs with others; see `standard_normal_of`."""
         return self._pairs(uniform, 2, rows, others, width, kind)
 
     def __getstate__(self) -> dict[str, object]:
@@ -260,20 +259,20 @@ class GroupChance:
         return drawn[0] if pages == 1 else np.concatenate(drawn, axis=1)
 
     def _use(self, purpose: tuple[str, ...], pages: int) -> int:
-        """How many pages were used before for a purpose in this turn."""
+        """Return how many pages a purpose has used in this turn, and count further ones."""
         begin = self._used.get(purpose, 0)
         self._used[purpose] = begin + pages
         return begin
 
     def _drawn(self, draw: Draw, purpose: tuple[str | int, ...], first: Numbers, second: Numbers, width: int) -> Array:
-        """Draw for some counters in this turn; few are drawn for several turns at once, at a fraction of the price."""
+        """Draw for some counters in this turn; few counters are drawn for several turns at once, which is faster."""
         turn, count = self._turn, len(first)
         turns = _AHEAD // max(count, 1)
         if not self._is_regular or turn.repetition or turns < _FEWEST_TURNS:
             return draw(first, second, self._key(turn, purpose), width)
         known = self._ahead.get(purpose)
         if known is None or not known.is_for(first, second, width):
-            # Who is seen may differ from turn to turn: once the same is asked for twice, it is likely to be again.
+            # The pairs may differ from turn to turn: draw ahead only once the same ones are requested twice.
             self._ahead[purpose] = _Ahead(turn.instant, self._step, first, second, np.empty((0, count, width)))
             return draw(first, second, self._key(turn, purpose), width)
         if not known.covers(turn.instant):
@@ -283,21 +282,21 @@ class GroupChance:
             drawn = draw(np.tile(first, turns), np.tile(second, turns), keys, width).reshape(turns, count, width)
             known = self._ahead[purpose] = _Ahead(turn.instant, self._step, first, second, drawn)
         present: Array = known.drawn[(turn.instant - known.begin) // known.step]
-        return present.copy()  # whoever gets it may write in it
+        return present.copy()  # callers may write to it
 
     def _key(self, turn: Turn, purpose: tuple[str | int, ...]) -> int:
         return key_of(self._seed, self._purpose, *turn, *purpose)
 
 
 class _Ahead(NamedTuple):
-    """What was drawn for turns that are likely to come; another time it would be the same.
+    """Draws for probable future turns; drawing them again would give the same.
 
     Attributes:
         begin: The instant of the first turn, in nanoseconds.
-        step: From one to the next, in nanoseconds.
+        step: The time between turns, in nanoseconds.
         first: The first half of the counters; shape (m,).
         second: The second half; shape (m,).
-        drawn: Shape (turns, m, width).
+        drawn: The numbers; shape (turns, m, width).
     """
 
     begin: int
@@ -307,12 +306,12 @@ class _Ahead(NamedTuple):
     drawn: Array
 
     def is_for(self, first: Numbers, second: Numbers, width: int) -> bool:
-        """Whether it is for these counters."""
+        """Return whether it is for these counters."""
         same = self.drawn.shape[2] == width and np.array_equal(self.first, first)
         return same and np.array_equal(self.second, second)
 
     def covers(self, instant: int) -> bool:
-        """Whether what is drawn at an instant is among it."""
+        """Return whether it contains the draws of an instant."""
         turn, beside = divmod(instant - self.begin, self.step)
         return 0 <= turn < len(self.drawn) and not beside
 
@@ -328,14 +327,14 @@ def _generator_key(seed: int, path: str, turn: Turn | None) -> NDArray[np.uint64
 
 
 class AgentChance:
-    """The generator of one component of one agent, which begins anew in each turn."""
+    """The generator of one component of one agent, which is reset in each turn."""
 
     def __init__(self, seed: int, path: str) -> None:
-        """Have no generator yet.
+        """Start without a generator.
 
         Args:
             seed: The seed of the run.
-            path: Where the component stands.
+            path: The path of the component.
         """
         self._seed = seed
         self._path = path
@@ -343,11 +342,11 @@ class AgentChance:
         self._generator: np.random.Generator | None = None
 
     def at(self, turn: Turn) -> np.random.Generator:
-        """Return the generator of a turn: where it stood if that is the turn of before, else where the turn begins."""
+        """Return the generator of a turn: in its present state within the turn, else reset to the turn's beginning."""
         if self._generator is None:
             self._generator = generator(self._seed, self._path, turn)
         elif turn != self._turn:
-            # A tenth of the price of another generator.
+            # Resetting costs a tenth of creating a new generator.
             self._generator.bit_generator.state = {
                 "bit_generator": "Philox",
                 "state": {"counter": _NOTHING, "key": _generator_key(self._seed, self._path, turn)},

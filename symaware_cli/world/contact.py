@@ -1,4 +1,4 @@
-"""Contacts: which bodies begin to touch, and cease to."""
+"""Contacts: events in which two bodies begin or cease to touch."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Contact:
-    """Two bodies that touch, or cease to.
+    """Two bodies that begin or cease to touch.
 
     Attributes:
-        first: The id or name of one body; the lesser of the two by name.
-        second: The other.
-        point: Where they touch [m].
-        depth: How far they overlap [m].
-        impulse: How hard they hit each other in the step in which it begins, along the line of contact [N s]; 0 in
-            worlds without forces, and where it ends.
-        begins: They touch from now on; False when they part.
+        first: The id or name of one body; the first of the two in alphabetical order.
+        second: The id or name of the other.
+        point: The point of contact [m].
+        depth: Depth of the overlap [m].
+        impulse: The impulse in the step in which the contact begins, along its normal [N s]; 0 in worlds without
+            forces, and at the end.
+        begins: Whether the contact begins; False if it ends.
     """
 
     first: str

@@ -1,4 +1,4 @@
-"""Bodies: the shape and mass of an agent or an obstacle, and where an obstacle is at a time.
+"""Bodies: the shape and mass of an agent or an obstacle, and the pose of an obstacle over time.
 
 Lengths are metres, angles radians, masses kilograms; an orientation is a unit quaternion in the order x, y, z, w.
 """
@@ -17,7 +17,7 @@ Mass = Annotated[float, Field(gt=0, le=LARGEST)]
 
 
 class Surface(StrictModel):
-    """What happens where bodies touch, in physics worlds; of two surfaces the product counts."""
+    """Surface properties for contacts in physics worlds; a contact uses the product of both surfaces."""
 
     friction: float = Field(
         0.5, ge=0, le=LARGEST, description="Coefficient of friction; a contact uses the product of both bodies."
@@ -50,15 +50,14 @@ class Entity(Surface):
 
     @property
     def radius(self) -> float:
-        """The radius of the smallest circle around the position that holds the shape; 0 for a point [m]."""
+        """The radius of the bounding circle around the position; 0 for a point [m]."""
         return self.shape.radius if self.shape else 0.0
 
 
 class Obstacle(Surface):
     """A body that is part of the environment.
 
-    It stays where it is, moves along a path that nothing diverts, or, in physics worlds and with a mass, is pushed
-    around by what it meets.
+    It is static, moves along a path that nothing diverts, or, in physics worlds and with a mass, is moved by forces.
     """
 
     shape: Shape = Field(description="The outline.")
@@ -114,7 +113,7 @@ class Obstacle(Surface):
 
     @property
     def outline(self) -> Shape:
-        """What it covers, seen from above; of what is free, which may roll on, as if it were upright."""
+        """Its outline seen from above; that of a free body, which may tumble, as if it were upright."""
         return self.shape if self.is_free else footprint(self.shape, self.roll, self.pitch)
 
     @property
@@ -124,11 +123,11 @@ class Obstacle(Surface):
 
     @property
     def radius(self) -> float:
-        """The radius of the smallest circle around the position that holds the shape [m]."""
+        """The radius of the bounding circle around the position [m]."""
         return self.outline.radius
 
     def pose(self, time: float = 0.0) -> Pose:
-        """Return where it is, and how it moves from there on.
+        """Return its pose at a time, and its velocities from there on.
 
         Args:
             time: Simulated time [s].

@@ -1,4 +1,4 @@
-"""Integration: from a derivative to the state a step later, for worlds that move and for beliefs that predict."""
+"""Integration methods: explicit Euler and Runge-Kutta, for worlds and for predictions."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ Array = NDArray[np.float64]
 
 
 def derivative(model: Model, state: Array, control_input: Array) -> Array:
-    """The time derivative of states (n, nx) under control inputs (n, nu); shape (n, nx)."""
+    """Return the time derivative of states (n, nx) under control inputs (n, nu); shape (n, nx)."""
     return rows(model.derivative(columns(state), columns(control_input), np), len(state))
 
 
 def euler(model: Model, state: Array, control_input: Array, step: float) -> Array:
-    """One step of the explicit Euler method; error O(step) over a fixed time."""
+    """Perform one step of the explicit Euler method; error O(step) over a fixed time."""
     return state + step * derivative(model, state, control_input)
 
 
 def rk4(model: Model, state: Array, control_input: Array, step: float) -> Array:
-    """One step of the classical Runge-Kutta method; error O(step^4) over a fixed time."""
+    """Perform one step of the classical Runge-Kutta method; error O(step^4) over a fixed time."""
     first = derivative(model, state, control_input)
     second = derivative(model, state + (0.5 * step) * first, control_input)
     third = derivative(model, state + (0.5 * step) * second, control_input)
@@ -30,13 +30,13 @@ def rk4(model: Model, state: Array, control_input: Array, step: float) -> Array:
 
 
 def integrate(model: Model, state: Array, control_input: Array, step: float) -> Array:
-    """Advance states as exactly as the model allows: in closed form where it has one, else by Runge-Kutta.
+    """Advance states in closed form if the model has one, else by Runge-Kutta.
 
     Args:
         model: The dynamics.
-        state: Shape (n, nx).
-        control_input: Constant over the step; shape (n, nu).
-        step: Time [s].
+        state: The states; shape (n, nx).
+        control_input: The control inputs, constant over the step; shape (n, nu).
+        step: Duration [s].
 
     Returns:
         The states after the step, without noise; shape (n, nx).

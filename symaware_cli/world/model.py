@@ -1,4 +1,4 @@
-"""Dynamics: how a state changes under a control input."""
+"""Models: dynamics that define how a state changes under a control input."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Quantity(NamedTuple):
 
 
 def columns(rows: Array) -> Array:
-    """Turn rows of agents into the elements that `Model.derivative` wants; (n, k) to (k, n).
+    """Turn rows of agents into the elements for `Model.derivative`; (n, k) to (k, n).
 
     Each element lies in one piece: some of NumPy's functions give other last bits for arrays that do not, or that
     run backwards, and what becomes of an agent must not depend on the memory it stands in. It is always a copy,
@@ -41,30 +41,29 @@ def rows(elements: Sequence[Any], count: int) -> Array:
 
 
 class Model(Plugin, ABC):
-    """The dynamics x' = f(x, u), written once for arrays and symbols alike.
+    """The dynamics x' = f(x, u), written once for arrays and symbols.
 
     One model serves all agents of a group: it holds parameters, never a state.
 
-    `derivative` is what a model must say. One whose motion under a constant input has a closed form says that in
-    `successor`, for arrays and symbols alike too.
+    A model must define `derivative`. If its motion under a constant input has a closed form, it also defines
+    `successor`, for arrays and symbols as well.
 
-    A model that is a map x+ = g(x, u) to begin with, over a time step of its own, declares that as its `time_step`.
-    Then `successor` is the model, for that step only, and `derivative` is the mean rate over it, (g(x, u) - x) /
-    time_step, which is to be integrated by nothing but one Euler step.
-
+    A model in discrete time, x+ = g(x, u), declares the duration of its step as `time_step`. Then `successor` is the
+    model, for that step only, and `derivative` is the mean rate over it, (g(x, u) - x) / time_step, which must not be
+    integrated other than by one Euler step.
     Attributes:
         state: Name and unit of each element of x.
         control_input: Name and unit of each element of u.
-        position: Where the position [m] stands in x.
-        heading: Where the heading [rad] stands in x; None for models without one.
+        position: The indices of the position [m] in x.
+        heading: The index of the heading [rad] in x; None for models without one.
         goes_ahead: Whether its velocity, seen from above, always points along its heading.
-        velocities: Where the velocity of the position [m/s] stands in x, one element for each of `position`; empty for
-            models whose velocity is no part of their state.
-        angles: Which elements of x are angles that may be wrapped for display or comparison.
-        time_step: The one step that a discrete model can take [s]; None for models in continuous time.
-        body: The body that comes with the model; None where the scenario says what body an agent has. Then a shape in
-            the scenario only says what others keep clear of.
-        needs_vehicle: Which parameters have an effect only in worlds that move bodies by `vehicle`.
+        velocities: The indices of the velocity of the position [m/s] in x, one for each of `position`; empty for models
+            whose state does not contain the velocity.
+        angles: The indices of angles in x that may be wrapped for display or comparison.
+        time_step: The step of a model in discrete time [s]; None for models in continuous time.
+        body: The body that belongs to the model; None if the scenario defines the body. With it, a shape in the
+            scenario is only the outline that others avoid.
+        needs_vehicle: The parameters that have an effect only in worlds that move bodies by `vehicle`.
     """
 
     state: tuple[Quantity, ...] = ()
@@ -80,36 +79,36 @@ class Model(Plugin, ABC):
 
     @abstractmethod
     def derivative(self, state: Any, control_input: Any, math: Any) -> Sequence[Any]:
-        """The time derivative of the state.
+        """Return the time derivative of the state.
 
         Args:
             state: The elements of x along the first axis: an array (nx, n), or a column of symbols.
             control_input: The elements of u likewise, (nu, n).
-            math: Where ``cos``, ``sin`` and the like come from: ``numpy``, or ``casadi`` for symbols.
+            math: The module of ``cos``, ``sin`` and similar: ``numpy``, or ``casadi`` for symbols.
 
         Returns:
             One expression for each element of x, in units per second.
         """
 
     def successor(self, state: Any, control_input: Any, step: Any, math: Any) -> Sequence[Any] | None:
-        """The state after a step under a constant control input, in closed form.
+        """Return the state after a step under a constant control input, in closed form.
 
         Args:
             state: The elements of x along the first axis, as for `derivative`.
             control_input: The elements of u likewise.
-            step: Time [s]; a number, or a symbol.
+            step: Duration [s]; a number, or a symbol.
             math: ``numpy`` or ``casadi``.
 
         Returns:
             One expression for each element of x; None for models that must be integrated.
 
         Raises:
-            ValueError: The model is discrete, and this is not its step.
+            ValueError: The model is in discrete time, and this is not its step.
         """
         return None
 
     def input_bounds(self) -> tuple[Sequence[float], Sequence[float]]:
-        """Return the lowest and the highest control input, each of length nu; infinite where there is no limit."""
+        """Return the lowest and the highest control input, each of length nu; infinite without a limit."""
         count = len(self.control_input)
         return [-np.inf] * count, [np.inf] * count
 
@@ -117,7 +116,7 @@ class Model(Plugin, ABC):
         """Saturate requested control inputs; shape (n, nu) in and out."""
         bounds: tuple[Array, Array] | None = self.__dict__.get("_bounds")
         if bounds is None or bounds[0].shape != control_input.shape:
-            # As large as what they bound: NumPy compares rows of two with one row of two sixteen times slower.
+            # Equal shapes, as NumPy compares rows of two with a single row of two sixteen times slower.
             low, high = (np.broadcast_to(np.array(bound, float), control_input.shape) for bound in self.input_bounds())
             bounds = self.__dict__["_bounds"] = low.copy(), high.copy()
             self.__dict__["_unbounded"] = bool(np.isneginf(low).all() and np.isposinf(high).all())
@@ -127,7 +126,7 @@ class Model(Plugin, ABC):
         return limited
 
     def positions(self, state: Array) -> Array:
-        """Pick the positions [m] out of states; (n, nx) to (n, d)."""
+        """Return the positions [m] in states; (n, nx) to (n, d)."""
         chosen = self.__dict__.get("_position_columns")
         if chosen is None:
             first, last = self.position[0], self.position[-1] + 1
@@ -141,7 +140,7 @@ class Model(Plugin, ABC):
         return rows([rates[index] for index in self.position], len(state))
 
     def turn_rate(self, state: Array, control_input: Array) -> Array:
-        """Return how fast the heading changes [rad/s], shape (n,), for states (n, nx) and control inputs (n, nu).
+        """Return the rate of the heading [rad/s], shape (n,), for states (n, nx) and control inputs (n, nu).
 
         0 for models without a heading.
         """
@@ -151,12 +150,12 @@ class Model(Plugin, ABC):
         return turn_rate
 
     def exact_step(self, state: Array, control_input: Array, step: float) -> Array | None:
-        """Advance states by `successor`, for models that have it.
+        """Advance states by `successor`, if the model defines it.
 
         Args:
-            state: Shape (n, nx).
-            control_input: Constant over the step; shape (n, nu).
-            step: Time [s].
+            state: The states; shape (n, nx).
+            control_input: The control inputs, constant over the step; shape (n, nu).
+            step: Duration [s].
 
         Returns:
             The states after the step, shape (n, nx); None for models that must be integrated.
@@ -167,12 +166,12 @@ class Model(Plugin, ABC):
     def vehicle(self) -> Any:
         """Return what moves the bodies of a group in worlds that provide ``vehicles``: a `symaware_cli.Vehicle`.
 
-        None for those that a velocity moves.
+        None if the world's own actuators move its bodies.
         """
         return None
 
     def embodied(self, entity: Entity) -> Entity:
-        """Return the body of an agent for which a scenario says this one."""
+        """Return the body of an agent, given the one in the scenario."""
         if self.body is None:
             return entity
         return self.body.model_copy(update={"shape": entity.shape}) if entity.shape else self.body
@@ -189,7 +188,7 @@ class Model(Plugin, ABC):
         """Return the covariance of the process noise over a step [s].
 
         Returns:
-            Shape (nx, nx), diagonal unless a model knows better; None for models without noise.
+            Shape (nx, nx), by default diagonal; None for models without noise.
         """
         deviation = self.noise_deviation(step)
         return None if deviation is None else np.diag(deviation * deviation)
@@ -197,7 +196,7 @@ class Model(Plugin, ABC):
     def jacobian(self, state: Array, control_input: Array) -> Array:
         """Return the derivative of f(x, u) by x, shape (n, nx, nx), at states (n, nx) and inputs (n, nu).
 
-        By central differences, unless a model knows better.
+        By default by central differences.
         """
         width = 1e-6
         point, held = columns(state), columns(control_input)
@@ -212,38 +211,38 @@ class Model(Plugin, ABC):
         return jacobian
 
     def follow_velocity(self, state: Array, velocity: Array) -> Array:
-        """Return the control inputs that bring the velocity of the position closest to a wanted one.
+        """Return the control inputs that bring the velocity of the position closest to a desired one.
 
-        Controllers that reason in velocities work with every model that has this.
+        Controllers that compute velocities work with every model that supports this.
 
         Args:
-            state: Shape (n, nx).
-            velocity: The wanted velocities [m/s]; shape (n, d).
+            state: The states; shape (n, nx).
+            velocity: The desired velocities [m/s]; shape (n, d).
 
         Returns:
             Control inputs, not yet saturated; shape (n, nu).
 
         Raises:
-            NotImplementedError: The model cannot be steered by a velocity.
+            NotImplementedError: The model cannot follow a velocity.
         """
         raise NotImplementedError(f"{type(self).__name__} cannot be steered by a velocity")
 
     def slowed(self, state: Array, control_input: Array, factor: Array) -> Array:
-        """Return the control inputs that go the same way at a part of the speed.
+        """Return the control inputs that follow the same path at a fraction of the speed.
 
-        Components that brake work with every model that has this. Where the factor is one, the control input stays
-        as it is; in between, this default follows a part of the velocity. Models that know better override it.
+        Components that brake work with every model that supports this. For factor 1 the control input stays as it is;
+        otherwise this default follows a fraction of the velocity.
 
         Args:
-            state: Shape (n, nx).
-            control_input: What is requested; shape (n, nu).
-            factor: The part of the speed that is left, from 0 (stop, as far as the model can) to 1; shape (n,).
+            state: The states; shape (n, nx).
+            control_input: The requested control inputs; shape (n, nu).
+            factor: The fraction of the speed, from 0 (stop, as far as the model can) to 1; shape (n,).
 
         Returns:
             Control inputs, not yet saturated; shape (n, nu).
 
         Raises:
-            NotImplementedError: The model cannot be steered by a velocity.
+            NotImplementedError: The model cannot follow a velocity.
         """
         velocity = factor[:, None] * self.velocity(state, control_input)
         return np.where(factor[:, None] < 1.0, self.follow_velocity(state, velocity), control_input)

@@ -1,4 +1,4 @@
-"""Motion: position and velocity, the one layout of what is believed of another, whoever perceived it or was told."""
+"""Motion: position and velocity, the common layout of beliefs about other agents."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ _AXES = "xyz"
 
 
 def motion_quantities(dimensions: int) -> tuple[Quantity, ...]:
-    """Name the elements of a motion: ``x``, ``y``, ``vx``, ``vy`` in the plane, and so on."""
+    """Return the elements of a motion: ``x``, ``y``, ``vx``, ``vy`` in the plane, and so on."""
     axes = _AXES[:dimensions]
     return (*(Quantity(axis, "m") for axis in axes), *(Quantity(f"v{axis}", "m/s") for axis in axes))
 
 
 def motions_of(model: Model, states: Array, dimensions: int) -> Array:
-    """Pick positions and velocities out of states of a model.
+    """Return positions and velocities for states of a model.
 
     Args:
-        model: Whose states they are.
-        states: Shape (n, nx).
-        dimensions: Of the world; who moves in the plane stands at height 0.
+        model: The model.
+        states: The states; shape (n, nx).
+        dimensions: The dimensions of the world; planar agents are at height 0.
 
     Returns:
         Shape (n, 2 dimensions); velocities are NaN where they are no part of the state.
@@ -38,26 +38,26 @@ def motions_of(model: Model, states: Array, dimensions: int) -> Array:
 
 
 def motion_of(model: Model, state: ArrayLike, dimensions: int) -> Array:
-    """Pick position and velocity out of one state of a model, shape (nx,); see `motions_of`."""
+    """Return position and velocity for one state of a model, shape (nx,); see `motions_of`."""
     motion: Array = motions_of(model, real(state)[None], dimensions)[0]
     return motion
 
 
 def as_motion(id: str, state: ArrayLike, model: Model | None, dimensions: int, *, is_state: bool = False) -> Array:
-    """Bring what somebody says of another into the one layout.
+    """Convert a belief about another agent to the common layout.
 
     Args:
-        id: Of whom.
+        id: The id of the other agent.
         state: A motion, a state of its model, or a position alone.
-        model: Its model; None where that is not known.
-        dimensions: Of the world.
-        is_state: Whether as many numbers as the state of the model has are one, even if a motion has as many.
+        model: Its model; None if unknown.
+        dimensions: The dimensions of the world.
+        is_state: Whether to interpret numbers as a state if a motion has equally many.
 
     Returns:
-        Position and velocity, shape (2 dimensions,); NaN where nothing is said.
+        Position and velocity, shape (2 dimensions,); NaN where unknown.
 
     Raises:
-        ValueError: It is none of these.
+        ValueError: The state is none of these.
     """
     values = real(state)
     count = -1 if values.ndim != 1 else len(values)

@@ -1,4 +1,4 @@
-"""What every plugin has: parameters that a scenario may set, and a scenario name to be called by."""
+"""Base classes of plugins and of their parameters."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pydantic import BaseModel, ConfigDict
 
 
 class Parameters(BaseModel):
-    """What a scenario may write under ``with:`` for a plugin.
+    """The parameters of a plugin, which a scenario sets under ``with:``.
 
     Subclass it inside the plugin under the same name; each field's description states its unit. Values are
     validated before anything runs, and the fields show in ``symaware show`` and in the editor's schema.
@@ -18,11 +18,11 @@ class Parameters(BaseModel):
 
 
 class Plugin:
-    """Base of components, environments and models.
+    """Base class of components, environments, models and topologies.
 
     Attributes:
         Parameters: The model of the plugin's own parameters.
-        parameters: The values in force, an instance of it.
+        parameters: Their values, an instance of it.
     """
 
     Parameters: ClassVar[type[BaseModel]] = Parameters

@@ -1,4 +1,4 @@
-"""Scans and images: what lidars and cameras of a group took at an instant, as plain values that nobody changes."""
+"""Sensor readings: scans of lidars and images of cameras of a group at an instant, as immutable values."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Scan:
-    """Distances along rays in a level plane around each agent.
+    """Distances along horizontal rays around each agent.
 
     Attributes:
         time: The instant that was measured, in nanoseconds.
-        angles: Where the rays point, counter-clockwise from the heading [rad]; shape (k,).
-        distances: How far each ray goes until it meets something [m]; infinite where there is nothing within range,
-            NaN where the sensor missed what there is; shape (n, k).
+        angles: Directions of the rays, counter-clockwise from the heading [rad]; shape (k,).
+        distances: Distances along the rays [m]; infinite if nothing is within range, NaN if the sensor missed it; shape
+            (n, k).
         range: The greatest distance that is measured [m].
-        poses: Where the sensors truly stood, x, y, z [m] and heading [rad], for the log; shape (n, 4).
+        poses: The true poses of the sensors, x, y, z [m] and heading [rad], for the log; shape (n, 4).
     """
 
     time: int
@@ -33,13 +33,13 @@ class Scan:
 
 @dataclass(frozen=True, slots=True)
 class Image:
-    """What a camera saw.
+    """An image of a camera.
 
     Attributes:
         colour: Red, green and blue; shape (height, width, 3).
-        depth: Distance from the plane of the camera [m], infinite where there is nothing; shape (height, width).
-        segments: What is seen: 0 for nothing, else one more than the place of the body among the agents in the order of
-            the roster, the entities by name, and the ground; shape (height, width).
+        depth: Distance from the plane of the camera [m], infinite for no body; shape (height, width).
+        segments: The body in each pixel: 0 for none, else one plus its index among the agents in the roster's order,
+            the entities by name, and the ground; shape (height, width).
     """
 
     colour: NDArray[np.uint8]
@@ -52,11 +52,11 @@ class Frame:
     """The images of the cameras of a group.
 
     Attributes:
-        time: The instant that was seen, in nanoseconds.
-        images: One for each agent; None where the camera lost it.
+        time: The instant of the images, in nanoseconds.
+        images: The image of each agent; None if the camera missed it.
         field_of_view: The angle from the lower to the upper edge [rad].
-        positions: Where the cameras were [m]; shape (n, 3).
-        targets: A point in the middle of each image [m]; shape (n, 3).
+        positions: The positions of the cameras [m]; shape (n, 3).
+        targets: A point at the centre of each image [m]; shape (n, 3).
     """
 
     time: int

@@ -1,4 +1,4 @@
-"""Rosters: who is in a world, in an order that does not depend on the order of a file."""
+"""Rosters: all agents of a world, in an order that does not depend on the order in the scenario."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ Array = NDArray[np.float64]
 
 
 class Roster:
-    """The agents of a world in an order that does not depend on the order of the scenario file.
+    """All agents of a world, in an order that does not depend on the scenario file.
 
-    Groups stand in the order of their names, agents in the order of their rows. The position of an agent in
+    Groups are ordered by name, and their agents by row. The position of an agent in
     this order is its *index*.
 
     Attributes:
@@ -26,7 +26,7 @@ class Roster:
         ids: The ids of all agents, by index.
         indices: The index of each agent, by id; not to be changed.
         starts: The index of each group's first agent.
-        dimensions: In how many dimensions they move, at most.
+        dimensions: The greatest number of dimensions in which they move.
     """
 
     __slots__ = (
@@ -43,11 +43,11 @@ class Roster:
     )
 
     def __init__(self, members: Mapping[str, Sequence[str]], models: Mapping[str, Model] | None = None) -> None:
-        """Put them in order.
+        """Create the order.
 
         Args:
             members: The ids of the agents of each group.
-            models: The model of each group, where they are known.
+            models: The model of each group, if known.
         """
         self._models = dict(models or {})
         self.dimensions = max((len(model.position) for model in self._models.values()), default=2)
@@ -64,7 +64,7 @@ class Roster:
 
     @property
     def numbers(self) -> Numbers:
-        """What stands for the agents where something is drawn, by index; shape (n,)."""
+        """The numbers of the agents for random draws, by index; shape (n,)."""
         if self._numbers is None:
             self._numbers = agent_numbers(self.ids)
         return self._numbers
@@ -73,12 +73,12 @@ class Roster:
         """Return the number of an agent's group (in `groups`) and its row there.
 
         Raises:
-            KeyError: There is no such agent.
+            KeyError: The agent does not exist.
         """
         return self._places[id]
 
     def model(self, id: str) -> Model | None:
-        """Return the model of an agent; None where there is no such agent, or nothing is known of its model."""
+        """Return the model of an agent; None if the agent does not exist or its model is unknown."""
         place = self._places.get(id)
         return None if place is None else self._models.get(self.groups[place[0]])
 
@@ -86,35 +86,35 @@ class Roster:
         """Return the index of an agent.
 
         Raises:
-            KeyError: There is no such agent.
+            KeyError: The agent does not exist.
         """
         return self.indices[id]
 
     def motions(self, states: Mapping[str, ArrayLike]) -> tuple[dict[str, int], Array, dict[str, Array]] | None:
-        """Bring what somebody says of many agents at once into the layout of all beliefs of others.
+        """Convert beliefs about many agents to the common layout of beliefs about others.
 
         Args:
-            states: For each the state of its model, its motion or its position.
+            states: The state of its model, the motion or the position of each, by id.
 
         Returns:
-            The row of each by id, their motions, shape (k, 2d), and the rows by id; None unless all are agents, and
-            those of each model are told of in arrays of the same shape.
+            The row of each by id, their motions, shape (k, 2d), and the rows by id; None unless all ids are
+            agents and the arrays for each model have the same shape.
         """
         ids = tuple(states)
         table = self._tables.get(ids)
         if table is None:
             if not self._places.keys() >= states.keys():
                 return None
-            self._tables.clear()  # whoever perceives some agents now and others then gains nothing by it
+            self._tables.clear()  # of no use if the set of agents changes often
             table = self._tables[ids] = _MotionLayout(self, ids)
         motions = table.motions(list(states.values()), self.dimensions)
         return None if motions is None else (table.places, motions, dict(zip(ids, motions, strict=True)))
 
     def matching(self, pattern: str) -> list[int]:
-        """The indices of those whom an id, the name of a group or a pattern means, ascending.
+        """Return the indices of the agents that an id, the name of a group or a pattern matches, ascending.
 
         Raises:
-            KeyError: There is nobody.
+            KeyError: It matches no agent.
         """
         if pattern in self:
             return [self.index(pattern)]
@@ -138,10 +138,10 @@ class Roster:
 
 
 class _MotionLayout:
-    """How the states of certain agents become rows of motions.
+    """Converts the states of a fixed set of agents to rows of motions.
 
     Attributes:
-        places: The row of each by id.
+        places: The row of each agent by id.
     """
 
     __slots__ = ("_models", "places")
@@ -154,7 +154,7 @@ class _MotionLayout:
         self._models = [(roster.model(ids[chosen[0]]), chosen) for chosen in rows.values()]
 
     def motions(self, states: Sequence[ArrayLike], dimensions: int) -> Array | None:
-        """Their motions, read-only; shape (k, 2d). None if those of a group are not arrays of one shape that fits."""
+        """Return their motions, read-only; shape (k, 2d). None if arrays of a group do not have one suitable shape."""
         motions = np.empty((len(states), 2 * dimensions))
         for model, rows in self._models:
             chosen = [states[row] for row in rows]

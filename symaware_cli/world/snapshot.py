@@ -1,4 +1,4 @@
-"""Snapshots: where everybody truly is at an instant."""
+"""Snapshots: the true states of all agents at an instant."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ Array = NDArray[np.float64]
 
 
 class Snapshot:
-    """Where everybody is at one instant; read-only, and never changed by a later step.
+    """The true states of all agents at one instant; read-only, and not changed by later steps.
 
     Attributes:
         time: The instant, in nanoseconds.
-        roster: Who is who.
-        states: The states of each group, in the roster's order of groups; each of shape (n, nx). Of agents that are not
-            there: those in which they will enter, or left.
-        present: Which agents are there, by index, read-only; shape (N,). None for all of them.
+        roster: All agents.
+        states: The states of each group, in the roster's order of groups; each of shape (n, nx). Those of
+            absent agents are the states in which they will enter, or have left.
+        present: Which agents are present, by index, read-only; shape (N,). None for all.
     """
 
     __slots__ = (
@@ -51,16 +51,16 @@ class Snapshot:
         velocities: Array | None = None,
         present: NDArray[np.bool_] | None = None,
     ) -> None:
-        """Take the state of everything.
+        """Store the states.
 
         Args:
             time: The instant, in nanoseconds.
-            roster: Who is who.
+            roster: All agents.
             models: The model of each group.
             states: The states of each group, read-only.
             control_inputs: The control inputs in force of each group.
-            velocities: The velocities of all agents by index [m/s], read-only; by default what the models say.
-            present: See the class.
+            velocities: The velocities of all agents by index [m/s], read-only; by default from the models.
+            present: As in the class.
         """
         self.time = time
         self.present = present
@@ -79,12 +79,12 @@ class Snapshot:
 
     @property
     def ids(self) -> Sequence[str]:
-        """The ids of all who are there, in the roster's order."""
+        """The ids of all present agents, in the roster's order."""
         ids = self.roster.ids
         return ids if self.present is None else [ids[index] for index in np.flatnonzero(self.present).tolist()]
 
     def _of_present(self, values: Array) -> Array:
-        """Values by index, NaN for those who are not there."""
+        """Return values by index, NaN for absent agents."""
         if self.present is None:
             return values
         values = values.copy()
@@ -98,10 +98,10 @@ class Snapshot:
         return self.roster.index(id)
 
     def state(self, id: str) -> Array:
-        """The state of one agent, read-only; shape (nx,).
+        """Return the state of one agent, read-only; shape (nx,).
 
         Raises:
-            KeyError: There is no such agent, or it is not there.
+            KeyError: The agent does not exist or is absent.
         """
         if self.present is not None and id not in self:
             raise KeyError(id)
@@ -110,29 +110,29 @@ class Snapshot:
         return state
 
     def __getstate__(self) -> Any:
-        """What another process needs of it: nothing that can be made again."""
+        """Return the state for another process, without values that can be computed again."""
         made = {"_by_id", "_motions"}
         return None, {name: None if name in made else getattr(self, name) for name in self.__slots__}
 
     @property
     def states_by_id(self) -> StatesById:
-        """The states of everybody as one mapping, which is shared by all who ask."""
+        """The states of all present agents as one shared mapping."""
         if self._by_id is None:
             self._by_id = StatesById(self, self._models)
         return self._by_id
 
     def motion(self, id: str) -> Array:
-        """Position [m] and velocity [m/s] of one agent, read-only; shape (2d,).
+        """Return position [m] and velocity [m/s] of one agent, read-only; shape (2d,).
 
         Raises:
-            KeyError: There is no such agent, or it is not there.
+            KeyError: The agent does not exist or is absent.
         """
         self._index(id)
         return self.motions[id]
 
     @property
     def motions(self) -> dict[str, Array]:
-        """Position [m] and velocity [m/s] of each who is there by id, read-only, shape (2d,); not to be changed."""
+        """Position [m] and velocity [m/s] of each present agent by id, read-only, shape (2d,); not to be changed."""
         if self._motions is None:
             motions = frozen(np.concatenate([self.positions, self.velocities], axis=1))
             if self.present is not None:
@@ -143,7 +143,7 @@ class Snapshot:
 
     @property
     def positions(self) -> Array:
-        """The positions of all agents by index [m], NaN where they are not there; shape (N, d), read-only."""
+        """The positions of all agents by index [m], NaN for absent ones; shape (N, d), read-only."""
         if self._positions is None:
             self._positions = self._of_present(
                 _stacked([model.positions(state) for model, state in zip(self._models, self.states, strict=True)])
@@ -152,7 +152,7 @@ class Snapshot:
 
     @property
     def velocities(self) -> Array:
-        """The velocities of all agents by index [m/s], NaN where they are not there; shape (N, d), read-only."""
+        """The velocities of all agents by index [m/s], NaN for absent ones; shape (N, d), read-only."""
         if self._velocities is None:
             self._velocities = self._of_present(
                 _stacked(
@@ -166,7 +166,7 @@ class Snapshot:
 
     @property
     def headings(self) -> Array:
-        """The headings of all agents by index [rad], 0 without one, NaN where they are not there; shape (N,)."""
+        """The headings of all agents by index [rad], 0 without one, NaN for absent ones; shape (N,)."""
         if self._headings is None:
             headings = [
                 np.zeros(len(state)) if model.heading is None else state[:, model.heading]
@@ -177,7 +177,7 @@ class Snapshot:
 
     @property
     def turn_rates(self) -> Array:
-        """How fast the headings of all agents change, by index [rad/s]; shape (N,)."""
+        """The turn rates of all agents by index [rad/s]; shape (N,)."""
         rates = [
             model.turn_rate(state, control_input)
             for model, state, control_input in zip(self._models, self.states, self._inputs, strict=True)
@@ -186,12 +186,12 @@ class Snapshot:
 
 
 class StatesById(Mapping[str, Array]):
-    """The states of all who are there at one instant, by id in the roster's order: a mapping backed by shared arrays.
+    """The states of all present agents at one instant, by id in the roster's order: a mapping backed by shared arrays.
 
-    A perception may return it; then what it writes is a reference, however many agents there are.
+    A perception may return it; storing it then costs one reference, whatever the number of agents.
 
     Attributes:
-        snapshot: Whose states.
+        snapshot: The snapshot.
     """
 
     __slots__ = ("_models", "_motions", "_rows", "snapshot")
@@ -204,7 +204,7 @@ class StatesById(Mapping[str, Array]):
 
     @property
     def motions(self) -> Array:
-        """What the states of all agents, by index, tell of their motion, NaN where they do not; shape (N, 2d)."""
+        """The motions of all agents by index, NaN where unknown; shape (N, 2d)."""
         if self._motions is None:
             dimensions = self.snapshot.roster.dimensions
             self._motions = frozen(
@@ -219,7 +219,7 @@ class StatesById(Mapping[str, Array]):
 
     @property
     def rows(self) -> dict[str, Array]:
-        """The rows of `motions` by id, read-only; not to be changed."""
+        """Return the rows of `motions` by id, read-only; not to be changed."""
         if self._rows is None:
             self._rows = dict(zip(self.snapshot.roster.ids, self.motions, strict=True))
         return self._rows
@@ -235,7 +235,7 @@ class StatesById(Mapping[str, Array]):
 
 
 def _stacked(parts: Sequence[Array]) -> Array:
-    """Join the rows of all groups; a group of a plane among groups of space stands at height 0."""
+    """Join the rows of all groups; planar groups among groups in space are at height 0."""
     if not parts:
         return frozen(np.empty((0, 2)))
     if len(parts) == 1:

@@ -11,15 +11,15 @@ def nanoseconds(seconds: float) -> int:
 
 
 def seconds(nanoseconds: int) -> float:
-    """Express a time in nanoseconds as seconds, for formulas and for people."""
+    """Convert a time in nanoseconds to seconds, for formulas and display."""
     return nanoseconds / SECOND
 
 
 class Clock:
-    """The simulated time that everything in a run shares; only the runtime moves it.
+    """The simulated time that all objects of a run share; only the runtime changes it.
 
     Attributes:
-        now: The present, in nanoseconds since the start of the run.
+        now: The present time, in nanoseconds since the start of the run.
     """
 
     __slots__ = ("now",)

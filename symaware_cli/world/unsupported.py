@@ -1,4 +1,4 @@
-"""What a plugin raises if it does not support what a scenario asks of it, and where in the scenario that is asked."""
+"""Errors of plugins that do not support something in a scenario, with its path in the scenario."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from contextlib import contextmanager
 
 
 class UnsupportedError(ValueError):
-    """A plugin cannot do what a scenario asks of it.
+    """A plugin does not support something in a scenario.
 
     Attributes:
-        path: Where that is asked, such as ``("agents", "robot", "model")`` in the scenario, or ``("edges", 3)`` in the
+        path: Its path, such as ``("agents", "robot", "model")`` in the scenario, or ``("edges", 3)`` in the
             parameters of the plugin.
-        name: What stands there and is not known; None where something else is wrong.
-        names: What would be right in its place, where that can be listed.
-        others: What else it cannot do, if several things were tried.
+        name: The unknown name at this path; None for other errors.
+        names: The valid names, if they can be listed.
+        others: Further errors, if several things were tried.
     """
 
     def __init__(self, message: str, *path: str | int, name: str | None = None, names: Sequence[str] = ()) -> None:
@@ -26,24 +26,24 @@ class UnsupportedError(ValueError):
 
 
 class ErrorCollector:
-    """Collects errors, so that an author learns at once of everything in a scenario that a plugin does not support."""
+    """Collects errors, so that everything in a scenario that a plugin does not support is reported at once."""
 
     def __init__(self) -> None:
         self._failed: list[UnsupportedError] = []
 
     @contextmanager
     def catch(self) -> Iterator[None]:
-        """Keep an error that is raised within, and go on."""
+        """Store an error that is raised within, and continue."""
         try:
             yield
         except UnsupportedError as error:
             self._failed.append(error)
 
     def raise_first(self) -> None:
-        """Raise the first error, if there is one; it knows of the others.
+        """Raise the first error, if any, with all others in its `others`.
 
         Raises:
-            UnsupportedError: There was an error.
+            UnsupportedError: An error was stored.
         """
         if self._failed:
             first, *rest = self._failed
