@@ -51,6 +51,7 @@ class Model(Plugin, ABC):
     A model in discrete time, x+ = g(x, u), declares the duration of its step as `time_step`. Then `successor` is the
     model, for that step only, and `derivative` is the mean rate over it, (g(x, u) - x) / time_step, which must not be
     integrated other than by one Euler step.
+
     Attributes:
         state: Name and unit of each element of x.
         control_input: Name and unit of each element of u.

@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 
 
 class Story:
-    """What the picture needs of a log.
+    """The data of a log for the picture.
 
     Attributes:
         times: Instants of the states [s]; shape (k,).
@@ -62,14 +62,14 @@ class Story:
         self.risk = risk.times / 1e9, risk.values[:, 0]
 
     def _then(self, agent: str, kind: str) -> Array:
-        """A series of an agent as it was at the moment."""
+        """Return a series of an agent at the moment of the picture."""
         end = round(self.times[self.moment] * 1e9) + 1
         *_, last = self._log.messages(f"/agents/{agent}/{kind}", end=end)
         return np.asarray(last.decode().values)
 
 
 def draw_aircraft(axes: Axes, pose: Array, colour: str) -> None:
-    """An arrowhead that points where it flies."""
+    """Draw an arrowhead along the direction of flight."""
     x, y, heading = pose
     turn = np.array([[np.cos(heading), -np.sin(heading)], [np.sin(heading), np.cos(heading)]])
     outline = np.array([[16.0, 0.0], [-10.0, 9.0], [-5.0, 0.0], [-10.0, -9.0]]) @ turn.T + (x, y)
@@ -77,7 +77,7 @@ def draw_aircraft(axes: Axes, pose: Array, colour: str) -> None:
 
 
 def draw_plane(axes: Axes, story: Story) -> None:
-    """Both aircraft at the moment: where they were, where they mean to go, and what the intruder may do."""
+    """Draw both aircraft at the moment: past paths, intents, and scenarios of the intruder."""
     k = story.moment
     own, intruder = story.own[k], story.intruder[k]
     axes.add_patch(Circle(intruder[:2], SEPARATION, facecolor=ALARM, alpha=0.10, linewidth=0))
@@ -105,7 +105,7 @@ def draw_plane(axes: Axes, story: Story) -> None:
 
 
 def draw_separation(axes: Axes, story: Story, careless: Story) -> None:
-    """How far apart they are, with the controller and without the constraint, and what must be kept."""
+    """Draw the distance with the controller and without the constraint, and the separation."""
     end = story.times[-1]
     axes.fill_between([0, end], 0, SEPARATION, color=ALARM, alpha=0.10, linewidth=0)
     axes.plot(careless.times, careless.separation, color=FAINT, linewidth=1.3)
@@ -121,7 +121,7 @@ def draw_separation(axes: Axes, story: Story, careless: Story) -> None:
 
 
 def draw_risk(axes: Axes, story: Story) -> None:
-    """What part of the scenarios is a threat."""
+    """Draw the fraction of scenarios that are a threat."""
     times, risk = story.risk
     axes.fill_between(times, 0, risk, color=ALARM, alpha=0.25, linewidth=0, step="post")
     axes.step(times, risk, color=ALARM, linewidth=1.3, where="post")

@@ -17,7 +17,7 @@ from functools import partial
 from pathlib import Path
 
 HERE = Path(__file__).parent
-#: rho = sqrt(2000) m, less what solvers may err by.
+#: rho = sqrt(2000) m, minus solver tolerances.
 SEPARATION = 44.7213
 #: The outlines of the two in these scenarios, discs, touch at this distance of their centres [m].
 TOUCHING = 2 * 22.36

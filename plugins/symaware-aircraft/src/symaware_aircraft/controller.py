@@ -31,16 +31,16 @@ from symaware_cli.optimal_control import OptimalControlProblem, Plan, Solution, 
 Array = NDArray[np.float64]
 Weight = Annotated[float, Field(ge=0)]
 
-#: Where those are thought to be who are not known of, so that they are in nobody's way [m].
+#: Coordinates of unknown others, far from all aircraft [m].
 _NOWHERE = 1e6
-#: Which part of the separation may be missing before it counts as violated: more than solvers err by.
+#: The fraction of the separation that may be missing before it counts as violated: more than solver tolerances.
 _TOLERANCE = 1e-5
-#: IPOPT as in the published runs: a barrier that is small from the beginning, and stays.
+#: The barrier of IPOPT in the published runs: small from the beginning, and constant.
 _RECORDED_BARRIER = 1e-4
 
 
 class _Turn(NamedTuple):
-    """What a turn of the controller came to."""
+    """The result of a turn of the controller."""
 
     plan: Plan
     solution: Solution
@@ -50,24 +50,24 @@ class _Turn(NamedTuple):
 
 
 class ScenarioTreeMPC(Component):
-    """Flies to its target and keeps clear of others in every scenario of what they may do.
+    """Flies to its target and keeps clear of others in every scenario of their possible motions.
 
-    A robust model predictive controller. It knows the intent of each other, as `aircraft.intent` estimates it, but not
-    how the other really turns during the next few steps: for that there is a scenario tree, in which the other turns
-    as far as it can to either side or takes a third branch in each step, and then goes on as intended. All scenarios
-    are rolled out from where the other is perceived to be; the one plan of this agent keeps the separation from all of
-    them. Its solver begins with the previous plan, shifted by a step. Where it finds nothing from there it begins
-    anew with other guesses: turning right, turning left, slowing down, both together, flying straight on.
+    A robust model predictive controller. It knows the intent of each other aircraft, as estimated by `aircraft.intent`,
+    but not how it turns during the next few steps. In each of these steps, the scenario tree branches into the greatest
+    turn rate to either side and a third branch; after them the other continues as intended. All scenarios start at the
+    perceived pose of the other, and the single plan of this agent keeps the separation from all of them. The solver
+    starts with the previous plan, shifted by a step. If it fails, it tries other guesses: turning right, turning left,
+    slowing down, both together, and straight flight.
 
-    It sets the control input; the plan as intent; all scenarios as uncertainty, at the times of the plan; and as risk
-    the share of scenarios that come closer to the plan than the risk margin. Where all fails within the budgets it
-    follows what is left of the previous plan, and `fell-back` tells of it.
+    It sets the control input, the plan as intent, all scenarios as uncertainty at the times of the plan, and as risk
+    the fraction of scenarios that come closer to the plan than the risk margin. If all attempts fail within the budgets
+    it follows the rest of the previous plan, and fires `fell-back`.
     """
 
     knowledge: ClassVar = {"target": "where to fly, as x [m], y [m] and heading [rad]"}
     events: ClassVar = {
         "fell-back": "No solver found a plan within its budget; the shifted previous one is followed.",
-        "too-close": "Somebody to keep clear of is perceived nearer than the separation, in this step.",
+        "too-close": "Another aircraft is perceived nearer than the separation in this step.",
     }
 
     class Parameters(Parameters):
@@ -124,7 +124,7 @@ class ScenarioTreeMPC(Component):
         )
 
     def check(self, group: AgentGroup) -> None:
-        """It is an aircraft that knows a pose to fly to, and the limits leave something to choose."""
+        """Check that the agents are aircraft with a target pose, and that the limits are consistent."""
         check_aircraft(group)
         check_poses(group, "target")
         low, high = program(group.model, self.parameters, 1.0).input_bounds
@@ -132,7 +132,7 @@ class ScenarioTreeMPC(Component):
             raise ValueError(f"no speed or no turn rate is left between {low.tolist()} and {high.tolist()}")
 
     def series_quantities(self, group: AgentGroup) -> Mapping[str, Sequence[Quantity]]:
-        """The plan as states; a position for each scenario; one risk."""
+        """Declare the plan as states, a position for each scenario, and one risk."""
         parameters = self.parameters
         count = parameters.others * _tree(parameters).count
         fan = [Quantity(f"{axis}.{number}", "m") for number in range(count) for axis in "xy"]
@@ -152,10 +152,10 @@ class ScenarioTreeMPC(Component):
         self._solver = solver(problem, self.parameters)
         (slowest, _), (fastest, turn) = problem.input_bounds
         middle = (slowest + fastest) / 2
-        #: What the first guess holds on to: straight on at the greatest speed.
+        #: The constant input of the first guess: straight flight at the greatest speed.
         self._straight = np.array([fastest, 0.0])
-        #: What others hold on to. Turns come first: a solver that begins straight ahead of somebody, or not moving,
-        #: has no reason to go to either side.
+        #: The constant inputs of further guesses. Turns come first: a solver that starts straight ahead of another
+        #: aircraft, or at rest, has no gradient to either side.
         self._manoeuvres = [
             np.array(each)
             for each in (
@@ -163,7 +163,7 @@ class ScenarioTreeMPC(Component):
                 *((middle, -turn), (middle, turn), (fastest, 0.0)),
             )
         ]
-        #: What was decided in the turn before, and where its solver ended.
+        #: The plan of the previous turn, and the last iterate of its solver.
         self._plan: Plan | None = None
         self._iterate: Plan | None = None
 
@@ -186,7 +186,7 @@ class ScenarioTreeMPC(Component):
 
     def _update(self, value: _Turn) -> None:
         self._plan = value.plan
-        # A solver that ran out of its budget goes on where it was, which ends sooner than to begin again.
+        # A solver that ran out of iterations continues from its last iterate, which is faster than starting again.
         iterate = value.solution.plan
         finite = np.isfinite(iterate.states).all() and np.isfinite(iterate.inputs).all()
         self._iterate = iterate if finite else value.plan
@@ -212,14 +212,14 @@ class ScenarioTreeMPC(Component):
             self.emit("too-close", text, level=Level.WARNING, distance=value.nearest)
 
     def _alternatives(self, state: Array, rest: Plan) -> Iterator[Plan]:
-        """Where else to begin: with the plan in force, if the solver ended elsewhere, then with manoeuvres."""
+        """Yield further guesses: the previous plan if the solver ended elsewhere, then manoeuvres."""
         if self._plan is not None and self._iterate is not self._plan:
             yield rest
         for held in self._manoeuvres:
             yield self._solver.rollout(state, held)
 
     def _fan(self) -> Array:
-        """Where the nearest others are in each scenario, NaN for those not known of; shape (others * M, N + 1, 2)."""
+        """Return the nearest others' positions in each scenario, NaN for missing ones; shape (others * M, N + 1, 2)."""
         parameters, tree, database = self.parameters, self._tree, self.agent.awareness_database
         fan = np.full((parameters.others, tree.count, parameters.horizon + 1, 2), np.nan)
         own = self.agent.self_state[:2]
@@ -231,7 +231,7 @@ class ScenarioTreeMPC(Component):
         return fan.reshape(-1, parameters.horizon + 1, 2)
 
     def _risk(self, plan: Plan, fan: Array) -> float:
-        """The share of scenarios in which a plan comes closer to others than the margin."""
+        """Return the fraction of scenarios in which a plan comes closer to others than the margin."""
         known = fan[~np.isnan(fan[:, 0, 0])]
         if not len(known):
             return 0.0
@@ -246,12 +246,12 @@ def _tree(parameters: ScenarioTreeMPC.Parameters) -> ScenarioTree:
 
 
 def program(model: Model, parameters: ScenarioTreeMPC.Parameters, step: float) -> OptimalControlProblem:
-    """The optimal control problem of a turn, with the parameters ``target`` (3,) and ``scenarios`` (2, others * M).
+    """Return the optimal control problem of a turn, with parameters ``target`` (3,) and ``scenarios`` (2, others * M).
 
     Args:
-        model: The dynamics of the agent.
-        parameters: Of the controller.
-        step: Of the horizon [s].
+        model: The model of the agent.
+        parameters: The parameters of the controller.
+        step: Duration of a step of the horizon [s].
     """
     problem = OptimalControlProblem(model, steps=parameters.horizon, time_step=step, integrator=parameters.integrator)
     state, turn_rate, before = problem.state, problem.control_input[1], problem.previous_input[1]
@@ -279,7 +279,7 @@ def program(model: Model, parameters: ScenarioTreeMPC.Parameters, step: float) -
 
 
 def solver(problem: OptimalControlProblem, parameters: ScenarioTreeMPC.Parameters) -> Solver:
-    """What solves the problem, as parameters of the controller say."""
+    """Return the solver of the problem for the parameters of the controller."""
     if parameters.solver == "recorded":
         target = {"ipopt": {"ipopt.mu_target": _RECORDED_BARRIER}}
         return Solver(
@@ -291,5 +291,5 @@ def solver(problem: OptimalControlProblem, parameters: ScenarioTreeMPC.Parameter
             iterations=parameters.iterations,
         )
     names = ["fatrop", "ipopt"] if parameters.solver == "fatrop" else ["ipopt"]
-    # Measured on the case study: of barriers and scales of the cost these take the fewest iterations.
+    # Measured on the case study: these values of barrier and cost scale need the fewest iterations.
     return Solver(problem, names, tolerance=1e-6, barrier=1e-2, cost_scale=1e-3, iterations=parameters.iterations)

@@ -1,4 +1,4 @@
-"""Dubins paths: the shortest ways from pose to pose for who cannot turn tighter than a radius, nor reverse."""
+"""Dubins paths: shortest paths between poses for vehicles with a minimum turning radius that cannot reverse."""
 
 from __future__ import annotations
 
@@ -17,27 +17,27 @@ Array = NDArray[np.float64]
 #: The words of a path: turns to the left and right, and straight segments.
 WORDS = ("LSL", "RSR", "LSR", "RSL", "RLR", "LRL")
 
-#: How turn rates are read off a path; see `DubinsPath.turn_rates`.
+#: How turn rates are sampled from a path; see `DubinsPath.turn_rates`.
 Sampling = Literal["mean", "recorded"]
 
 _TURNS = {"L": 1.0, "S": 0.0, "R": -1.0}
-#: Angles that lie less than this below a full turn are rounding errors below zero.
+#: Angles less than this below a full turn are treated as rounding errors below zero.
 _ROUNDING = 1e-13
-#: Centres that are closer than this, in radii, are one: between them there is no direction.
+#: Centres closer than this, in radii, are treated as equal: the direction between them is undefined.
 _SAME = 1e-12
-#: What the recorded runs turn in the step between the first segment and the second, as a part of the turn rate.
+#: The turn in the step between the first segment and the second in the recorded runs, as a fraction of the turn rate.
 _RECORDED_REST = 0.24
 
 
 @dataclass(frozen=True, slots=True)
 class DubinsPath:
-    """A path of three segments, each an arc of the least radius or straight.
+    """A path of three segments, each an arc of minimum radius or a straight line.
 
     Attributes:
         start: x [m], y [m] and heading [rad] at the beginning.
-        radius: Of every arc [m].
-        word: Which segments it has, one of `WORDS`.
-        lengths: Of the three segments [m].
+        radius: The radius of every arc [m].
+        word: The types of the segments, one of `WORDS`.
+        lengths: The lengths of the three segments [m].
     """
 
     start: tuple[float, float, float]
@@ -47,7 +47,7 @@ class DubinsPath:
 
     @property
     def length(self) -> float:
-        """Of the whole path [m]."""
+        """The length of the whole path [m]."""
         return sum(self.lengths)
 
     @property
@@ -57,7 +57,7 @@ class DubinsPath:
         return end
 
     def headings(self, distances: ArrayLike) -> Array:
-        """The heading [rad] at distances from the start [m], straight on beyond the end; shape (n,)."""
+        """Return the heading [rad] at distances from the start [m], straight on beyond the end; shape (n,)."""
         along, heading = np.atleast_1d(np.asarray(distances, float)), self.start[2]
         headings, begin = np.full(along.shape, heading), 0.0
         for letter, length in zip(self.word, self.lengths, strict=True):
@@ -66,10 +66,10 @@ class DubinsPath:
         return headings
 
     def poses(self, distances: ArrayLike) -> Array:
-        """The poses at distances from the start [m], straight on beyond the end.
+        """Return the poses at distances from the start [m], straight on beyond the end.
 
         Args:
-            distances: Shape (n,), or one number.
+            distances: Distances; shape (n,), or one number.
 
         Returns:
             x [m], y [m] and heading [rad], which counts turns; shape (n, 3).
@@ -80,7 +80,7 @@ class DubinsPath:
         for letter, length in segments:
             part = np.clip(along - begin, 0.0, length)
             turned = _TURNS[letter] / self.radius * part
-            # The chord of an arc, which is exact for a straight line, too.
+            # The chord of an arc, which is exact for a straight line as well.
             chord, towards = part * np.sinc(turned / (2 * np.pi)), poses[:, 2] + turned / 2
             poses[:, 0] += chord * np.cos(towards)
             poses[:, 1] += chord * np.sin(towards)
@@ -91,19 +91,19 @@ class DubinsPath:
     def turn_rates(
         self, speed: float, step: float, sampling: Sampling = "mean", *, begin: int = 0, count: int | None = None
     ) -> Array:
-        """The turn rate of each step for who flies the path at a constant speed [rad/s]; shape (K,).
+        """Return the turn rate of each step along the path at a constant speed [rad/s]; shape (K,).
 
-        However long the path is, no more is computed than is asked for.
+        Only the requested steps are computed, however long the path is.
 
         Args:
-            speed: Along the path [m/s].
-            step: How long a turn rate is held [s].
-            sampling: ``mean``: the mean over the step, so that the heading is that of the path at the end of every
-                step. ``recorded``: whole steps at the turn rate of a segment, as in the published runs of the case
+            speed: The speed along the path [m/s].
+            step: The duration of a step [s].
+            sampling: ``mean``: the mean over the step, so that the heading at the end of every step is that of the
+                path. ``recorded``: whole steps at the turn rate of a segment, as in the published runs of the case
                 study: round(t1) steps at that of the first one, one step at 0.24 of it, until round(t1) + round(t2) at
-                that of the second, and round(t3) + 1 at that of the third, where ti is how many steps segment i takes.
-            begin: The first step to tell of.
-            count: How many to tell of at most; all until the end of the path if None.
+                that of the second, and round(t3) + 1 at that of the third, where segment i takes ti steps.
+            begin: The first step.
+            count: The number of steps; None for all until the end of the path.
         """
         if sampling == "mean":
             end = math.ceil(self.length / (speed * step) - 1e-9)
@@ -119,12 +119,12 @@ class DubinsPath:
         return rates
 
     def intent(self, now: int, speed: float, step: float) -> TimeSeries:
-        """The path as a time series of x [m], y [m] and heading [rad], for who flies it at a constant speed.
+        """Return the path at a constant speed as a time series of x [m], y [m] and heading [rad].
 
         Args:
-            now: When it begins, in nanoseconds.
-            speed: Along the path [m/s].
-            step: Time from one instant to the next [s]; the last one is the end of the path.
+            now: The time of its start, in nanoseconds.
+            speed: The speed along the path [m/s].
+            step: The time between instants [s]; the last one is the end of the path.
         """
         instants = np.append(np.arange(0.0, self.length / speed - 1e-6, step), self.length / speed)
         times = [now + nanoseconds(instant) for instant in instants.tolist()]
@@ -132,25 +132,25 @@ class DubinsPath:
 
 
 def _last(begin: int, count: int | None, end: int) -> int:
-    """The step behind the last one to tell of."""
+    """Return the step after the last one."""
     return max(begin, end if count is None else min(begin + count, end))
 
 
 def dubins_paths(start: ArrayLike, end: ArrayLike, radius: float) -> list[DubinsPath]:
-    """The paths of all words that lead from one pose to another, in the order of `WORDS`.
+    """Return the paths of all words that lead from one pose to another, in the order of `WORDS`.
 
     L. E. Dubins, "On curves of minimal length with a constraint on average curvature, and with prescribed initial and
     terminal positions and tangents", Amer. J. Math. 79, 1957: the shortest path is one of them. The middle arc of a
-    path of three arcs turns by more than half a turn; with less it is never the shortest.
+    path of three arcs turns by more than half a turn; a smaller one is never part of the shortest path.
 
-    The lengths follow from where the circles lie on which it begins and ends. In the frame of the start, in units of
-    the radius, a path that begins to the left begins around (0, 1); one that begins to the right is the mirror image
-    of one to the left.
+    The lengths follow from the circles of the first and the last arc. In the frame of the start, in units of the
+    radius, a path that starts to the left has its first circle around (0, 1); one that starts to the right is the
+    mirror image of one to the left.
 
     Args:
         start: x [m], y [m] and heading [rad]; shape (3,).
-        end: Likewise.
-        radius: Of the tightest turn [m].
+        end: x [m], y [m] and heading [rad]; shape (3,).
+        radius: The minimum turning radius [m].
 
     Raises:
         ValueError: The radius is not positive.
@@ -173,7 +173,7 @@ def dubins_paths(start: ArrayLike, end: ArrayLike, radius: float) -> list[Dubins
 
 
 def shortest_path(start: ArrayLike, end: ArrayLike, radius: float) -> DubinsPath:
-    """The shortest of `dubins_paths`; of equal ones the first."""
+    """Return the shortest of `dubins_paths`; of equal ones the first."""
     return min(dubins_paths(start, end, radius), key=lambda path: path.length)
 
 
@@ -182,9 +182,9 @@ def _mirrored(word: str) -> str:
 
 
 def _lengths(word: str, x: float, y: float, turned: float) -> Sequence[float] | None:
-    """The lengths of the segments of a path that begins to the left, radius 1, from (0, 0, 0) to (x, y, turned).
+    """Return the segment lengths of a path that starts to the left, radius 1, from (0, 0, 0) to (x, y, turned).
 
-    Each is computed from the others such that an error of one is made good by the next, and the end is met.
+    Each is computed from the previous ones, which compensates their rounding errors, so that the end is met.
     """
     side = 1.0 if word[2] == "L" else -1.0
     across, along = x - side * math.sin(turned), y - 1.0 + side * math.cos(turned)  # from first centre to last
@@ -207,6 +207,6 @@ def _lengths(word: str, x: float, y: float, turned: float) -> Sequence[float] | 
 
 
 def _angle(angle: float) -> float:
-    """The angle in [0, 2 pi)."""
+    """Return the angle in [0, 2 pi)."""
     angle %= 2 * math.pi
     return angle if 2 * math.pi - angle > _ROUNDING else 0.0

@@ -1,4 +1,4 @@
-"""Flying a Dubins path, and being blown off it."""
+"""Flight along a Dubins path without feedback, with turn noise."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ from symaware_cli import (
 
 Array = NDArray[np.float64]
 
-#: How many steps an intent reaches ahead at most.
+#: The greatest number of steps of an intent.
 _FARTHEST = 10_000
 
 
 class _Flight(NamedTuple):
-    """A flight that was planned: a path since an instant [ns], to a waypoint."""
+    """A planned flight: a path to a waypoint, with its start time [ns]."""
 
     waypoint: Array
     begun: int
@@ -38,17 +38,17 @@ class _Flight(NamedTuple):
 
 
 class DubinsFlight(Controller):
-    """Flies the shortest Dubins path to its waypoint at a constant speed, and straight on behind it.
+    """Flies the shortest Dubins path to its waypoint at a constant speed, and straight on after it.
 
-    The turn rates are planned once for each waypoint, from the state believed when the agent gets to know it, and flown
-    without feedback; what `turn_noise` and `turn_bias` add is not corrected. The intent is where the planned turn rates
-    lead to from here, for 10,000 steps at most.
+    The turn rates are planned once for each waypoint, from the state believed when the waypoint becomes known, and
+    flown without feedback; the effects of `turn_noise` and `turn_bias` are not corrected. The intent is the path under
+    the planned turn rates from the present state, for at most 10,000 steps.
     """
 
     knowledge: ClassVar = {"waypoint": "where to fly, as x [m], y [m] and heading [rad]"}
 
     class Parameters(Parameters):
-        """How to fly."""
+        """Speed, turn rate and noise."""
 
         speed: float = Field(10.0, gt=0, description="Speed [m/s].")
         turn_rate: float = Field(0.07, gt=0, description="Turn rate of the planned arcs, to either side [rad/s].")
@@ -63,12 +63,12 @@ class DubinsFlight(Controller):
         turn_bias: float = Field(0.0, description="What is added to the turn rate in every step [rad/s].")
 
     def check(self, group: AgentGroup) -> None:
-        """It is an aircraft, and the waypoint a pose."""
+        """Check that the agents are aircraft, and that the waypoint is a pose."""
         check_aircraft(group)
         check_poses(group, "waypoint")
 
     def series_quantities(self, group: AgentGroup) -> Mapping[str, Sequence[Quantity]]:
-        """The intent is a series of poses."""
+        """Declare the intent as a series of poses."""
         return {"intent": POSE}
 
     def initialise_component(
@@ -83,7 +83,7 @@ class DubinsFlight(Controller):
         self._flight = self._planned(as_pose(agent.self_knowledge["waypoint"], "`waypoint`"))
 
     def _planned(self, waypoint: Array) -> _Flight:
-        """The flight to a waypoint from here, beginning now."""
+        """Return the flight from the present state to a waypoint."""
         parameters = self.parameters
         path = shortest_path(self.agent.self_state, waypoint, parameters.speed / parameters.turn_rate)
         return _Flight(waypoint, self.now, path)

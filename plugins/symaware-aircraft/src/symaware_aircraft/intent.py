@@ -1,4 +1,4 @@
-"""Intents of others: as they tell them, or as one assumes."""
+"""Intents of other aircraft, from the waypoints that they send or by assumption."""
 
 from __future__ import annotations
 
@@ -29,19 +29,19 @@ Array = NDArray[np.float64]
 
 
 class TellWaypoint(CommunicationSender):
-    """Tells everybody its waypoint, and where it is as it says so."""
+    """Sends its waypoint and its present state to all other agents."""
 
     knowledge: ClassVar = {"waypoint": "where to fly, as x [m], y [m] and heading [rad]"}
 
     class Parameters(Parameters):
-        """How often."""
+        """The period."""
 
         period: float = Field(10.0, ge=0, description="Simulated time between two messages to the same agent [s].")
 
     _due = 0
 
     def check(self, group: AgentGroup) -> None:
-        """The waypoint is a pose."""
+        """Check that the waypoint is a pose."""
         check_poses(group, "waypoint")
 
     def _compute(self) -> Iterable[Message]:
@@ -59,7 +59,7 @@ class TellWaypoint(CommunicationSender):
 
 
 class _FlightPlan(NamedTuple):
-    """What somebody is thought to fly: a path since an instant [ns], to a waypoint."""
+    """The assumed flight of another agent: a path to a waypoint, with its start time [ns]."""
 
     waypoint: tuple[float, ...]
     begun: int
@@ -67,20 +67,19 @@ class _FlightPlan(NamedTuple):
 
 
 class Intent(CommunicationReceiver):
-    """Estimates what others intend: the Dubins path to the waypoint they told, else straight flight.
+    """Estimates the intents of others: the Dubins path to the waypoint that they sent, else straight flight.
 
-    With the source ``communication``, a message of `aircraft.tell-waypoint` gives a flight plan: the shortest path from
-    where the sender was when it sent it. A message is read a step after it was sent. Who shall know from the start
-    what others intend gets it as knowledge, as if a flight plan had been filed: `waypoints`, a mapping from ids to
-    poses; what is told later replaces it there. Of who has told nothing straight flight is assumed, as of everybody
-    with the source ``straight``.
+    With the source ``communication``, a message of `aircraft.tell-waypoint` yields a flight plan: the shortest path
+    from the sender's position when it sent the message. A message is read a step after it was sent. Intents that are
+    known from the start are given as knowledge, like filed flight plans: `waypoints`, a mapping from ids to poses, in
+    which messages replace waypoints. Without a waypoint, and with the source ``straight``, straight flight is assumed.
 
-    It updates the awareness of others with their intent: poses, from where they are perceived to be now, one for each
-    step of the world. Where a perception tells only how others move, they are taken to head where they go.
+    It updates the awareness of others with their intent: poses from their perceived present pose, one for each step of
+    the world. If a perception supplies motions only, others are assumed to head along their velocity.
     """
 
     class Parameters(Parameters):
-        """What is assumed of others."""
+        """Assumptions about others."""
 
         source: Literal["communication", "straight"] = Field(
             "communication",
@@ -94,7 +93,7 @@ class Intent(CommunicationReceiver):
         )
 
     def check(self, group: AgentGroup) -> None:
-        """Waypoints that are known from the start are poses."""
+        """Check that waypoints known from the start are poses."""
         for knowledge in group.knowledge:
             for id, waypoint in _filed(knowledge).items():
                 as_pose(waypoint, f"the waypoint of `{id}`")
@@ -105,7 +104,7 @@ class Intent(CommunicationReceiver):
         initial_awareness_database: AwarenessDatabase,
         initial_knowledge_database: Mapping[str, KnowledgeDatabase],
     ) -> None:
-        """Begin without flight plans; those that are known are made when it is seen where they begin."""
+        """Start without flight plans; known ones are made when the agent is first perceived."""
         super().initialise_component(agent, initial_awareness_database, initial_knowledge_database)
         self._step = seconds(self.environment.time_step)
         self._plans: dict[str, _FlightPlan] = {}
@@ -128,7 +127,7 @@ class Intent(CommunicationReceiver):
             database[id].intent = self._intent(id, pose)
 
     def _hear(self, message: Message) -> None:
-        """Make a flight plan of what was told, unless nothing is new."""
+        """Make a flight plan from a message, unless the waypoint is unchanged."""
         sender, waypoint = message.sender, message.payload["waypoint"]
         told = as_pose(waypoint, f"the waypoint that {sender} told")
         plan = self._plans.get(sender)
@@ -144,7 +143,7 @@ class Intent(CommunicationReceiver):
         return plan
 
     def _intent(self, id: str, pose: Array) -> TimeSeries:
-        """Where somebody who is perceived at a pose is going to be."""
+        """Return the future poses of an agent perceived at a pose."""
         parameters = self.parameters
         turn_rates = np.zeros(parameters.horizon)
         plan = self._plans.get(id)
@@ -164,13 +163,13 @@ class Intent(CommunicationReceiver):
 
 
 def _course_of(motion: Array) -> Array:
-    """The pose of somebody who heads where it goes, from x [m], y [m], vx [m/s] and vy [m/s]."""
+    """Return a pose with the heading along the velocity, from x [m], y [m], vx [m/s] and vy [m/s]."""
     x, y, vx, vy = motion
     return np.array([x, y, np.arctan2(vy, vx)])
 
 
 def _filed(knowledge: Mapping[str, Any]) -> Mapping[str, Any]:
-    """The waypoints that are known, by id."""
+    """Return the known waypoints by id."""
     waypoints = knowledge.get("waypoints")
     if waypoints is None:
         return {}

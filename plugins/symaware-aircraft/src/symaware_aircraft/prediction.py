@@ -1,4 +1,4 @@
-"""Predicting where aircraft will be: from turn rates to poses, and what an aircraft is in the first place."""
+"""Prediction of aircraft: poses from turn rates, and checks of models and poses."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from symaware_cli import AgentGroup, AwarenessVector, Quantity
 
 Array = NDArray[np.float64]
 
-#: What a pose consists of.
+#: The elements of a pose.
 POSE = (Quantity("x", "m"), Quantity("y", "m"), Quantity("heading", "rad"))
 
 
 def rollout(pose: ArrayLike, speed: ArrayLike, turn_rates: ArrayLike, step: float) -> Array:
-    """Where sequences of turn rates lead to from a pose, by the explicit Euler method as in the case study.
+    """Return the poses under sequences of turn rates, by the explicit Euler method as in the case study.
 
     Args:
-        pose: x [m], y [m] and heading [rad]; shape (3,).
-        speed: One [m/s], or one for each step; shape (N,).
-        turn_rates: Of each step in each of M sequences [rad/s]; shape (M, N).
-        step: How long a turn rate is held [s].
+        pose: The first pose, x [m], y [m] and heading [rad]; shape (3,).
+        speed: One speed [m/s], or one for each step; shape (N,).
+        turn_rates: The turn rate of each step in each of M sequences [rad/s]; shape (M, N).
+        step: The duration of a step [s].
 
     Returns:
         Poses, the given one first; shape (M, N + 1, 3).
@@ -40,17 +40,18 @@ def rollout(pose: ArrayLike, speed: ArrayLike, turn_rates: ArrayLike, step: floa
 
 
 def course(awareness: AwarenessVector, now: int, count: int, step: float) -> tuple[Array, Array, Array]:
-    """Where somebody begins, and the speeds and turn rates that the intent amounts to over the coming steps.
+    """Return the first pose of an agent's intent, and its speeds and turn rates in the coming steps.
 
     Args:
-        awareness: Of somebody whose intent is a series of poses, one for each step; without one it stays where it is.
+        awareness: The awareness of the agent, whose intent is a series of poses, one for each step; without an intent
+            it is assumed to stay where it is.
         now: Simulated time in nanoseconds.
-        count: How many steps to look ahead.
-        step: Of the prediction [s].
+        count: The number of steps.
+        step: The duration of a step [s].
 
     Returns:
         The pose, shape (3,), and the speed [m/s] and the turn rate [rad/s] in each step, each of shape (count,);
-        straight on at the last speed where the intent ends.
+        straight on at the last speed after the end of the intent.
     """
     intent = awareness.intent
     poses = intent.values[intent.times >= now][: count + 1]
@@ -66,7 +67,7 @@ def course(awareness: AwarenessVector, now: int, count: int, step: float) -> tup
 
 
 def check_aircraft(group: AgentGroup) -> None:
-    """Make sure that a group flies in the plane by speed and turn rate.
+    """Check that the model of a group is controlled by speed and turn rate in the plane.
 
     Raises:
         ValueError: It has another model.
@@ -81,10 +82,10 @@ def check_aircraft(group: AgentGroup) -> None:
 
 
 def as_pose(value: Any, what: str) -> Array:
-    """What should be x [m], y [m] and heading [rad], as an array; shape (3,).
+    """Return a pose of x [m], y [m] and heading [rad] as an array; shape (3,).
 
     Raises:
-        ValueError: It is something else.
+        ValueError: The value is no pose.
     """
     try:
         pose = np.asarray(value, float)
@@ -96,7 +97,7 @@ def as_pose(value: Any, what: str) -> Array:
 
 
 def check_poses(group: AgentGroup, name: str) -> None:
-    """Make sure that a piece of knowledge is a pose.
+    """Check that a piece of knowledge is a pose.
 
     Raises:
         ValueError: It is not three numbers.

@@ -1,1 +1,1 @@
-"""An example of a package of plugins for SymAware."""
+"""An example package of plugins for SymAware."""

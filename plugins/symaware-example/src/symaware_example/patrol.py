@@ -1,4 +1,4 @@
-"""A controller that goes round its waypoints."""
+"""A controller that patrols its waypoints."""
 
 from collections.abc import Mapping
 from typing import ClassVar
@@ -13,19 +13,19 @@ Array = NDArray[np.float64]
 
 
 class Patrol(Controller):
-    """Goes from waypoint to waypoint at a constant speed, and begins again after the last one."""
+    """Moves from waypoint to waypoint at a constant speed, and starts again after the last one."""
 
     knowledge: ClassVar = {"waypoints": "where to go round, as a list of positions [m]"}
     events: ClassVar = {"waypoint-reached": "The agent came within the tolerance of the waypoint it was heading for."}
 
     class Parameters(Parameters):
-        """How to patrol."""
+        """Speed and tolerance of the patrol."""
 
         speed: float = Field(1.0, gt=0, description="Speed [m/s].")
         tolerance: float = Field(0.2, gt=0, description="Distance at which a waypoint counts as reached [m].")
 
     def check(self, group: AgentGroup) -> None:
-        """Every agent has two waypoints or more, and the model can be steered by a velocity."""
+        """Check that every agent has two waypoints or more, and that the model can follow a velocity."""
         dimensions = len(group.model.position)
         for knowledge in group.knowledge:
             waypoints = np.asarray(knowledge["waypoints"], float)
@@ -39,14 +39,14 @@ class Patrol(Controller):
         initial_awareness_database: AwarenessDatabase,
         initial_knowledge_database: Mapping[str, KnowledgeDatabase],
     ) -> None:
-        """Head for the first waypoint."""
+        """Start with the first waypoint."""
         super().initialise_component(agent, initial_awareness_database, initial_knowledge_database)
         self._waypoints = np.asarray(agent.self_knowledge["waypoints"], float)
         self._next = 0
 
     def _compute(self) -> tuple[Array, TimeSeries, Array, int]:
         waypoints = np.asarray(self.agent.self_knowledge["waypoints"], float)
-        # Somebody may have given it other waypoints since the last turn.
+        # The waypoints may have changed since the last turn.
         number = self._next if np.array_equal(waypoints, self._waypoints) else 0
         state = self.agent.self_state
         position = state[list(self.agent.model.position)]

@@ -1,4 +1,4 @@
-"""Agents that tell each other where they are."""
+"""Agents that send each other their states and intents."""
 
 from collections.abc import Iterable, Sequence
 
@@ -15,10 +15,10 @@ from symaware_cli import (
 
 
 class Tell(CommunicationSender):
-    """Tells every other agent the state it believes to be in, and its intent."""
+    """Sends its believed state and its intent to every other agent."""
 
     class Parameters(Parameters):
-        """How often."""
+        """The period."""
 
         period: float = Field(0.5, ge=0, description="Simulated time between two messages to the same agent [s].")
 
@@ -39,7 +39,7 @@ class Tell(CommunicationSender):
 
 
 class Listen(CommunicationReceiver):
-    """Believes what others tell of themselves."""
+    """Stores the states and intents that others send."""
 
     def _update(self, value: Sequence[Message]) -> None:
         for message in value:
